@@ -1,0 +1,136 @@
+"""bench.toml: what stands on the bench, what is under test, and how far it may go."""
+
+from __future__ import annotations
+
+import datetime
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from benchctl.toml_file import parse_toml, read_text
+from instruments.errors import UsageError
+
+SIMULATED = "simulated"
+"""The name of the bench that needs no file and no hardware."""
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, protected_namespaces=())
+
+
+class UnitUnderTest(_Table):
+    """The gyro under test; `range_dps` is its rated range."""
+
+    serial: str = Field(min_length=1)
+    model: str = ""
+    range_dps: float = Field(gt=0)
+
+
+class Limits(_Table):
+    """What no step may exceed and no measured value may pass."""
+
+    rate_dps: float = Field(gt=0)
+    acceleration_dps2: float = Field(gt=0)
+    coldest_c: float
+    hottest_c: float
+    ramp_c_per_min: float = Field(gt=0)
+    silence_s: float = Field(default=10.0, gt=0)
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Limits:
+        if self.coldest_c >= self.hottest_c:
+            raise ValueError(f"coldest_c ({self.coldest_c:g}) must be below hottest_c ({self.hottest_c:g})")
+        return self
+
+
+class Safe(_Table):
+    """Where the chamber goes whatever ends a run."""
+
+    chamber_c: float = 23.0
+
+
+class Site(_Table):
+    """Where the bench stands."""
+
+    latitude_deg: float | None = Field(default=None, ge=-90, le=90)
+
+
+class InstrumentEntry(_Table):
+    """An instrument: its model names the driver, `options` are further keywords of that driver."""
+
+    model: str
+    address: str | None = None
+    serial: str = ""
+    calibrated_until: datetime.date | None = None
+    options: dict[str, Any] = Field(default_factory=dict)
+
+
+class DigitizerEntry(InstrumentEntry):
+    """The digitizer, and what its terminals mean."""
+
+    stream_address: str | None = None
+    sample_rate_hz: float = Field(default=500.0, gt=0)
+    adc_bits: int = Field(default=16, ge=8, le=32)
+    adc_range_v: float = Field(default=10.0, gt=0)
+    encoder_counts_per_rev: int = Field(gt=0)
+    encoder_sign: Literal[1, -1] = 1
+    encoder_accuracy_arcsec: float = Field(default=0.0, ge=0)
+    thermistor_c_per_v: float
+    thermistor_c_at_0v: float = 0.0
+
+
+class Bench(_Table):
+    """A whole bench; `text` is the file as it was read."""
+
+    name: str
+    operator: str = ""
+    simulated: bool = False
+    time_factor: float = Field(default=1.0, gt=0)
+    unit: UnitUnderTest
+    limits: Limits
+    safe: Safe = Safe()
+    site: Site = Site()
+    rate_table: InstrumentEntry
+    chamber: InstrumentEntry
+    digitizer: DigitizerEntry
+    physics: dict[str, Any] = Field(default_factory=dict)
+    text: str = ""
+
+    @model_validator(mode="after")
+    def _reachable(self) -> Bench:
+        if not self.limits.coldest_c <= self.safe.chamber_c <= self.limits.hottest_c:
+            raise ValueError(f"safe.chamber_c ({self.safe.chamber_c:g}) lies outside limits.coldest_c to hottest_c")
+        if not self.simulated:
+            for name in ("rate_table", "chamber", "digitizer"):
+                if getattr(self, name).address is None:
+                    raise ValueError(f"{name}.address is needed where simulated is not true")
+        return self
+
+    def with_seed(self, seed: int | None) -> Bench:
+        """The same bench, its simulated physics drawn with another seed."""
+        return self if seed is None else self.model_copy(update={"physics": {**self.physics, "seed": seed}})
+
+
+def template() -> str:
+    """A commented bench.toml to start from; it is the simulated bench as it stands."""
+    return files("benchctl").joinpath("bench.toml").read_text(encoding="utf-8")
+
+
+def load_bench(source: str) -> Bench:
+    """The bench of that file, or the simulated one for the word `simulated`.
+
+    Raises
+    ------
+    UsageError
+        Where the file is not there, is not TOML, or has a wrong field; names the file, the line and the field.
+    """
+    if source == SIMULATED:
+        text, name = template(), "simulated bench"
+    else:
+        path = Path(source)
+        if path.is_dir():
+            raise UsageError(f"bench {path}: expected a bench.toml, this is a folder")
+        text, name = read_text(path, "bench"), str(path)
+    return parse_toml(text, Bench, name).model_copy(update={"text": text})

@@ -1,0 +1,1 @@
+"""Running a campaign: opening the bench, playing steps, watching limits, coming to rest whatever happens."""

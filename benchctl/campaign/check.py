@@ -1,0 +1,68 @@
+"""A plan against a bench's limits, before anything moves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from benchctl.bench import Bench
+from benchctl.campaign.timing import timeline
+from benchctl.plan import Plan, Soak, Step, ThermalRamp
+from benchctl.plan.steps import faults
+from instruments.errors import UsageError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Problem:
+    """What is wrong with a step; `step` counts from 1."""
+
+    step: int
+    says: str
+
+
+def problems(plan: Plan, bench: Bench) -> list[Problem]:
+    """Everything in a plan that this bench cannot or may not do."""
+    return [
+        Problem(step=number, says=f"{step.label}: {says}")
+        for number, step in enumerate(plan.steps, 1)
+        for says in (*faults(step), *_beyond(step, bench))
+    ]
+
+
+def refuse_problems(plan: Plan, bench: Bench) -> None:
+    """Raise `UsageError`, naming the first problem and how many more there are, where a plan cannot be run."""
+    found = problems(plan, bench)
+    if found:
+        more = f" (and {len(found) - 1} more: benchctl check names them)" if len(found) > 1 else ""
+        raise UsageError(f"procedure {plan.procedure}, step {found[0].step}: {found[0].says}{more}")
+
+
+def bench_time_s(plan: Plan, bench: Bench) -> float:
+    """How long the plan takes on this bench, its chamber at the safe set point to begin with."""
+    return max((end_s for _, end_s, _ in timeline(plan, bench.limits, bench.safe.chamber_c)), default=0.0)
+
+
+def _beyond(step: Step, bench: Bench) -> Iterator[str]:
+    limits = bench.limits
+    if step.peak_rate_dps > limits.rate_dps:
+        yield f"reaches {step.peak_rate_dps:g} deg/s, the bench's limit is {limits.rate_dps:g} deg/s"
+    if step.peak_acceleration_dps2 > limits.acceleration_dps2:
+        yield (
+            f"reaches {step.peak_acceleration_dps2:.0f} deg/s², "
+            f"the bench's limit is {limits.acceleration_dps2:g} deg/s²"
+        )
+    for celsius in _temperatures(step):
+        if not limits.coldest_c <= celsius <= limits.hottest_c:
+            yield f"goes to {celsius:g} °C, the bench's limits are {limits.coldest_c:g} to {limits.hottest_c:g} °C"
+    if isinstance(step, ThermalRamp) and step.ramp_c_per_min > limits.ramp_c_per_min:
+        yield f"ramps at {step.ramp_c_per_min:g} °C/min, the bench's limit is {limits.ramp_c_per_min:g} °C/min"
+
+
+def _temperatures(step: Step) -> tuple[float, ...]:
+    match step:
+        case Soak():
+            return (step.setpoint_c,)
+        case ThermalRamp():
+            return (step.from_c, step.to_c)
+        case _:
+            return ()

@@ -1,0 +1,140 @@
+"""From bench.toml to instruments that answer: real ones, simulated ones on the wire, or simulated ones without it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from typing import Any
+
+from benchctl.bench import Bench, InstrumentEntry
+from instruments.catalog import Kind, driver
+from instruments.errors import BenchError, BenchNotReadyError, UsageError
+from instruments.interfaces import Chamber, Clock, Digitizer, Identity, Instrument, RateTable
+from instruments.simulated.bench import SimulatedBench
+from instruments.simulated.clock import ScaledClock, VirtualClock
+from instruments.simulated.direct import DirectChamber, DirectDigitizer, DirectRateTable
+from instruments.simulated.settings import WorldSettings
+from instruments.simulated.world import World
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OpenBench:
+    """A bench whose instruments have answered.
+
+    `epoch_s` is the clock when the digitizer's own counter was at zero; `reached` says how they were reached.
+    """
+
+    bench: Bench
+    table: RateTable
+    chamber: Chamber
+    digitizer: Digitizer
+    clock: Clock
+    epoch_s: float
+    reached: str
+    identities: Mapping[str, Identity]
+
+
+@contextmanager
+def open_bench(bench: Bench, *, wires: bool = True) -> Iterator[OpenBench]:
+    """Open every instrument of a bench, and close them all on the way out.
+
+    `wires=False` takes the simulated instruments without their protocols: the same physics, for simulations in a hurry.
+
+    Raises
+    ------
+    BenchNotReadyError
+        Names every instrument that did not answer, and why.
+    """
+    with ExitStack() as stack:
+        if not bench.simulated:
+            reached = "at their addresses"
+            clock: Clock = ScaledClock(bench.time_factor)
+            instruments = _drivers(bench, clock, {})
+        elif wires:
+            reached = "simulated, over their wires"
+            virtual = VirtualClock()
+            simulated = stack.enter_context(simulated_bench(bench, virtual))
+            clock, instruments = virtual, _drivers(bench, virtual, simulated.addresses)
+        else:
+            reached = "simulated, without wires"
+            virtual = VirtualClock()
+            world = World(virtual, world_settings(bench))
+            clock = virtual
+            instruments = {
+                "rate_table": DirectRateTable(world),
+                "chamber": DirectChamber(world),
+                "digitizer": DirectDigitizer(world, adc_range_v=bench.digitizer.adc_range_v),
+            }
+        identities = _open_all(stack, instruments)
+        yield OpenBench(
+            bench=bench,
+            table=instruments["rate_table"],
+            chamber=instruments["chamber"],
+            digitizer=instruments["digitizer"],
+            clock=clock,
+            epoch_s=clock.now(),
+            reached=reached,
+            identities=identities,
+        )
+
+
+def simulated_bench(bench: Bench, clock: VirtualClock | ScaledClock, **options: Any) -> SimulatedBench:
+    """The simulated twin of a bench, not yet started."""
+    return SimulatedBench(
+        world_settings(bench),
+        clock,
+        rate_table=bench.rate_table.model,
+        chamber=bench.chamber.model,
+        digitizer=bench.digitizer.model,
+        options=options,
+    )
+
+
+def world_settings(bench: Bench) -> WorldSettings:
+    """What the simulated world obeys: `[physics]`, made to agree with what the bench's other tables already say."""
+    settings = WorldSettings.from_mapping(bench.physics, where="physics")
+    entry, site = bench.digitizer, bench.site
+    return replace(
+        settings.drawn(settings.seed),
+        encoder=replace(settings.encoder, counts_per_rev=entry.encoder_counts_per_rev, sign=entry.encoder_sign),
+        latitude_deg=settings.latitude_deg if site.latitude_deg is None else site.latitude_deg,
+        thermistor_v_per_c=1.0 / entry.thermistor_c_per_v,
+        thermistor_offset_v=-entry.thermistor_c_at_0v / entry.thermistor_c_per_v,
+    )
+
+
+def _drivers(bench: Bench, clock: Clock, addresses: Mapping[str, str]) -> dict[str, Any]:
+    digitizer: dict[str, Any] = {"range_v": bench.digitizer.adc_range_v}
+    stream = addresses.get("digitizer_stream", bench.digitizer.stream_address)
+    if stream is not None:
+        digitizer["stream_address"] = stream
+    return {
+        "rate_table": _driver("rate_table", bench.rate_table, clock, addresses, {}),
+        "chamber": _driver("chamber", bench.chamber, clock, addresses, {}),
+        "digitizer": _driver("digitizer", bench.digitizer, clock, addresses, digitizer),
+    }
+
+
+def _driver(
+    kind: Kind, entry: InstrumentEntry, clock: Clock, addresses: Mapping[str, str], more: Mapping[str, Any]
+) -> Any:
+    make: Callable[..., Any] = driver(kind, entry.model)
+    try:
+        return make(addresses.get(kind, entry.address), clock=clock, **more, **entry.options)
+    except TypeError as err:
+        raise UsageError(f"{kind}.options: {entry.model} cannot be made with them: {err}") from err
+
+
+def _open_all(stack: ExitStack, instruments: Mapping[str, Instrument]) -> dict[str, Identity]:
+    failures: dict[str, BenchError] = {}
+    identities: dict[str, Identity] = {}
+    for name, instrument in instruments.items():
+        try:
+            stack.enter_context(instrument)
+            identities[name] = instrument.identify()
+        except BenchError as err:
+            failures[name] = err
+    if failures:
+        raise BenchNotReadyError(failures)
+    return identities

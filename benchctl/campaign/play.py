@@ -1,0 +1,188 @@
+"""Playing one step: go there, settle, record; every wait looks at the limits and heeds a wish to stop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from benchctl.campaign.opened import OpenBench
+from benchctl.campaign.safety import Supervisor, wait_for_rest
+from benchctl.campaign.soak import SOAK_CHANNELS, SoakWatch
+from benchctl.campaign.stop import StopRequest
+from benchctl.campaign.stream import STREAM_CHANNELS, StreamRecorder
+from benchctl.plan import ConstantRate, Sine, Soak, Static, Step, ThermalRamp
+from benchctl.recordings.campaign_folder import CampaignWriter, StepWriter
+from benchctl.recordings.model import FloatArray, StepInfo
+from instruments.errors import InstrumentError
+from instruments.interfaces import ChamberReading
+
+Notify = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Span:
+    """When a step's data begin and end, in seconds since the start of the recording, and the gaps in them."""
+
+    t_start: float
+    t_end: float
+    gaps: int = 0
+
+
+@dataclass(slots=True)
+class StepPlayer:
+    """Plays the steps of one campaign, in order, into one writer; `notify` is told what is being done."""
+
+    opened: OpenBench
+    writer: CampaignWriter
+    supervisor: Supervisor
+    stop: StopRequest
+    notify: Notify
+    setpoint_c: float
+    gyro_c: float = math.nan
+
+    def play(self, index: int, step: Step) -> StepInfo:
+        """Play a step and return what became of it; a step that is torn is closed and marked as cut."""
+        match step:
+            case Soak():
+                return self._record(index, step, SOAK_CHANNELS, lambda into: self._soak(step, into))
+            case Static():
+                self._rest(step.settle_s)
+            case ConstantRate():
+                self._turn(step.rate_dps, step.settle_s)
+            case Sine():
+                self._swing(step)
+            case ThermalRamp():
+                self._turn(step.rate_dps, step.settle_s)
+        return self._record(index, step, STREAM_CHANNELS, lambda into: self._stream(step, into))
+
+    def wait(self, seconds: float) -> None:
+        """Let bench time pass, looking at the table and heeding a wish to stop at least every chunk."""
+        clock = self.opened.clock
+        end_s = clock.now() + seconds
+        while (left_s := end_s - clock.now()) > 0:
+            clock.sleep(min(left_s, clock.chunk_s))
+            self.stop.heed()
+            self.supervisor.look_at_table()
+
+    def _record(self, index: int, step: Step, channels: Sequence[str], act: Callable[[StepWriter], Span]) -> StepInfo:
+        info = self._describe(index, step)
+        into = self.writer.begin_step(info, channels)
+        try:
+            span = act(into)
+        except BaseException:
+            into.cut(replace(info, t_end=self._now_s(), whole=False))
+            raise
+        return into.close(replace(info, t_start=span.t_start, t_end=span.t_end, gaps=span.gaps, whole=True))
+
+    def _describe(self, index: int, step: Step) -> StepInfo:
+        now_s = self._now_s()
+        setpoint_c = step.setpoint_c if isinstance(step, Soak) else self.setpoint_c
+        moving = not isinstance(step, Soak)
+        return StepInfo(
+            index=index,
+            name=step.label if isinstance(step, Soak) else f"{step.label} at {setpoint_c:+g}",
+            kind=step.kind,
+            role="none" if isinstance(step, Soak) else step.role,
+            whole=False,
+            t_start=now_s,
+            t_end=now_s,
+            chamber_setpoint_c=step.to_c if isinstance(step, ThermalRamp) else setpoint_c,
+            rate_dps=step.rate_dps if isinstance(step, ConstantRate | ThermalRamp) else None,
+            amplitude_dps=step.amplitude_dps if isinstance(step, Sine) else None,
+            frequency_hz=step.frequency_hz if isinstance(step, Sine) else None,
+            sample_rate_hz=self.opened.bench.digitizer.sample_rate_hz if moving else None,
+        )
+
+    def _now_s(self) -> float:
+        return self.opened.clock.now() - self.opened.epoch_s
+
+    def _soak(self, step: Soak, into: StepWriter) -> Span:
+        self._rest(0.0)
+        self.notify("going there")
+        self.opened.chamber.go_to(step.setpoint_c)
+        watch = SoakWatch(step, from_c=self.setpoint_c, begin_s=self._now_s(), limits=self.opened.bench.limits)
+        self.setpoint_c = step.setpoint_c
+        while not watch.done:
+            self.wait(6 * self.opened.clock.chunk_s)
+            self.supervisor.check_state()
+            air = self.supervisor.look_at_chamber()
+            scan = self.supervisor.ask("digitizer", self.opened.digitizer.read_once)
+            if air is None or scan is None:
+                continue
+            self.gyro_c = self._celsius(np.array([scan.thermistor_v]))[0]
+            watch.see(self._now_s(), air.temperature_c, self.gyro_c)
+            into.append(_one_poll(self._now_s(), air, {"poll_gyro_temp_c": self.gyro_c, "poll_gyro_v": scan.gyro_v}))
+            self.notify(watch.says)
+        return Span(t_start=watch.begin_s, t_end=self._now_s())
+
+    def _stream(self, step: Step, into: StepWriter) -> Span:
+        self.notify("recording")
+        recorder = StreamRecorder(self.opened, self.writer.event, into, step.streamed_s)
+        begin_s = self.opened.clock.now()
+        try:
+            while recorder.wants_more:
+                if isinstance(step, ThermalRamp):
+                    self._ramp(step, self.opened.clock.now() - begin_s)
+                self.opened.clock.sleep(recorder.next_chunk_s)
+                self.stop.heed()
+                recorder.take()
+                self.gyro_c = recorder.last_gyro_c
+                self.supervisor.look_at_table()
+                if (air := self.supervisor.look_at_chamber()) is not None:
+                    into.append(_one_poll(self._now_s(), air, {}))
+                self.notify("recording")
+        finally:
+            self.opened.digitizer.stop_stream()
+        if isinstance(step, ThermalRamp):
+            self.setpoint_c = step.to_c
+        return Span(t_start=recorder.t_start, t_end=recorder.t_end, gaps=recorder.gaps)
+
+    def _ramp(self, step: ThermalRamp, elapsed_s: float) -> None:
+        moved_c = math.copysign(step.ramp_c_per_min * elapsed_s / 60.0, step.to_c - step.from_c)
+        arrived = abs(moved_c) >= abs(step.to_c - step.from_c)
+        self.opened.chamber.go_to(step.to_c if arrived else step.from_c + moved_c)
+
+    def _rest(self, settle_s: float) -> None:
+        self.notify("coming to rest")
+        self.opened.table.stop()
+        wait_for_rest(self.opened)
+        self.wait(settle_s)
+
+    def _turn(self, rate_dps: float, settle_s: float) -> None:
+        self.notify("spinning up")
+        limits = self.opened.bench.limits
+        self.opened.table.go_to_rate(rate_dps)
+        deadline_s = self.opened.clock.now() + 10.0 + 4 * limits.rate_dps / limits.acceleration_dps2
+        tolerance_dps = max(0.05, 0.002 * abs(rate_dps))
+        while abs(self.opened.table.read().rate_dps - rate_dps) > tolerance_dps:
+            if self.opened.clock.now() > deadline_s:
+                reading = self.opened.table.read()
+                raise InstrumentError(
+                    f"rate_table: told to turn at {rate_dps:+g} deg/s, but turns at {reading.rate_dps:+.3f} deg/s "
+                    "long after it should have arrived; look for a limit or a brake at the controller"
+                )
+            self.wait(0.05)
+        self.wait(settle_s)
+
+    def _swing(self, step: Sine) -> None:
+        self._rest(0.5)
+        self.notify("swinging up")
+        self.opened.table.oscillate(step.amplitude_dps, step.frequency_hz)
+        self.wait(2.0 + step.settle_cycles / step.frequency_hz)
+
+    def _celsius(self, volts: FloatArray) -> FloatArray:
+        entry = self.opened.bench.digitizer
+        return entry.thermistor_c_at_0v + entry.thermistor_c_per_v * volts
+
+
+def _one_poll(time_s: float, air: ChamberReading, more: dict[str, float]) -> dict[str, FloatArray]:
+    values = {
+        "poll_time_s": time_s,
+        "poll_chamber_temp_c": air.temperature_c,
+        "poll_chamber_setpoint_c": air.setpoint_c,
+        **more,
+    }
+    return {name: np.array([value]) for name, value in values.items()}

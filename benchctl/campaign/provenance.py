@@ -1,0 +1,82 @@
+"""Where a recording comes from: procedure, bench, instruments, software, operator, time."""
+
+from __future__ import annotations
+
+import datetime
+import getpass
+import hashlib
+import json
+import platform
+import sys
+from dataclasses import asdict
+from importlib.metadata import version
+
+import benchctl
+from benchctl.bench import Bench
+from benchctl.campaign.opened import OpenBench
+from benchctl.plan import Plan
+from benchctl.recordings.model import BenchFacts, Meta, Status, Unit
+
+
+def describe(opened: OpenBench, plan: Plan, status: Status) -> Meta:
+    """Everything about a campaign that is not a sample, as its recording keeps it."""
+    bench = opened.bench
+    entries = {"rate_table": bench.rate_table, "chamber": bench.chamber, "digitizer": bench.digitizer}
+    instruments = {
+        name: {
+            **asdict(opened.identities[name]),
+            "bench_serial": entry.serial,
+            "calibrated_until": str(entry.calibrated_until or ""),
+            "driver": entry.model,
+        }
+        for name, entry in entries.items()
+    }
+    return Meta(
+        status=status,
+        unit=Unit(serial=bench.unit.serial, range_dps=bench.unit.range_dps, model=bench.unit.model),
+        bench=bench_facts(bench),
+        provenance={
+            "procedure": plan.procedure,
+            "procedure_source": plan.source,
+            "procedure_sha256": hashlib.sha256(plan.source.encode()).hexdigest(),
+            "parameters": json.dumps(dict(plan.parameters), sort_keys=True),
+            "bench": bench.name,
+            "bench_toml": bench.text,
+            "bench_physics": json.dumps(bench.physics, sort_keys=True) if bench.simulated else "",
+            "instruments_reached": opened.reached,
+            "instruments": json.dumps(instruments, sort_keys=True),
+            "software": json.dumps(software(), sort_keys=True),
+            "operator": bench.operator or _user(),
+            "started_utc": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        },
+    )
+
+
+def bench_facts(bench: Bench) -> BenchFacts:
+    """What fits must know of the bench."""
+    return BenchFacts(
+        sample_rate_hz=bench.digitizer.sample_rate_hz,
+        encoder_counts_per_rev=bench.digitizer.encoder_counts_per_rev,
+        encoder_accuracy_arcsec=bench.digitizer.encoder_accuracy_arcsec,
+        adc_bits=bench.digitizer.adc_bits,
+        adc_range_v=bench.digitizer.adc_range_v,
+        latitude_deg=bench.site.latitude_deg,
+    )
+
+
+def software() -> dict[str, str]:
+    """Versions of what a result depends on."""
+    names = ("numpy", "scipy", "h5py", "pymodbus", "pyserial")
+    return {
+        "benchctl": benchctl.__version__,
+        "python": sys.version.split()[0],
+        "platform": platform.platform(),
+        **{name: version(name) for name in names},
+    }
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError):  # no such user is known here, as in many containers
+        return ""

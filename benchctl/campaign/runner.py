@@ -1,0 +1,150 @@
+"""Running a whole plan: play its steps, bring the bench to rest whatever happens, close the recording honestly."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from benchctl.campaign.check import refuse_problems
+from benchctl.campaign.opened import OpenBench
+from benchctl.campaign.play import StepPlayer
+from benchctl.campaign.progress import Moment, Progress, nobody
+from benchctl.campaign.provenance import describe
+from benchctl.campaign.safety import SafeState, Supervisor, bring_to_rest
+from benchctl.campaign.stop import StoppedError, StopRequest
+from benchctl.campaign.timing import timeline
+from benchctl.plan import Plan
+from benchctl.recordings.campaign_folder import CampaignWriter
+from benchctl.recordings.model import Status
+from instruments.errors import BenchError, SafetyError
+from instruments.interfaces import TableLimits
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """What became of a campaign; `error` is what ended it early, or None."""
+
+    campaign: Path
+    recording: Path
+    status: Status
+    planned: int
+    whole: int
+    samples: int
+    bench_time_s: float
+    wall_time_s: float
+    safe: SafeState
+    error: BenchError | None
+
+
+def run_campaign(
+    plan: Plan, opened: OpenBench, folder: Path, *, stop: StopRequest | None = None, progress: Progress = nobody
+) -> Outcome:
+    """Run a plan on an open bench and record it in `folder`.
+
+    Whatever ends it, the table is brought to rest and the chamber sent to its safe set point, each read back, before
+    the recording is closed; the outcome says what ended it. Errors that are no `BenchError` are faults of this program:
+    the bench is brought to rest and the recording closed all the same, then they go on up.
+
+    Raises
+    ------
+    UsageError
+        Before anything moves: the plan goes beyond the bench's limits, or the folder cannot be written.
+    """
+    refuse_problems(plan, opened.bench)
+    wall_s = time.monotonic()
+    run = _Run(plan, opened, folder, stop or StopRequest(), progress)
+    run.play()
+    return Outcome(
+        campaign=folder,
+        recording=run.recording,
+        status=run.status,
+        planned=len(plan.steps),
+        whole=run.whole,
+        samples=run.samples,
+        bench_time_s=opened.clock.now() - opened.epoch_s,
+        wall_time_s=time.monotonic() - wall_s,
+        safe=run.safe,
+        error=run.error,
+    )
+
+
+class _Run:
+    """The mutable side of one run."""
+
+    def __init__(self, plan: Plan, opened: OpenBench, folder: Path, stop: StopRequest, progress: Progress) -> None:
+        self.plan, self.opened, self.stop, self.progress = plan, opened, stop, progress
+        self.writer = CampaignWriter(folder, describe(opened, plan, "running"))
+        self.recording = folder / "recording.h5"
+        self.status: Status = "aborted"
+        self.error: BenchError | None = None
+        self.whole = self.samples = 0
+        self.safe = SafeState(rate_dps=None, chamber_setpoint_c=None, problems=("not brought to rest yet",))
+        self._supervisor = Supervisor(opened, self.event)
+        self._index, self._ends_s = 0, [end_s for _, end_s, _ in timeline(plan, opened.bench.limits, self._start_c())]
+        self._step_began_s = opened.clock.now()
+
+    def event(self, kind: str, **data: object) -> None:
+        """Note an event with the bench's time."""
+        self.writer.event(kind, bench_s=round(self.opened.clock.now() - self.opened.epoch_s, 3), **data)
+
+    def play(self) -> None:
+        """Play all steps, then come to rest, then close the recording."""
+        reason = "a fault of the program"
+        try:
+            self._play_steps()
+            self.status, reason = "complete", ""
+        except StoppedError as err:
+            self.status, self.error, reason = "interrupted", err, str(err)
+        except BenchError as err:
+            self.status, self.error, reason = "aborted", err, str(err)
+        finally:
+            self.safe = bring_to_rest(self.opened)
+            if self.safe.problems and self.error is None:
+                self.error = SafetyError(f"the bench is not known to be at rest: {'; '.join(self.safe.problems)}")
+            self.event("safe", status=self.status, reason=reason, **asdict(self.safe))
+            self.recording = self.writer.finish(self.status, reason)
+
+    def _play_steps(self) -> None:
+        self._prepare()
+        player = StepPlayer(self.opened, self.writer, self._supervisor, self.stop, self._notify, self._start_c())
+        self._player = player
+        for index, step in enumerate(self.plan.steps, 1):
+            self._index = index
+            self._step_began_s = self.opened.clock.now()
+            self.event("step", index=index, name=step.label)
+            info = player.play(index, step)
+            self.whole += 1
+            self.samples += info.samples
+        player.notify("coming to rest")
+
+    def _prepare(self) -> None:
+        limits, opened = self.opened.bench.limits, self.opened
+        opened.table.set_limits(TableLimits(rate_dps=limits.rate_dps, acceleration_dps2=limits.acceleration_dps2))
+        opened.chamber.set_limits(limits.coldest_c, limits.hottest_c)
+        opened.table.enable()
+        opened.chamber.start()
+        self.event("prepared", instruments={name: asdict(who) for name, who in opened.identities.items()})
+
+    def _start_c(self) -> float:
+        return self.opened.bench.safe.chamber_c
+
+    def _notify(self, doing: str) -> None:
+        elapsed_s = self.opened.clock.now() - self._step_began_s
+        began_s = self._ends_s[self._index - 2] if self._index > 1 else 0.0
+        step_left_s = max(0.0, self._ends_s[self._index - 1] - began_s - elapsed_s)
+        air, motion = self._supervisor.air, self._supervisor.motion
+        self.progress(
+            Moment(
+                index=self._index,
+                count=len(self.plan.steps),
+                label=self.plan.steps[self._index - 1].label,
+                doing=doing,
+                setpoint_c=self._player.setpoint_c,
+                air_c=air.temperature_c if air else float("nan"),
+                gyro_c=self._player.gyro_c,
+                rate_dps=motion.rate_dps if motion else 0.0,
+                left_s=self._ends_s[-1] - self._ends_s[self._index - 1] + step_left_s,
+                samples=self.samples,
+            )
+        )

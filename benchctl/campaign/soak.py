@@ -1,0 +1,62 @@
+"""When a soak is over: the air has been at the set point for long enough, and the gyro no longer drifts."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+from benchctl.bench import Limits
+from benchctl.plan import Soak
+from instruments.errors import SafetyError
+
+SOAK_CHANNELS = ("poll_time_s", "poll_chamber_temp_c", "poll_chamber_setpoint_c", "poll_gyro_temp_c", "poll_gyro_v")
+
+DRIFT_WINDOW_S = 600.0
+"""The drift of the gyro's thermistor is the slope over this time: noise of a few mK is then far below 0.02 °C/min."""
+
+
+@dataclass(slots=True)
+class SoakWatch:
+    """Follows a soak poll by poll; times in seconds since the start of the recording."""
+
+    step: Soak
+    from_c: float
+    begin_s: float
+    limits: Limits
+    says: str = "going there"
+    done: bool = False
+    _within_since_s: float | None = None
+    _gyro: deque[tuple[float, float]] = field(default_factory=deque)
+
+    def see(self, now_s: float, air_c: float, gyro_c: float) -> None:
+        """Take a poll into account.
+
+        Raises
+        ------
+        SafetyError
+            Where the soak has not come to an end in time: a chamber that stalls is not waited for for ever.
+        """
+        step = self.step
+        self._gyro.append((now_s, gyro_c))
+        while now_s - self._gyro[0][0] > DRIFT_WINDOW_S:
+            self._gyro.popleft()
+        if abs(air_c - step.setpoint_c) > step.tolerance_c:
+            self._within_since_s = None
+            self.says = "going there"
+        elif self._within_since_s is None:
+            self._within_since_s = now_s
+            self.says = "soaking"
+        held_s = 0.0 if self._within_since_s is None else now_s - self._within_since_s
+        drift = self._drift_c_per_min()
+        self.done = held_s >= step.hold_s and abs(drift) <= step.drift_c_per_min
+        travel_s = abs(step.setpoint_c - self.from_c) / self.limits.ramp_c_per_min * 60.0
+        if not self.done and now_s - self.begin_s > travel_s + step.hold_s + step.timeout_s:
+            raise SafetyError(
+                f"chamber: soak at {step.setpoint_c:+g} °C not over after {(now_s - self.begin_s) / 3600:.1f} h: air "
+                f"at {air_c:+.1f} °C (tolerance {step.tolerance_c:g}), gyro drifts by {drift:+.3f} °C/min "
+                f"(limit {step.drift_c_per_min:g}); look at the chamber"
+            )
+
+    def _drift_c_per_min(self) -> float:
+        (first_s, first_c), (last_s, last_c) = self._gyro[0], self._gyro[-1]
+        return (last_c - first_c) / (last_s - first_s) * 60.0 if last_s > first_s else 0.0

@@ -1,0 +1,50 @@
+"""How long a plan takes and how much it records, without an instrument."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from benchctl.bench import Limits
+from benchctl.plan import ConstantRate, Plan, Sine, Soak, Static, Step, ThermalRamp
+
+BYTES_PER_SCAN = 24
+"""What one scan of four channels takes in a recording, compressed; measured on the simulated bench and rounded up."""
+
+
+def step_s(step: Step, from_c: float, limits: Limits) -> float:
+    """Bench time [s] of a step that begins with the chamber at `from_c`; spin-up at half the acceleration limit."""
+    spin_up_s = 2 * step.peak_rate_dps / (0.5 * limits.acceleration_dps2)
+    match step:
+        case Soak():
+            return step.hold_s + abs(step.setpoint_c - from_c) / limits.ramp_c_per_min * 60.0
+        case Sine():
+            return step.streamed_s + spin_up_s + step.settle_cycles / step.frequency_hz
+        case Static() | ConstantRate() | ThermalRamp():
+            return step.streamed_s + spin_up_s + step.settle_s
+
+
+def set_point_after(step: Step, before_c: float) -> float:
+    """The chamber's set point once a step is over."""
+    match step:
+        case Soak():
+            return step.setpoint_c
+        case ThermalRamp():
+            return step.to_c
+        case _:
+            return before_c
+
+
+def timeline(plan: Plan, limits: Limits, from_c: float) -> Iterator[tuple[float, float, float]]:
+    """For each step its start, its end [s of bench time] and the set point [°C] at its end."""
+    now_s, setpoint_c = 0.0, from_c
+    for step in plan.steps:
+        end_s = now_s + step_s(step, setpoint_c, limits)
+        setpoint_c = set_point_after(step, setpoint_c)
+        yield now_s, end_s, setpoint_c
+        now_s = end_s
+
+
+def disk_bytes(plan: Plan, sample_rate_hz: float) -> int:
+    """What the campaign needs on disk while it completes: its steps, and the recording that is made of them."""
+    scans = sum(step.streamed_s for step in plan.steps) * sample_rate_hz
+    return int(2 * scans * BYTES_PER_SCAN + len(plan.steps) * 40_000)

@@ -1,0 +1,70 @@
+"""The verbs, gathered; and what every one of them owes its user: one line for an error, and the right exit status."""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+from typer.exceptions import TyperException
+
+from benchctl.cli import (
+    check,
+    export,
+    fit,
+    import_,
+    init,
+    paper,
+    procedures,
+    run,
+    show,
+    sim,
+    simulate,
+    verify,
+)
+from instruments.errors import BenchError
+
+app = typer.Typer(
+    name="benchctl",
+    help="Test automation for gyroscopes on a rate table in a climate chamber.",
+    epilog="Try it without hardware: benchctl run two_stage --bench simulated",
+    no_args_is_help=True,
+    add_completion=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+for _name, _verb in {
+    "init": init.init,
+    "procedures": procedures.procedures,
+    "check": check.check,
+    "run": run.run,
+    "fit": fit.fit,
+    "export": export.export,
+    "show": show.show,
+    "verify": verify.verify,
+    "simulate": simulate.simulate,
+    "sim": sim.sim,
+    "paper": paper.paper,
+}.items():
+    app.command(_name)(_verb)
+app.command("import", epilog=import_.map_explained())(import_.import_)
+
+
+def main() -> None:
+    """The console script."""
+    sys.exit(run_verb(sys.argv[1:]))
+
+
+def run_verb(arguments: list[str]) -> int:
+    """Run a verb and return its exit status: 0, 1, 2 or 3, as `instruments.errors` says, 130 for Ctrl-C in between."""
+    try:
+        status = app(arguments, standalone_mode=False)
+    except (BenchError, TyperException) as err:
+        message = err.format_message() if isinstance(err, TyperException) else str(err)
+        typer.echo(f"benchctl: {' '.join(message.split())}", err=True)
+        return 2 if isinstance(err, TyperException) else err.exit_status
+    except typer.Abort:
+        typer.echo("benchctl: stopped", err=True)
+        return 130
+    return status if isinstance(status, int) else 0

@@ -1,0 +1,68 @@
+"""`benchctl check`: a dry run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from benchctl.cli.output import BenchOption, JsonOption, ParameterOption, QuietOption, parameters, result_of
+
+
+def check(
+    procedure: Annotated[str, typer.Argument(help="Its name, or a .py file.")],
+    bench: BenchOption,
+    parameter: ParameterOption = None,
+    picture: Annotated[Path | None, typer.Option(help="Draw the timeline into this SVG or PNG file.")] = None,
+    offline: Annotated[bool, typer.Option("--offline", help="Do not ask the instruments who they are.")] = False,
+    json_to: JsonOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """A dry run: expand the procedure, check every step against the bench, ask each instrument who it is; move nothing.
+
+    Example: `benchctl check two_stage --bench bench.toml -p points=5 --picture timeline.svg`
+    """
+    from dataclasses import asdict
+
+    from benchctl.bench import load_bench
+    from benchctl.campaign.check import bench_time_s, problems
+    from benchctl.campaign.opened import open_bench
+    from benchctl.campaign.timing import disk_bytes
+    from benchctl.cli.words import duration, size
+    from benchctl.plan.find import find_procedure
+    from instruments.errors import UsageError
+
+    with result_of("check", json_to, quiet) as result:
+        stands = load_bench(bench)
+        plan = find_procedure(procedure).expand(parameters(parameter))
+        found = problems(plan, stands)
+        takes_s = bench_time_s(plan, stands) if not found else None
+        needs = disk_bytes(plan, stands.digitizer.sample_rate_hz) if not found else None
+        result.values |= {
+            "steps": len(plan.steps),
+            "bench_time_s": takes_s,
+            "disk_bytes": needs,
+            "problems": [asdict(problem) for problem in found],
+        }
+        if found:
+            for problem in found:
+                result.say(f"step {problem.step}: {problem.says}")
+            raise UsageError(
+                f"procedure {plan.procedure} cannot run on {stands.name}: {len(found)} of its {len(plan.steps)} steps "
+                f"go beyond it; the first is step {found[0].step}, {found[0].says}"
+            )
+        result.say(
+            f"{plan.procedure} on {stands.name}: {len(plan.steps)} steps, {duration(takes_s or 0)}, "
+            f"{size(needs or 0)} on disk"
+        )
+        if picture is not None:
+            from benchctl.reports.timeline import draw_timeline
+
+            draw_timeline(picture, plan, stands.limits, stands.safe.chamber_c)
+            result.say(f"timeline: {picture}")
+        if not offline:
+            with open_bench(stands) as opened:
+                result.values["instruments"] = {name: asdict(who) for name, who in opened.identities.items()}
+            for name, who in opened.identities.items():
+                result.say(f"{name}: {who.manufacturer} {who.model} {who.serial}".rstrip())

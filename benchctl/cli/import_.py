@@ -1,0 +1,46 @@
+"""`benchctl import`: a foreign recording into our own file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from benchctl.cli.output import JsonOption, QuietOption, result_of
+
+
+def map_explained() -> str:
+    """The map file by example, as Markdown."""
+    from benchctl.recordings.map_examples import MAP_EXAMPLES
+
+    return "\n\n".join(f"A map for {title}:\n\n```toml\n{text}```" for title, text in MAP_EXAMPLES.items())
+
+
+def import_(
+    source: Annotated[Path, typer.Argument(help="An open recording's folder, a CSV, a MAT file, a table of points.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE.h5", help="The recording to write.")],
+    map_file: Annotated[
+        Path | None, typer.Option("--map", metavar="FILE", help="Which column is which: a TOML file, explained below.")
+    ] = None,
+    json_to: JsonOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Bring a recording from another bench into a file of ours; it appears whole or not at all.
+
+    An open recording (`recording.json` and `samples.csv.gz`) and a CSV of static points with the columns `rate_dps`,
+    `gyro_v_mean` need no map. Example: `benchctl import from_the_other_lab -o theirs.h5`
+    """
+    from benchctl.recordings.importing import import_recording
+
+    with result_of("import", json_to, quiet) as result:
+        made = import_recording(source, map_file, output)
+        result.values |= {
+            "recording": made.output,
+            "steps": made.steps,
+            "samples": made.samples,
+            "treatment": made.treatment,
+        }
+        result.say(f"{made.output}: {made.steps} steps, {made.samples:,} samples")
+        if made.treatment:
+            result.say(made.treatment)

@@ -1,0 +1,48 @@
+"""The live line at the terminal: step, set point, temperature, rate, time left; on stderr, and only on a terminal."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from benchctl.campaign.progress import Moment, Progress, nobody
+from benchctl.cli.words import duration
+
+REDRAW_S = 0.1
+
+
+@contextmanager
+def live_progress(quiet: bool) -> Iterator[Progress]:
+    """Somebody to tell how the run goes: a terminal where there is one, else nobody."""
+    if quiet or not sys.stderr.isatty():
+        yield nobody
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn
+    from rich.progress import Progress as Bars
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[now]}"))
+    with Bars(*columns, console=Console(stderr=True), transient=True, auto_refresh=False) as bars:
+        task = bars.add_task("opening the bench", total=1.0, now="")
+        drawn_s = 0.0
+
+        def show(moment: Moment) -> None:
+            nonlocal drawn_s
+            if time.monotonic() - drawn_s < REDRAW_S:
+                return
+            drawn_s = time.monotonic()
+            bars.update(
+                task,
+                total=moment.count,
+                completed=moment.index - 1,
+                description=f"step {moment.index}/{moment.count} {moment.label}, {moment.doing}",
+                now=(
+                    f"set {moment.setpoint_c:+.1f} °C, air {moment.air_c:+.1f}, gyro {moment.gyro_c:+.2f}, "
+                    f"{moment.rate_dps:+.1f} deg/s, {moment.samples:,} samples, {duration(moment.left_s)} left"
+                ),
+            )
+            bars.refresh()
+
+        yield show

@@ -1,0 +1,42 @@
+"""`benchctl procedures`: what can be run."""
+
+from __future__ import annotations
+
+from benchctl.cli.output import BenchOption, JsonOption, QuietOption, result_of
+
+
+def procedures(bench: BenchOption = "simulated", json_to: JsonOption = None, quiet: QuietOption = False) -> None:
+    """List the scripted procedures: what each measures, its parameters, and how long it would take on a bench.
+
+    Example: `benchctl procedures --bench bench.toml`
+    """
+    from benchctl.bench import load_bench
+    from benchctl.campaign.check import bench_time_s
+    from benchctl.cli.words import duration
+    from benchctl.plan.find import find_procedure, procedure_names
+
+    with result_of("procedures", json_to, quiet) as result:
+        stands = load_bench(bench)
+        listed = []
+        for name in procedure_names():
+            procedure = find_procedure(name)
+            plan = procedure.expand()
+            takes_s = bench_time_s(plan, stands)
+            listed.append(
+                {
+                    "name": name,
+                    "says": procedure.says,
+                    "steps": len(plan.steps),
+                    "bench_time_s": takes_s,
+                    "calibrates": procedure.calibrates,
+                    "parameters": [
+                        {"name": p.name, "default": p.default, "says": p.says} for p in procedure.parameters
+                    ],
+                }
+            )
+            result.say(f"{name}: {procedure.says}\n    {len(plan.steps)} steps, {duration(takes_s)} on {stands.name}")
+            for p in procedure.parameters:
+                value = ",".join(f"{v:g}" for v in p.default) if isinstance(p.default, tuple) else p.default
+                result.say(f"    -p {p.name}={value}".ljust(36) + p.says)
+            result.say("")
+        result.values["procedures"] = listed

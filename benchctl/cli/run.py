@@ -1,0 +1,66 @@
+"""`benchctl run`: a campaign."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from benchctl.cli.output import (
+    BenchOption,
+    JsonOption,
+    ParameterOption,
+    QuietOption,
+    SeedOption,
+    parameters,
+    result_of,
+)
+
+
+def run(
+    procedure: Annotated[str, typer.Argument(help="Its name, or a .py file.")],
+    bench: BenchOption,
+    parameter: ParameterOption = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="The campaign's folder; default: a new one in results/.")
+    ] = None,
+    seed: SeedOption = None,
+    json_to: JsonOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Run a procedure, record it, and fit it where it calibrates.
+
+    Example: `benchctl run two_stage --bench simulated -p points=5 -p soak_s=3600`
+    """
+    from benchctl.bench import load_bench
+    from benchctl.campaign.opened import open_bench
+    from benchctl.campaign.runner import run_campaign
+    from benchctl.campaign.stop import stop_on_signals
+    from benchctl.cli.campaigns import new_folder, summary
+    from benchctl.cli.fit import fit_and_report
+    from benchctl.cli.live import live_progress
+    from benchctl.plan.find import find_procedure
+
+    with result_of("run", json_to, quiet) as result:
+        stands = load_bench(bench).with_seed(seed)
+        plan = find_procedure(procedure).expand(parameters(parameter))
+        folder = out or new_folder(plan.procedure, stands.unit.serial)
+        with stop_on_signals() as stop, open_bench(stands) as opened, live_progress(quiet) as progress:
+            outcome = run_campaign(plan, opened, folder, stop=stop, progress=progress)
+        result.values |= {
+            "campaign": outcome.campaign,
+            "recording": outcome.recording,
+            "status": outcome.status,
+            "steps": {"planned": outcome.planned, "whole": outcome.whole},
+            "samples": outcome.samples,
+            "bench_time_s": outcome.bench_time_s,
+            "wall_time_s": outcome.wall_time_s,
+        }
+        result.say(summary(outcome))
+        if outcome.error is not None:
+            raise outcome.error
+        if plan.calibrates:
+            fitted = fit_and_report([outcome.recording], folder)
+            result.values |= {"coefficients": fitted.coefficients, "error_percent": fitted.error_percent}
+            result.say(fitted.says)

@@ -1,0 +1,80 @@
+"""`benchctl simulate`: a recording by the simulated bench, without the wire."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from benchctl.cli.output import JsonOption, ParameterOption, QuietOption, SeedOption, parameters, result_of
+
+
+def simulate(
+    procedure: Annotated[str, typer.Argument(help="Its name, or a .py file.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE.h5", help="The recording to write.")],
+    bench: Annotated[str, typer.Option("--bench", metavar="BENCH", help="A bench.toml, or `simulated`.")] = "simulated",
+    model: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="A TOML file of what the bench obeys, in place of [physics].")
+    ] = None,
+    parameter: ParameterOption = None,
+    seed: SeedOption = None,
+    json_to: JsonOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Record a procedure on the simulated bench without its wires: the same physics and the same runner, only faster.
+
+    Example: `benchctl simulate rate_sweep -o sweep.h5 --seed 7`
+    """
+    import shutil
+    import tempfile
+
+    from benchctl.bench import load_bench
+    from benchctl.campaign.opened import open_bench
+    from benchctl.campaign.runner import run_campaign
+    from benchctl.campaign.stop import stop_on_signals
+    from benchctl.cli.live import live_progress
+    from benchctl.plan.find import find_procedure
+    from instruments.errors import UsageError
+
+    with result_of("simulate", json_to, quiet) as result:
+        stands = load_bench(bench)
+        if not stands.simulated:
+            raise UsageError(f"--bench {bench}: expected a bench with simulated = true; benchctl run takes real ones")
+        if model is not None:
+            stands = stands.model_copy(update={"physics": _physics(model)})
+        stands = stands.with_seed(seed)
+        plan = find_procedure(procedure).expand(parameters(parameter))
+        if not output.parent.is_dir():
+            raise UsageError(f"-o {output}: there is no folder {output.parent}")
+        with tempfile.TemporaryDirectory(prefix=f".{output.name}.", dir=output.parent) as folder:
+            with (
+                stop_on_signals() as stop,
+                open_bench(stands, wires=False) as opened,
+                live_progress(quiet) as progress,
+            ):
+                outcome = run_campaign(plan, opened, Path(folder), stop=stop, progress=progress)
+            if outcome.error is not None:
+                raise outcome.error
+            shutil.move(outcome.recording, output)
+        result.values |= {
+            "recording": output,
+            "status": outcome.status,
+            "steps": {"planned": outcome.planned, "whole": outcome.whole},
+            "samples": outcome.samples,
+            "bench_time_s": outcome.bench_time_s,
+            "wall_time_s": outcome.wall_time_s,
+        }
+        result.say(f"{output}: {outcome.whole} steps, {outcome.samples:,} samples in {outcome.wall_time_s:.1f} s")
+
+
+def _physics(path: Path) -> dict[str, object]:
+    import tomllib
+
+    from benchctl.toml_file import read_text
+    from instruments.errors import UsageError
+
+    try:
+        return tomllib.loads(read_text(path, "model"))
+    except tomllib.TOMLDecodeError as err:
+        raise UsageError(f"model {path}: not TOML: {err}") from err

@@ -1,0 +1,35 @@
+"""What a procedure is written with: steps, patterns of steps, and the `procedure` decorator.
+
+>>> from benchctl.plan import Soak, Static, procedure
+>>> @procedure()
+... def rest(at_c: float = 20.0):
+...     '''The output at rest.'''
+...     yield Soak(setpoint_c=at_c, hold_s=1800.0)
+...     yield Static(duration_s=60.0)
+>>> [step.kind for step in rest.expand({"at_c": "25"}).steps]
+['soak', 'static']
+"""
+
+from benchctl.plan.patterns import alternating, levels, rates_between_zeros, set_points, whole_cycles, whole_revolutions
+from benchctl.plan.procedure import Parameter, Plan, Procedure, procedure
+from benchctl.plan.steps import ConstantRate, Role, Sine, Soak, Static, Step, ThermalRamp
+
+__all__ = [
+    "ConstantRate",
+    "Parameter",
+    "Plan",
+    "Procedure",
+    "Role",
+    "Sine",
+    "Soak",
+    "Static",
+    "Step",
+    "ThermalRamp",
+    "alternating",
+    "levels",
+    "procedure",
+    "rates_between_zeros",
+    "set_points",
+    "whole_cycles",
+    "whole_revolutions",
+]

@@ -1,0 +1,72 @@
+"""Patterns that procedures share: levels, both directions in turn, whole revolutions, zeros before and after."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+
+from benchctl.plan.steps import ConstantRate, Role, Static
+
+LONGEST_REVOLUTION_S = 180.0
+"""Below 2 °/s a revolution takes longer than is worth waiting for; such a rate runs for the time that was asked."""
+
+
+def levels(top: float, count: int) -> tuple[float, ...]:
+    """`count` evenly spaced levels from top/count to `top`.
+
+    >>> levels(50.0, 5)
+    (10.0, 20.0, 30.0, 40.0, 50.0)
+    """
+    return tuple(top * (i + 1) / count for i in range(count))
+
+
+def set_points(coldest_c: float, hottest_c: float, count: int) -> tuple[float, ...]:
+    """`count` evenly spaced temperatures, both ends included, to a hundredth of a degree.
+
+    >>> set_points(-40.0, 60.0, 3)
+    (-40.0, 10.0, 60.0)
+    """
+    if count == 1:
+        return (coldest_c,)
+    return tuple(round(coldest_c + (hottest_c - coldest_c) * i / (count - 1), 2) for i in range(count))
+
+
+def alternating(rates_dps: Iterable[float]) -> tuple[float, ...]:
+    """Both directions of every rate, in alternating order, so that a drift does not look like an asymmetry.
+
+    >>> alternating([10.0, 20.0])
+    (10.0, -10.0, 20.0, -20.0)
+    """
+    return tuple(sign * rate for rate in rates_dps for sign in (1, -1))
+
+
+def whole_revolutions(rate_dps: float, at_least_s: float) -> float:
+    """The shortest time [s], not under `at_least_s`, in which the table makes whole revolutions.
+
+    >>> whole_revolutions(50.0, 30.0)
+    36.0
+    """
+    if abs(rate_dps) * LONGEST_REVOLUTION_S < 360.0:
+        return at_least_s
+    return math.ceil(at_least_s * abs(rate_dps) / 360.0 - 1e-9) * 360.0 / abs(rate_dps)
+
+
+def whole_cycles(frequency_hz: float, at_least_s: float) -> int:
+    """The fewest whole periods that take `at_least_s`, and at least one.
+
+    >>> whole_cycles(0.4, 30.0)
+    12
+    """
+    return max(1, math.ceil(at_least_s * frequency_hz - 1e-9))
+
+
+def rates_between_zeros(
+    rates_dps: Iterable[float], *, at_least_s: float, zero_s: float, settle_s: float = 2.0, role: Role = "fit"
+) -> Iterator[Static | ConstantRate]:
+    """A zero reading, every rate in both directions over whole revolutions, and a zero reading again."""
+    yield Static(duration_s=zero_s, settle_s=settle_s, role=role)
+    for rate_dps in alternating(rates_dps):
+        yield ConstantRate(
+            rate_dps=rate_dps, duration_s=whole_revolutions(rate_dps, at_least_s), settle_s=settle_s, role=role
+        )
+    yield Static(duration_s=zero_s, settle_s=settle_s, role=role)

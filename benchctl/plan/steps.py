@@ -1,0 +1,191 @@
+"""The steps of a campaign: what the bench is asked to do, as data.
+
+Steps say nothing of any instrument, so that a plan can be checked, priced, drawn, resumed and compared without one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from typing import ClassVar, Literal
+
+Role = Literal["fit", "verify"]
+"""`verify` marks a run that is kept aside: no fit may see it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BaseStep:
+    """What every step can tell of itself without a bench."""
+
+    kind: ClassVar[str]
+
+    @property
+    def label(self) -> str:
+        """What the operator reads."""
+        return self.kind
+
+    @property
+    def peak_rate_dps(self) -> float:
+        """The largest rate that the table reaches."""
+        return 0.0
+
+    @property
+    def peak_acceleration_dps2(self) -> float:
+        """The largest acceleration that the step itself asks for; spin-up adapts to the bench."""
+        return 0.0
+
+    @property
+    def streamed_s(self) -> float:
+        """How long the digitizer streams."""
+        return 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Soak(BaseStep):
+    """Bring the chamber to a set point and wait until the gyro has followed, the table at rest.
+
+    The soak is over when the air has stayed within `tolerance_c` of the set point for `hold_s` and the gyro's
+    thermistor moves by less than `drift_c_per_min`; it fails when that has not happened `timeout_s` after the air
+    should have arrived.
+    """
+
+    kind: ClassVar[str] = "soak"
+
+    setpoint_c: float
+    hold_s: float
+    tolerance_c: float = 0.3
+    drift_c_per_min: float = 0.02
+    timeout_s: float = 4 * 3600.0
+
+    @property
+    def label(self) -> str:
+        """See `BaseStep`."""
+        return f"soak at {self.setpoint_c:+g}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Static(BaseStep):
+    """The output at rest."""
+
+    kind: ClassVar[str] = "static"
+
+    duration_s: float
+    settle_s: float = 2.0
+    role: Role = "fit"
+
+    @property
+    def streamed_s(self) -> float:
+        """See `BaseStep`."""
+        return self.duration_s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConstantRate(BaseStep):
+    """The output at a constant rate; whole revolutions average Earth's rate, tilt and eccentricity out."""
+
+    kind: ClassVar[str] = "constant_rate"
+
+    rate_dps: float
+    duration_s: float
+    settle_s: float = 2.0
+    role: Role = "fit"
+
+    @property
+    def label(self) -> str:
+        """See `BaseStep`."""
+        return f"rate {self.rate_dps:+g}"
+
+    @property
+    def peak_rate_dps(self) -> float:
+        """See `BaseStep`."""
+        return abs(self.rate_dps)
+
+    @property
+    def streamed_s(self) -> float:
+        """See `BaseStep`."""
+        return self.duration_s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sine(BaseStep):
+    """Sinusoidal motion; `amplitude_dps` is the peak of the rate."""
+
+    kind: ClassVar[str] = "sine"
+
+    amplitude_dps: float
+    frequency_hz: float
+    cycles: int
+    settle_cycles: int = 2
+    role: Role = "fit"
+
+    @property
+    def label(self) -> str:
+        """See `BaseStep`."""
+        return f"sine {self.amplitude_dps:g} at {self.frequency_hz:g} Hz"
+
+    @property
+    def peak_rate_dps(self) -> float:
+        """See `BaseStep`."""
+        return abs(self.amplitude_dps)
+
+    @property
+    def peak_acceleration_dps2(self) -> float:
+        """See `BaseStep`."""
+        return abs(self.amplitude_dps) * 2 * math.pi * self.frequency_hz
+
+    @property
+    def streamed_s(self) -> float:
+        """See `BaseStep`."""
+        return self.cycles / self.frequency_hz
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ThermalRamp(BaseStep):
+    """Ramp the chamber from where it is to `to_c` while the table turns at `rate_dps` and the digitizer streams."""
+
+    kind: ClassVar[str] = "thermal_ramp"
+
+    from_c: float
+    to_c: float
+    ramp_c_per_min: float
+    rate_dps: float = 0.0
+    settle_s: float = 2.0
+    role: Role = "fit"
+
+    @property
+    def label(self) -> str:
+        """See `BaseStep`."""
+        return f"ramp to {self.to_c:+g}"
+
+    @property
+    def peak_rate_dps(self) -> float:
+        """See `BaseStep`."""
+        return abs(self.rate_dps)
+
+    @property
+    def streamed_s(self) -> float:
+        """See `BaseStep`."""
+        return abs(self.to_c - self.from_c) / self.ramp_c_per_min * 60.0
+
+
+Step = Soak | Static | ConstantRate | Sine | ThermalRamp
+
+_POSITIVE = frozenset(
+    {"duration_s", "frequency_hz", "cycles", "ramp_c_per_min", "tolerance_c", "drift_c_per_min", "timeout_s"}
+)
+_NOT_NEGATIVE = frozenset({"settle_s", "settle_cycles", "hold_s"})
+
+
+def faults(step: Step) -> Iterator[str]:
+    """What no bench could do about a step, in words: numbers that are not finite, durations that are not positive."""
+    for field in fields(step):
+        value = getattr(step, field.name)
+        if not isinstance(value, int | float):
+            continue
+        if not math.isfinite(value):
+            yield f"{field.name} is {value}, expected a finite number"
+        elif field.name in _POSITIVE and value <= 0:
+            yield f"{field.name} is {value:g}, expected more than 0"
+        elif field.name in _NOT_NEGATIVE and value < 0:
+            yield f"{field.name} is {value:g}, expected 0 or more"

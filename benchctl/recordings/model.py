@@ -1,0 +1,132 @@
+"""A recording in memory: what the writer is given, what the reader gives back, what fits and reports work on.
+
+A recording is a list of steps. A step holds channels; each channel lies on one of the step's two time axes:
+
+- `time_s`: the digitizer's scans (encoder, gyro output, gyro thermistor, in one hardware scan);
+- `poll_time_s`: what is asked now and then (the chamber, and while soaking the gyro), much slower.
+
+Both count seconds from the start of the recording. A soak has only polled channels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+Status = Literal["running", "complete", "interrupted", "aborted", "imported", "simulated"]
+Axis = Literal["time_s", "poll_time_s"]
+
+UNITS: Mapping[str, str] = {
+    "time_s": "s",
+    "encoder_deg": "degree",
+    "gyro_v": "V",
+    "gyro_temp_c": "degC",
+    "chamber_temp_c": "degC",
+    "poll_time_s": "s",
+    "poll_chamber_temp_c": "degC",
+    "poll_chamber_setpoint_c": "degC",
+    "poll_gyro_temp_c": "degC",
+    "poll_gyro_v": "V",
+}
+"""The channels that benchctl itself records or imports, with their CF units; names that begin with `poll_` are polled."""
+
+DESCRIPTIONS: Mapping[str, str] = {
+    "time_s": "time of the scan since the start of the recording",
+    "encoder_deg": "angle of the table, 0 to 360, positive counter-clockwise",
+    "gyro_v": "output of the gyro",
+    "gyro_temp_c": "thermistor in the housing of the gyro",
+    "chamber_temp_c": "air of the chamber",
+    "poll_time_s": "time of the poll since the start of the recording",
+    "poll_chamber_temp_c": "air of the chamber",
+    "poll_chamber_setpoint_c": "set point of the chamber",
+    "poll_gyro_temp_c": "thermistor in the housing of the gyro",
+    "poll_gyro_v": "output of the gyro",
+}
+
+
+def axis_of(channel: str) -> Axis:
+    """The time axis on which a channel lies."""
+    return "poll_time_s" if channel.startswith("poll_") else "time_s"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepInfo:
+    """What was asked of a step and what became of it; the HDF5 attributes of its group.
+
+    `kind` is `soak`, `static`, `constant_rate`, `sine` or `thermal_ramp`. `role` is `fit`, `verify` (kept aside: no fit may
+    see it) or `none` (soaks). `t_start` and `t_end` are seconds since the start of the recording. `gaps` counts the gaps in
+    the stream. `digest` is empty until the step is closed.
+    """
+
+    index: int
+    name: str
+    kind: str
+    role: str = "fit"
+    whole: bool = True
+    t_start: float
+    t_end: float
+    chamber_setpoint_c: float
+    rate_dps: float | None = None
+    amplitude_dps: float | None = None
+    frequency_hz: float | None = None
+    sample_rate_hz: float | None = None
+    samples: int = 0
+    gaps: int = 0
+    digest: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unit:
+    """The gyro under test; `range_dps` is its rated range."""
+
+    serial: str
+    range_dps: float
+    model: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BenchFacts:
+    """What fits must know of the bench. Zero or None: not known."""
+
+    sample_rate_hz: float
+    encoder_counts_per_rev: int = 0
+    encoder_accuracy_arcsec: float = 0.0
+    adc_bits: int = 0
+    adc_range_v: float = 0.0
+    latitude_deg: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Meta:
+    """Everything about a recording that is not a sample; the HDF5 attributes of the root.
+
+    `provenance` holds text: procedure's name, source and parameters (JSON), bench.toml, identities and calibration dates of
+    the instruments (JSON), software versions (JSON), operator, start (ISO 8601, UTC), source files and their digests of an
+    import (JSON). `simulation` is the model that the lab believes in (`open-recording` key `simulation`), or None.
+    `extra` keeps what a foreign recording brought and we have no name for, so that an export gives it back.
+    """
+
+    status: Status
+    unit: Unit
+    bench: BenchFacts
+    provenance: Mapping[str, str] = field(default_factory=dict)
+    simulation: Mapping[str, Any] | None = None
+    extra: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One step in memory: its description and its channels, name -> array of shape (n,)."""
+
+    info: StepInfo
+    channels: Mapping[str, FloatArray]
+
+    def __getitem__(self, channel: str) -> FloatArray:
+        """The samples of a channel, shape (n,)."""
+        return self.channels[channel]

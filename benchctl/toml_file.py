@@ -1,0 +1,89 @@
+"""Reading a TOML file into a pydantic model, with errors that name the file, the line and the field."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from instruments.errors import UsageError
+
+Model = TypeVar("Model", bound=BaseModel)
+
+_HEADER = re.compile(r"^\s*\[+\s*([^\]]+?)\s*\]+")
+_KEY = re.compile(r"^\s*([A-Za-z0-9_.\-\"']+)\s*=")
+
+
+def read_text(path: Path, what: str) -> str:
+    """The text of a file; `what` is its role in an error.
+
+    Raises
+    ------
+    UsageError
+        Where it is not there or not UTF-8.
+    """
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as err:
+        raise UsageError(f"{what} {path}: cannot be read: {err.strerror or err}") from err
+    except UnicodeDecodeError as err:
+        raise UsageError(f"{what} {path}: expected UTF-8 text, byte {err.start} is not") from err
+
+
+def parse_toml(text: str, model: type[Model], name: str) -> Model:
+    """The model that a TOML text stands for; `name` is the file's name in an error.
+
+    Raises
+    ------
+    UsageError
+        One line that names the file, the line and the first field that is wrong, and how many more there are.
+    """
+    try:
+        return model.model_validate(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as err:
+        raise UsageError(f"{name}: not TOML: {err}") from err
+    except ValidationError as err:
+        raise UsageError(f"{name}, {_first_fault(err, text)}") from err
+
+
+def line_of(text: str, place: tuple[str, ...]) -> int:
+    r"""The line, from 1, on which a field is set; the line of its table where it is not set.
+
+    >>> line_of('[a]\nb = 1\n', ("a", "b"))
+    2
+    """
+    table: tuple[str, ...] = ()
+    best = 1
+    for number, line in enumerate(text.splitlines(), 1):
+        if header := _HEADER.match(line):
+            table = _parts(header[1])
+            if table == place[: len(table)]:
+                best = number
+        elif key := _KEY.match(line):
+            full = table + _parts(key[1])
+            if full == place[: len(full)] and len(full) > len(table):
+                return number
+    return best
+
+
+def _parts(dotted: str) -> tuple[str, ...]:
+    return tuple(part.strip().strip("\"'") for part in dotted.split("."))
+
+
+def _first_fault(err: ValidationError, text: str) -> str:
+    first, *more = err.errors(include_url=False, include_context=False)
+    line = line_of(text, tuple(part for part in first["loc"] if isinstance(part, str)))
+    field = ".".join(str(part) for part in first["loc"])
+    rest = f" (and {len(more)} more)" if more else ""
+    if first["type"] == "value_error":
+        says = first["msg"].removeprefix("Value error, ")
+    elif first["type"] == "missing":
+        says = "this field is needed and is not there"
+    elif first["type"] == "extra_forbidden":
+        says = "there is no such field"
+    else:
+        says = f"{first['msg'][:1].lower()}{first['msg'][1:]}, got {first['input']!r}"
+    return f"line {line}: {field}{': ' if field else ''}{says}{rest}"

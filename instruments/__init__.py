@@ -1,0 +1,1 @@
+"""The things on the bench: their drivers, their physics, their simulated twins."""

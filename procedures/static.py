@@ -1,0 +1,17 @@
+"""The output at rest."""
+
+from collections.abc import Iterator
+from typing import Annotated
+
+from benchctl.plan import Soak, Static, Step, procedure
+
+
+@procedure()
+def static(
+    at_c: Annotated[float, "chamber, °C"] = 20.0,
+    soak_s: Annotated[float, "time that the air must have been at the set point, s"] = 4800.0,
+    duration_s: Annotated[float, "duration, s"] = 3600.0,
+) -> Iterator[Step]:
+    """Bias, its stability and the noise: the table at rest at one temperature."""
+    yield Soak(setpoint_c=at_c, hold_s=soak_s)
+    yield Static(duration_s=duration_s)

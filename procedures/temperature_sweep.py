@@ -1,0 +1,26 @@
+"""Scale factor and bias over temperature, from cold to hot and, if wanted, back again on a ramp."""
+
+from collections.abc import Iterator
+from typing import Annotated
+
+from benchctl.plan import Soak, Step, ThermalRamp, levels, procedure, rates_between_zeros, set_points
+
+
+@procedure(calibrates=True)
+def temperature_sweep(
+    coldest_c: Annotated[float, "coldest set point, °C"] = -40.0,
+    hottest_c: Annotated[float, "hottest set point, °C"] = 60.0,
+    points: Annotated[int, "number of set points"] = 20,
+    soak_s: Annotated[float, "time that the air must have been at the set point, s"] = 4800.0,
+    rate_dps: Annotated[float, "highest rate at every set point, °/s"] = 50.0,
+    rates: Annotated[int, "rates at every set point, each in both directions"] = 5,
+    run_s: Annotated[float, "least duration of a run, s; whole revolutions"] = 30.0,
+    zero_s: Annotated[float, "duration of a zero reading, s"] = 60.0,
+    return_c_per_min: Annotated[float, "ramp back to the coldest set point at rest, °C/min; 0: none"] = 0.0,
+) -> Iterator[Step]:
+    """Slope and bias at every set point; the ramp back shows what depends on the temperature's rate and direction."""
+    for setpoint_c in set_points(coldest_c, hottest_c, points):
+        yield Soak(setpoint_c=setpoint_c, hold_s=soak_s)
+        yield from rates_between_zeros(levels(rate_dps, rates), at_least_s=run_s, zero_s=zero_s)
+    if return_c_per_min > 0:
+        yield ThermalRamp(from_c=hottest_c, to_c=coldest_c, ramp_c_per_min=return_c_per_min)

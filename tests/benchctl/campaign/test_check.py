@@ -1,0 +1,49 @@
+import pytest
+
+from benchctl.bench import load_bench
+from benchctl.campaign.check import bench_time_s, problems, refuse_problems
+from benchctl.campaign.timing import disk_bytes
+from benchctl.plan import ConstantRate, Plan, Sine, Soak, Static, Step, ThermalRamp
+from benchctl.plan.find import find_procedure
+from instruments.errors import UsageError
+
+BENCH = load_bench("simulated")
+
+
+def _plan(*steps: Step) -> Plan:
+    return Plan(procedure="mine", parameters={}, steps=steps, calibrates=False)
+
+
+@pytest.mark.parametrize(
+    ("step", "says"),
+    [
+        (ConstantRate(rate_dps=-301.0, duration_s=1.0), "reaches 301 deg/s, the bench's limit is 300 deg/s"),
+        (Sine(amplitude_dps=250.0, frequency_hz=2.0, cycles=3), "reaches 3142 deg/s², the bench's limit is 1500"),
+        (Soak(setpoint_c=-60.0, hold_s=1.0), "goes to -60 °C, the bench's limits are -55 to 85 °C"),
+        (ThermalRamp(from_c=0.0, to_c=90.0, ramp_c_per_min=1.0), "goes to 90 °C"),
+        (ThermalRamp(from_c=0.0, to_c=20.0, ramp_c_per_min=5.0), "ramps at 5 °C/min, the bench's limit is 2 °C/min"),
+        (Static(duration_s=-1.0), "duration_s is -1, expected more than 0"),
+    ],
+)
+def test_a_step_beyond_the_bench_is_named_with_the_limit(step: Step, says: str) -> None:
+    found = problems(_plan(Static(duration_s=1.0), step), BENCH)
+    assert [problem.step for problem in found] == [2]
+    assert says in found[0].says
+    with pytest.raises(UsageError, match="procedure mine, step 2: "):
+        refuse_problems(_plan(Static(duration_s=1.0), step), BENCH)
+
+
+def test_a_plan_within_the_limits_has_no_problem() -> None:
+    assert problems(find_procedure("two_stage").expand(), BENCH) == []
+
+
+def test_a_soak_is_reckoned_with_the_chambers_ramp() -> None:
+    plan = _plan(Soak(setpoint_c=43.0, hold_s=600.0), Static(duration_s=100.0, settle_s=2.0))
+    assert bench_time_s(plan, BENCH) == pytest.approx(600.0 + 20.0 / 2.0 * 60.0 + 102.0)
+
+
+def test_the_main_job_takes_at_least_thirty_hours_of_bench_time_and_five_million_samples() -> None:
+    plan = find_procedure("two_stage").expand()
+    assert bench_time_s(plan, BENCH) > 30 * 3600
+    assert sum(step.streamed_s for step in plan.steps) * 500.0 > 5e6
+    assert disk_bytes(plan, 500.0) > 100e6

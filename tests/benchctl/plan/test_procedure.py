@@ -1,0 +1,122 @@
+from collections.abc import Iterator
+from typing import Annotated
+
+import pytest
+
+from benchctl.plan import ConstantRate, Soak, Static, Step, procedure
+from benchctl.plan.find import find_procedure, procedure_names
+from benchctl.plan.steps import faults
+from instruments.errors import UsageError
+
+
+@procedure(calibrates=True)
+def example(
+    rate_dps: Annotated[float, "rate, °/s"] = 10.0,
+    points: int = 2,
+    back: bool = False,
+    list_hz: tuple[float, ...] = (1.0, 2.0),
+) -> Iterator[Step]:
+    """What it measures.
+
+    And more.
+    """
+    yield Soak(setpoint_c=20.0, hold_s=float(points))
+    if back:
+        yield Static(duration_s=sum(list_hz))
+    yield ConstantRate(rate_dps=rate_dps, duration_s=360 / rate_dps)
+
+
+def test_parameters_are_read_off_the_signature() -> None:
+    found = {parameter.name: (parameter.type, parameter.default, parameter.says) for parameter in example.parameters}
+    assert found["rate_dps"] == (float, 10.0, "rate, °/s")
+    assert found["list_hz"] == (tuple[float, ...], (1.0, 2.0), "")
+    assert example.says == "What it measures."
+
+
+def test_texts_become_values_of_the_parameters_types() -> None:
+    plan = example.expand({"rate_dps": "-5e1", "points": "3", "back": "yes", "list_hz": "0.5,0.25"})
+    assert plan.parameters == {"rate_dps": -50.0, "points": 3, "back": True, "list_hz": (0.5, 0.25)}
+    assert plan.steps[1].streamed_s == 0.75
+    assert plan.calibrates
+    assert "def example(" in plan.source
+
+
+@pytest.mark.parametrize(
+    ("texts", "says"),
+    [
+        ({"rate_dsp": "1"}, "did you mean rate_dps?"),
+        ({"xyz": "1"}, "it has rate_dps, points, back, list_hz"),
+        ({"points": "2.5"}, "parameter points: expected a whole number, got '2.5'; its default is 2"),
+        ({"rate_dps": "nan"}, "expected a finite number"),
+        ({"rate_dps": "fast"}, "expected a finite number, got 'fast'"),
+        ({"back": "maybe"}, "expected yes or no"),
+        ({"list_hz": "1;2"}, "numbers with commas between them"),
+        ({"rate_dps": "0"}, "these parameters give no plan"),
+    ],
+)
+def test_a_parameter_that_cannot_be_used_is_named_with_what_was_expected(texts: dict[str, str], says: str) -> None:
+    with pytest.raises(UsageError, match=r"procedure example|parameter") as caught:
+        example.expand(texts)
+    assert says in str(caught.value)
+
+
+def test_a_parameter_without_a_default_is_refused_when_the_procedure_is_made() -> None:
+    with pytest.raises(UsageError, match="needs a default"):
+
+        @procedure()
+        def wrong(rate_dps: float) -> Iterator[Step]:
+            yield Static(duration_s=rate_dps)
+
+
+def test_every_procedure_of_ours_is_found_by_name_and_plans_steps_without_a_fault() -> None:
+    assert {"rate_sweep", "sine_sweep", "static", "temperature_sweep", "two_stage"} <= set(procedure_names())
+    for name in procedure_names():
+        plan = find_procedure(name).expand()
+        assert plan.procedure == name
+        assert [fault for step in plan.steps for fault in faults(step)] == []
+
+
+def test_the_two_stage_procedure_has_the_papers_twenty_set_points_and_keeps_runs_aside() -> None:
+    steps = find_procedure("two_stage").expand().steps
+    assert sum(step.kind == "soak" for step in steps) == 21
+    assert {getattr(step, "role", "none") for step in steps} == {"none", "fit", "verify"}
+    assert max(step.peak_rate_dps for step in steps) >= 150.0
+
+
+def test_a_name_that_is_nearly_right_gets_a_hint() -> None:
+    with pytest.raises(UsageError, match="did you mean two_stage"):
+        find_procedure("two_stages")
+
+
+def test_a_file_is_a_procedure_too(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    path = tmp_path / "mine.py"
+    path.write_text(
+        "from benchctl.plan import Static, procedure\n\n@procedure()\ndef mine(t_s: float = 3.0):\n"
+        "    '''Rest.'''\n    yield Static(duration_s=t_s)\n"
+    )
+    assert find_procedure(str(path)).expand().steps == (Static(duration_s=3.0),)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("import nothing_of_that_name", "loading it failed: ModuleNotFoundError"),
+        ("x = 1", "expected one function with @procedure, found 0"),
+        ("def (", "loading it failed: SyntaxError"),
+    ],
+)
+def test_a_file_that_holds_no_procedure_is_refused_in_one_line(tmp_path, text: str, says: str) -> None:  # type: ignore[no-untyped-def]
+    path = tmp_path / "mine.py"
+    path.write_text(text)
+    with pytest.raises(UsageError, match=says.replace("(", r"\(")):
+        find_procedure(str(path))
+    with pytest.raises(UsageError, match="no such file"):
+        find_procedure(str(tmp_path / "absent.py"))
+
+
+def test_steps_name_their_faults() -> None:
+    assert list(faults(Static(duration_s=0.0))) == ["duration_s is 0, expected more than 0"]
+    assert list(faults(Static(duration_s=1.0, settle_s=-1.0))) == ["settle_s is -1, expected 0 or more"]
+    assert list(faults(ConstantRate(rate_dps=float("inf"), duration_s=1.0))) == [
+        "rate_dps is inf, expected a finite number"
+    ]

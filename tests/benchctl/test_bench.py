@@ -1,0 +1,71 @@
+from pathlib import Path
+
+import pytest
+
+from benchctl.bench import load_bench, template
+from instruments.errors import UsageError
+
+
+def _written(folder: Path, old: str, new: str) -> str:
+    assert old in template()
+    path = folder / "bench.toml"
+    path.write_text(template().replace(old, new), encoding="utf-8")
+    return str(path)
+
+
+def test_the_template_is_the_simulated_bench() -> None:
+    bench = load_bench("simulated")
+    assert bench.simulated
+    assert bench.text == template()
+    assert bench.digitizer.sample_rate_hz == 500.0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "says"),
+    [
+        ("latitude_deg = 58.5", "lattitude_deg = 58.5", 30, "site.lattitude_deg: there is no such field"),
+        ("range_dps = 175.0", "range_dps = 'fast'", 14, "unit.range_dps: input should be a valid number"),
+        ("ramp_c_per_min = 2.0", "# gone", 17, "limits.ramp_c_per_min: this field is needed and is not there"),
+        ("coldest_c = -55.0", "coldest_c = 90.0", 17, "coldest_c (90) must be below hottest_c (85)"),
+        ("chamber_c = 23.0", "chamber_c = 99.0", 1, "safe.chamber_c (99) lies outside"),
+        ("simulated = true", "simulated = false", 1, "rate_table.address is needed where simulated is not true"),
+        ("encoder_sign = 1 ", "encoder_sign = 2 ", 54, "digitizer.encoder_sign: input should be 1 or -1, got 2"),
+        ("rate_dps = 300.0", "rate_dps = nan", 18, "limits.rate_dps: input should be"),
+    ],
+)
+def test_a_wrong_field_is_named_with_its_file_and_line(
+    tmp_path: Path, old: str, new: str, line: int, says: str
+) -> None:
+    path = _written(tmp_path, old, new)
+    with pytest.raises(UsageError) as caught:
+        load_bench(path)
+    message = str(caught.value)
+    assert message.startswith(f"{path}, line {line}: ")
+    assert says in message
+    assert "\n" not in message
+
+
+def test_a_file_that_is_not_toml_names_the_place(tmp_path: Path) -> None:
+    path = tmp_path / "bench.toml"
+    path.write_text("name = \n")
+    with pytest.raises(UsageError, match=r"not TOML: .*line 1"):
+        load_bench(str(path))
+
+
+@pytest.mark.parametrize(("content", "says"), [(None, "cannot be read"), (b"\xff\xfe", "expected UTF-8 text")])
+def test_a_file_that_cannot_be_read_says_why(tmp_path: Path, content: bytes | None, says: str) -> None:
+    path = tmp_path / "bench.toml"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(UsageError, match=says):
+        load_bench(str(path))
+
+
+def test_a_folder_is_no_bench(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"expected a bench\.toml, this is a folder"):
+        load_bench(str(tmp_path))
+
+
+def test_a_seed_replaces_that_of_the_file() -> None:
+    assert load_bench("simulated").with_seed(7).physics["seed"] == 7
+    assert load_bench("simulated").with_seed(None).physics["seed"] == 1
