@@ -1,0 +1,88 @@
+"""Where an instrument answers: `tcp://HOST:PORT`, `serial://DEVICE?baud=N`, `socket://HOST:PORT`.
+
+`tcp://` is a plain TCP connection. `serial://` is a port of this machine (`serial:///dev/ttyUSB0?baud=19200`,
+`serial://COM3?baud=9600`). `socket://` is a serial line at the far end of a TCP connection, opened by pyserial's
+handler of that name: a serial-to-Ethernet box, or a simulated instrument.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+from urllib.parse import SplitResult, parse_qs, urlsplit
+
+from instruments.errors import UsageError
+
+_EXPECTED = "expected tcp://HOST:PORT, serial:///dev/ttyUSB0?baud=19200, serial://COM3?baud=9600 or socket://HOST:PORT"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Address:
+    """An address taken apart; `str()` gives it back as it was written.
+
+    `host` and `port` are set for tcp and socket, `device` for serial. `baud` is None where the address does not say.
+    """
+
+    text: str
+    scheme: Literal["tcp", "serial", "socket"]
+    host: str = ""
+    port: int = 0
+    device: str = ""
+    baud: int | None = None
+
+    def __str__(self) -> str:
+        return self.text
+
+    @property
+    def pyserial_url(self) -> str:
+        """What `serial.serial_for_url` opens; for serial and socket addresses."""
+        return self.device if self.scheme == "serial" else self.text
+
+
+def parse_address(text: str) -> Address:
+    """Take an address apart; `UsageError` names the expected forms."""
+    try:
+        parts = urlsplit(text)
+        if parts.scheme == "serial":
+            return _serial_address(text, parts)
+        if parts.scheme == "tcp":
+            return Address(text=text, scheme="tcp", host=_host(parts), port=_port(parts))
+        if parts.scheme == "socket":
+            return Address(text=text, scheme="socket", host=_host(parts), port=_port(parts))
+    except ValueError as err:
+        raise UsageError(f"address {text!r}: {err}; {_EXPECTED}") from err
+    raise UsageError(
+        f"address {text!r}: {f'unknown scheme {parts.scheme!r}' if parts.scheme else 'no scheme'}; {_EXPECTED}"
+    )
+
+
+def _host(parts: SplitResult) -> str:
+    if parts.path or parts.query or parts.fragment or parts.username is not None:
+        raise ValueError("nothing may stand beside host and port")
+    if not parts.hostname:
+        raise ValueError("the host is missing")
+    return parts.hostname
+
+
+def _port(parts: SplitResult) -> int:
+    port = parts.port  # urllib raises ValueError where it is no number or above 65535
+    if not port:
+        raise ValueError("the port is missing or 0")
+    return port
+
+
+def _serial_address(text: str, parts: SplitResult) -> Address:
+    device = parts.netloc + parts.path
+    if not device:
+        raise ValueError("the device is missing")
+    settings = parse_qs(parts.query, keep_blank_values=True, strict_parsing=bool(parts.query))
+    unknown = settings.keys() - {"baud"}
+    if unknown:
+        raise ValueError(f"unknown setting {min(unknown)!r}")
+    baud: int | None = None
+    if "baud" in settings:
+        written = settings["baud"][-1]
+        if not written.isascii() or not written.isdecimal() or int(written) == 0:
+            raise ValueError(f"baud must be a whole number above 0, not {written!r}")
+        baud = int(written)
+    return Address(text=text, scheme="serial", device=device, baud=baud)

@@ -1,0 +1,227 @@
+"""A Modbus master over pymodbus: registers read and written, one policy for what fails, errors that say where.
+
+An address `tcp://HOST:PORT` speaks Modbus TCP; `serial://DEVICE?baud=N` and `socket://HOST:PORT` speak Modbus RTU.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import struct
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from threading import RLock
+
+from pymodbus import ModbusException
+from pymodbus.pdu import ExceptionResponse, ModbusPDU
+
+from instruments.errors import InstrumentError, LinkError, UsageError
+from instruments.interfaces import Clock
+from instruments.links.address import parse_address
+from instruments.links.modbus_clients import ModbusClient, connected_client
+from instruments.links.wirelog import WireLog
+from instruments.protocols.modbus import READ_HOLDING, WRITE_ONE, WRITE_SEVERAL, exception_words
+from instruments.protocols.words import WordOrder, f32_from_words, u32_from_words, words_from_f32, words_from_u32
+
+ADVICE = "check power, cable, speed and unit number"
+BROKEN = (ModbusException, OSError, struct.error, IndexError)  # the last two: a frame shorter than it says
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Retry:
+    """What happens where no answer comes, or a broken one: after `wait_s` connect again, and ask again.
+
+    Asking twice is harmless, because registers are written with values and not with changes; where it is not (a
+    toggling key), the caller says `once`. A refusal is an answer and is never repeated. `attempts` counts the first one
+    too, and is at least 1; `wait_s` of wall time lets a late answer pass by, before it could be taken for that to the
+    next request.
+    """
+
+    attempts: int = 3
+    wait_s: float = 0.1
+
+
+class ModbusLink:
+    """One unit at the end of a Modbus connection; safe to use from several threads.
+
+    Parameters
+    ----------
+    address
+        Where: `tcp://` for Modbus TCP, `serial://` or `socket://` for RTU.
+    unit_id
+        The unit's number, 1 to 247.
+    name
+        What errors call the instrument.
+    timeout_s
+        Wall time to wait for an answer and for a connection.
+    retry
+        What to do without an answer.
+    pause_s, clock
+        How long the line stays quiet between two exchanges, and where that time passes; by default the host's clock.
+    wire_log
+        Where to note what goes over the wire.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        *,
+        unit_id: int = 1,
+        name: str = "instrument",
+        timeout_s: float = 1.0,
+        retry: Retry | None = None,
+        pause_s: float = 0.0,
+        clock: Clock | None = None,
+        wire_log: WireLog | None = None,
+    ) -> None:
+        self.address = parse_address(address)
+        self.wire_log = wire_log if wire_log is not None else WireLog()
+        self.who = f"{name} at {self.address}, unit {unit_id}"
+        self._unit_id = unit_id
+        self._timeout_s = timeout_s
+        self._retry = retry if retry is not None else Retry()
+        self._pause_s = pause_s
+        self._now: Callable[[], float] = time.monotonic if clock is None else clock.now
+        self._sleep: Callable[[float], None] = time.sleep if clock is None else clock.sleep
+        self._paused_until_s = 0.0  # by that clock
+        self._quiet_until_s = 0.0  # wall time, after a failure
+        self._lock = RLock()
+        self._client: ModbusClient | None = None
+        self._opened = False
+
+    def open(self) -> None:
+        """Connect; whether the unit answers shows with the first read."""
+        with self._lock:
+            self.close()
+            try:
+                self._connect()
+            except (OSError, ValueError) as err:
+                raise LinkError(f"{self.who}: cannot connect: {err}; check power, cable and address") from err
+            self._opened = True
+
+    def close(self) -> None:
+        """Let go of the connection; safe to call twice, and never raises."""
+        with self._lock:
+            self._opened = False
+            self._drop("closed")
+
+    def read(self, address: int, count: int = 1) -> list[int]:
+        """`count` registers from `address` on (function 3)."""
+        reply = self._exchange(
+            f"reading {_registers(address, count)}",
+            lambda client: client.read_holding_registers(address, count=count, device_id=self._unit_id),
+            lambda reply: reply.function_code == READ_HOLDING and len(reply.registers) == count,
+        )
+        return list(reply.registers)
+
+    def write(self, address: int, values: Sequence[int], *, several: bool = False, once: bool = False) -> None:
+        """Write words from `address` on: one with function 6, several with function 16.
+
+        `several` takes function 16 for one word too; `once` does not ask again where no answer comes.
+        """
+        words = list(values)
+        what = f"writing {', '.join(map(str, words))} to {_registers(address, len(words))}"
+        attempts = 1 if once else self._retry.attempts
+        if len(words) == 1 and not several:
+            self._exchange(
+                what,
+                lambda client: client.write_register(address, words[0], device_id=self._unit_id),
+                lambda reply: (reply.function_code, reply.address, reply.registers) == (WRITE_ONE, address, words),
+                attempts,
+            )
+        else:
+            self._exchange(
+                what,
+                lambda client: client.write_registers(address, words, device_id=self._unit_id),
+                lambda reply: (reply.function_code, reply.address, reply.count) == (WRITE_SEVERAL, address, len(words)),
+                attempts,
+            )
+
+    def read_f32(self, address: int, word_order: WordOrder = "high_first") -> float:
+        """An IEEE 754 single in two registers."""
+        return f32_from_words(self.read(address, 2), word_order)
+
+    def write_f32(self, address: int, value: float, word_order: WordOrder = "high_first") -> None:
+        """Write an IEEE 754 single to two registers."""
+        self.write(address, words_from_f32(value, word_order))
+
+    def read_u32(self, address: int, word_order: WordOrder = "high_first") -> int:
+        """An unsigned 32-bit number in two registers."""
+        return u32_from_words(self.read(address, 2), word_order)
+
+    def write_u32(self, address: int, value: int, word_order: WordOrder = "high_first") -> None:
+        """Write an unsigned 32-bit number to two registers."""
+        self.write(address, words_from_u32(value, word_order))
+
+    def _exchange(
+        self,
+        what: str,
+        ask: Callable[[ModbusClient], ModbusPDU],
+        fits: Callable[[ModbusPDU], bool],
+        attempts: int | None = None,
+    ) -> ModbusPDU:
+        """Ask, and again where the policy says so; `fits` tells an answer to this request from one to another."""
+        attempts = attempts if attempts is not None else self._retry.attempts
+        with self._lock:
+            if not self._opened:
+                raise UsageError(f"{self.who}: {what} needs an open link, call open() first")
+            for attempt in range(1, attempts + 1):
+                try:
+                    reply = self._ask(ask, fits)
+                    break
+                except BROKEN as err:
+                    reason = self._reason(err)
+                    self._drop(reason)
+                    self._quiet_until_s = time.monotonic() + self._retry.wait_s
+                    if attempt == attempts:
+                        raise LinkError(
+                            f"{self.who}: {what} failed, tried {_times(attempts)}: {reason}; {ADVICE}"
+                        ) from err
+        if isinstance(reply, ExceptionResponse):
+            raise InstrumentError(
+                f"{self.who}: {what} was refused with {exception_words(reply.exception_code)};"
+                " check that it is the right model and the value within its limits"
+            )
+        return reply
+
+    def _ask(self, ask: Callable[[ModbusClient], ModbusPDU], fits: Callable[[ModbusPDU], bool]) -> ModbusPDU:
+        if (quiet_s := self._quiet_until_s - time.monotonic()) > 0:
+            time.sleep(quiet_s)
+        if self._pause_s > 0 and (pause_s := self._paused_until_s - self._now()) > 0:
+            self._sleep(pause_s)
+        client = self._client if self._client is not None else self._connect()
+        reply = ask(client)
+        if self._pause_s > 0:
+            self._paused_until_s = self._now() + self._pause_s
+        if not isinstance(reply, ExceptionResponse) and not fits(reply):
+            raise ModbusException("it belongs to another request")
+        return reply
+
+    def _connect(self) -> ModbusClient:
+        self._client = connected_client(self.address, self._timeout_s, self.wire_log)
+        self.wire_log.note(f"connected to {self.address}")
+        return self._client
+
+    def _drop(self, why: str) -> None:
+        if self._client is not None:
+            self.wire_log.note(why)
+            with contextlib.suppress(OSError):  # a device that was pulled out cannot be closed in good order
+                self._client.close()
+            self._client = None
+
+    def _reason(self, err: Exception) -> str:
+        if self._client is None:
+            return f"cannot connect: {err}"
+        if self._client.heard:
+            return f"the answer is broken or belongs to another request: {self._client.heard.hex(' ')}"
+        if self._client.connected:
+            return f"no answer within {self._timeout_s:g} s"
+        return "the other side closed the connection"
+
+
+def _registers(address: int, count: int) -> str:
+    return f"register {address}" if count == 1 else f"registers {address} to {address + count - 1}"
+
+
+def _times(attempts: int) -> str:
+    return "once" if attempts == 1 else f"{attempts} times"

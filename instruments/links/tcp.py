@@ -1,0 +1,150 @@
+"""Bytes over TCP, for protocols that bring their own framing.
+
+The reconnect policy, the only one: an exchange during which the link is cut fails with `LinkCutError`, and nothing is
+ever sent twice, because only a driver knows whether repeating a request is harmless. The next `send` connects again, in
+at most `Reconnect.attempts` attempts, `Reconnect.wait_s` apart. A link that was cut while nobody used it is noticed
+before anything is sent, so that such a cut costs nothing.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import time
+from dataclasses import dataclass
+
+from instruments.errors import LinkError, UsageError
+from instruments.links.address import parse_address
+from instruments.links.wirelog import WireLog
+
+
+class LinkCutError(LinkError):
+    """The connection broke in the middle of an exchange; whether the request arrived is unknown."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reconnect:
+    """How hard to try to connect: the number of attempts (at least 1) and the wall time [s] between two of them."""
+
+    attempts: int = 3
+    wait_s: float = 0.2
+
+
+class TcpLink:
+    """One TCP connection to a `tcp://HOST:PORT` address, without Nagle's delay. Not for two threads at once.
+
+    Every `LinkError` names the address and what was tried.
+    """
+
+    def __init__(self, address: str, *, reconnect: Reconnect | None = None, wire_log: WireLog | None = None) -> None:
+        self.address = parse_address(address)
+        if self.address.scheme != "tcp":
+            raise UsageError(f"address {address!r}: this instrument is reached over tcp://HOST:PORT")
+        self.wire_log = wire_log if wire_log is not None else WireLog()
+        self._reconnect = reconnect if reconnect is not None else Reconnect()
+        self._socket: socket.socket | None = None
+        self._connect_timeout_s: float | None = None  # None: not open
+
+    def open(self, timeout_s: float) -> None:
+        """Connect; each attempt, now and later, may take `timeout_s` of wall time."""
+        self.close()
+        self._connect_timeout_s = timeout_s
+        try:
+            self._connect()
+        except LinkError:
+            self._connect_timeout_s = None
+            raise
+
+    def close(self) -> None:
+        """Let go of the connection; safe to call twice, and never raises."""
+        self._connect_timeout_s = None
+        self._drop("closed")
+
+    def cut(self, why: str) -> None:
+        """Give up the connection but stay open: the next `send` makes a new one, on which no late reply can arrive."""
+        self._drop(why)
+
+    def send(self, data: bytes) -> None:
+        """Send all of it, on a live connection; what had arrived before is thrown away, since no one asked for it."""
+        self._discard_input()
+        connection = self._socket if self._socket is not None else self._connect()
+        self.wire_log.sent(data)
+        try:
+            connection.sendall(data)
+        except OSError as err:
+            self._drop(f"cut while sending: {_reason(err)}")
+            raise LinkCutError(f"{self.address}: could not send {data[:64]!r}: {_reason(err)}") from err
+
+    def receive(self, max_bytes: int, timeout_s: float) -> bytes:
+        """The next bytes, at least one, within `timeout_s` of wall time."""
+        if self._socket is None:
+            raise LinkCutError(f"{self.address}: the connection was cut, nothing can be received")
+        self._socket.settimeout(max(timeout_s, 1e-3))  # 0 would mean: do not wait at all
+        try:
+            data = self._socket.recv(max_bytes)
+        except TimeoutError as err:
+            raise LinkError(f"{self.address}: nothing came within {timeout_s:.3g} s") from err
+        except OSError as err:
+            self._drop(f"cut while receiving: {_reason(err)}")
+            raise LinkCutError(f"{self.address}: the connection broke while receiving: {_reason(err)}") from err
+        if not data:
+            self._drop("closed by the other side")
+            raise LinkCutError(f"{self.address}: the other side closed the connection")
+        self.wire_log.received(data)
+        return data
+
+    def _connect(self) -> socket.socket:
+        if self._connect_timeout_s is None:
+            raise UsageError(f"{self.address}: the link is not open, call open() first")
+        failure: OSError | None = None
+        for attempt in range(self._reconnect.attempts):
+            if attempt:
+                time.sleep(self._reconnect.wait_s)
+            try:
+                return self._connect_once(self._connect_timeout_s)
+            except OSError as err:
+                failure = err
+                self.wire_log.note(f"no connection: {_reason(err)}")
+        raise LinkError(
+            f"{self.address}: could not connect in {self._reconnect.attempts} attempts: {_reason(failure)};"
+            " check that the instrument is switched on, the cable, and host and port"
+        ) from failure
+
+    def _connect_once(self, timeout_s: float) -> socket.socket:
+        connection = socket.create_connection((self.address.host, self.address.port), timeout=timeout_s)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._socket = connection
+        self.wire_log.note(f"connected to {self.address}")
+        return connection
+
+    def _discard_input(self) -> None:
+        while self._socket is not None:
+            self._socket.settimeout(0)
+            try:
+                stale = self._socket.recv(4096)
+            except BlockingIOError:
+                self._socket.settimeout(self._connect_timeout_s)
+                return
+            except OSError as err:
+                self._drop(f"found cut: {_reason(err)}")
+                return
+            if not stale:
+                self._drop("found closed by the other side")
+                return
+            self.wire_log.received(stale)
+            self.wire_log.note("thrown away: nobody had asked")
+
+    def _drop(self, why: str) -> None:
+        if self._socket is None:
+            return
+        self.wire_log.note(why)
+        connection, self._socket = self._socket, None
+        with contextlib.suppress(OSError):  # a connection that is already broken cannot be shut down in good order
+            connection.shutdown(socket.SHUT_RDWR)
+        connection.close()
+
+
+def _reason(err: OSError | None) -> str:
+    if isinstance(err, TimeoutError):
+        return "no answer in time"
+    return (err.strerror or str(err)) if err is not None else "no attempt was allowed"

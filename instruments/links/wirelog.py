@@ -1,0 +1,79 @@
+"""What last went over a wire: a bounded, thread-safe ring that every link writes to and error messages show."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+Direction = Literal["sent", "received", "note"]
+
+_MARKS: dict[Direction, str] = {"sent": ">", "received": "<", "note": "-"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WireEntry:
+    """One packet or one event on a wire.
+
+    `time_s` is seconds of wall time since the epoch, `length` the packet's whole length, of which `data` may hold only
+    the beginning. The data of a note are its text.
+    """
+
+    time_s: float
+    direction: Direction
+    data: bytes
+    length: int
+
+    def __str__(self) -> str:
+        stamp = time.strftime("%H:%M:%S", time.localtime(self.time_s)) + f".{int(self.time_s % 1 * 1000):03d}"
+        shown = self.data.decode() if self.direction == "note" else repr(self.data)
+        cut = f" and {self.length - len(self.data)} bytes more" if self.length > len(self.data) else ""
+        return f"{stamp} {_MARKS[self.direction]} {shown}{cut}"
+
+
+class WireLog:
+    """The last `size` entries, each with at most `entry_bytes` bytes of its data.
+
+    `sink` is called with every entry, in the order in which they were written, by the thread that wrote it; it must be
+    quick and must not write to the same log.
+    """
+
+    def __init__(
+        self, *, size: int = 64, entry_bytes: int = 256, sink: Callable[[WireEntry], None] | None = None
+    ) -> None:
+        self._entries: deque[WireEntry] = deque(maxlen=size)
+        self._entry_bytes = entry_bytes
+        self._sink = sink
+        self._lock = threading.Lock()
+
+    def sent(self, data: bytes) -> None:
+        """Bytes left for the instrument."""
+        self._write("sent", data)
+
+    def received(self, data: bytes) -> None:
+        """Bytes came from the instrument."""
+        self._write("received", data)
+
+    def note(self, text: str) -> None:
+        """Something happened to the link itself."""
+        self._write("note", text.encode())
+
+    def last(self, count: int) -> list[WireEntry]:
+        """The last `count` entries at most, oldest first."""
+        with self._lock:
+            return list(self._entries)[-count:] if count > 0 else []
+
+    def tail(self, count: int = 4) -> str:
+        """The last entries in one line, for an error message."""
+        return "; ".join(str(entry) for entry in self.last(count)) or "nothing yet"
+
+    def _write(self, direction: Direction, data: bytes) -> None:
+        kept = data if direction == "note" else bytes(data[: self._entry_bytes])
+        entry = WireEntry(time_s=time.time(), direction=direction, data=kept, length=len(data))
+        with self._lock:
+            self._entries.append(entry)
+            if self._sink is not None:
+                self._sink(entry)

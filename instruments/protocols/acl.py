@@ -1,0 +1,167 @@
+r"""ACL, the command language of the Acutronic ACUTROL3000, as it goes over TCP. Bytes in, replies out; no I/O here.
+
+Source: openly published driver code of three laboratories (IEAv-EFO/acutrol3000, williamsea/Acutrol,
+AcutronicRobotics/acutrol); the vendor's manuals were not used. Not tried on hardware.
+
+A command is a line of ASCII, and every line gets one line back::
+
+    :read:pos? 1;rate? 1;acc? 1 CR LF          request: :main:sub? axis,argument;sub? axis,...
+    \__/ \__/  \ `------------.
+    subtree     axis           continues in the same subtree
+
+    hhhhhhhh 12.5;0.0;0.0 CR LF                reply: 8 characters of header, then data, or OK for a command
+    \______/ \___________/
+    header    data, one item a query, parted by ;
+
+Names are case-insensitive and may be cut short, down to one letter (`:d:p 1,10`); where several names begin with the
+same letters the one that is listed first in `TREE` is meant. `:mode 1,rate` is another spelling of `:mode:rate 1`;
+below `:read` the question mark may be missing. A command that begins with `:` or `*` starts at the root again.
+
+Assumed, because no source says so: the reply's line ends with LF, a CR before it is optional; anything but OK as the
+answer to a command is a refusal. The meaning of the header is unknown, so it is kept and not interpreted.
+
+Survived: replies and requests cut into packets at any byte, several in one packet, empty lines, CR LF or LF. A line
+beyond `MAX_LINE` bytes or one shorter than the header ends the dialogue: whatever talks there is not an ACUTROL.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from instruments.errors import InstrumentError, UsageError
+
+HEADER_LENGTH = 8
+MAX_LINE = 4096
+
+TREE: Mapping[str, tuple[str, ...]] = {
+    "read": ("position", "rate", "acceleration"),
+    "demand": ("position", "rate", "acceleration", "oscillator", "delta"),
+    "mode": ("position", "rate", "arate", "synthesizer", "off"),
+    "interlock": ("open", "close", "reset"),
+    "limit": ("acceleration", "rate", "vtrip", "absolute", "lposition", "hposition"),
+    "configure": ("oscillator",),
+    "utility": ("lockout",),
+}
+COMMON = ("*idn", "*stb")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reply:
+    """One line from the controller: its header, uninterpreted, and what follows, without blanks around it."""
+
+    header: str
+    data: str
+
+    @property
+    def ok(self) -> bool:
+        """Whether it acknowledges a command."""
+        return self.data.upper() == "OK"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Command:
+    """One command, names in full: `path` ("read", "position"), ("mode",) or ("*stb",); `arguments` without blanks."""
+
+    path: tuple[str, ...]
+    query: bool
+    arguments: tuple[str, ...] = ()
+
+
+class Lines:
+    """Cuts a byte stream into lines without their ends; raises `InstrumentError` on a line beyond `MAX_LINE`."""
+
+    def __init__(self, terminator: bytes = b"\n") -> None:
+        self._terminator = terminator
+        self._pending = b""
+
+    def feed(self, data: bytes) -> list[str]:
+        """The lines that are complete now, empty ones left out; bytes that are not ASCII show as escapes."""
+        *complete, self._pending = (self._pending + data).split(self._terminator)
+        if len(self._pending) > MAX_LINE:
+            beginning, self._pending = self._pending[:32], b""
+            raise InstrumentError(
+                f"more than {MAX_LINE} bytes without an end of line, beginning {beginning!r}: this is not ACL"
+            )
+        texts = (line.strip(b"\r\n").decode("ascii", "backslashreplace") for line in complete)
+        return [text for text in texts if text.strip()]
+
+
+class ReplyReader:
+    """The client's side: feed it whatever arrives."""
+
+    def __init__(self, terminator: bytes = b"\n") -> None:
+        self._lines = Lines(terminator)
+
+    def feed(self, data: bytes) -> list[Reply]:
+        """The replies that are complete now; `InstrumentError` for what cannot be a reply."""
+        return [_reply(line) for line in self._lines.feed(data)]
+
+
+def _reply(line: str) -> Reply:
+    if len(line) < HEADER_LENGTH:
+        raise InstrumentError(
+            f"a reply of {len(line)} characters, {line!r}, is shorter than ACL's header of {HEADER_LENGTH}"
+        )
+    return Reply(header=line[:HEADER_LENGTH], data=line[HEADER_LENGTH:].strip())
+
+
+def encode(command: str) -> bytes:
+    """A command line as it is sent; `UsageError` where it is not one line of ASCII."""
+    if not command.isascii() or not command.isprintable() or not command.strip():
+        raise UsageError(f"{command!r} is not one line of printable ASCII, which an ACL command is")
+    return command.encode("ascii") + b"\r\n"
+
+
+def encode_reply(header: str, data: str) -> bytes:
+    """A reply line as the controller sends it; `UsageError` where the header does not have its 8 characters."""
+    if len(header) != HEADER_LENGTH:
+        raise UsageError(f"the header {header!r} must have {HEADER_LENGTH} characters")
+    return f"{header}{data}\r\n".encode("ascii", "backslashreplace")
+
+
+def parse_commands(line: str) -> Iterator[Command]:
+    """The commands of one line, names in full; `UsageError` on reaching one that the language does not have."""
+    subtree = ""
+    for item in line.split(";"):
+        text = item.strip()
+        names, _, arguments = text.partition(" ")
+        query = names.endswith("?")
+        names = names.removesuffix("?").lower()
+        if names.startswith("*"):
+            path = _common(names, text)
+        elif subtree and not names.startswith(":"):
+            path = (subtree, _full(names, TREE[subtree], text))
+        else:
+            path = _from_root(names.removeprefix(":"), text)
+            subtree = path[0]
+        words = tuple(word.strip() for word in arguments.split(",")) if arguments.strip() else ()
+        yield _usual_spelling(Command(path=path, query=query or path[0] == "read", arguments=words), text)
+
+
+def _common(names: str, text: str) -> tuple[str, ...]:
+    if names not in COMMON:
+        raise UsageError(f"unknown command {text!r}")
+    return (names,)
+
+
+def _from_root(names: str, text: str) -> tuple[str, ...]:
+    main, _, sub = names.partition(":")
+    main = _full(main, tuple(TREE), text)
+    return (main, _full(sub, TREE[main], text)) if sub else (main,)
+
+
+def _full(name: str, candidates: tuple[str, ...], text: str) -> str:
+    for candidate in candidates:
+        if name and candidate.startswith(name):
+            return candidate
+    raise UsageError(f"unknown command {text!r}")
+
+
+def _usual_spelling(command: Command, text: str) -> Command:
+    if command.path != ("mode",) or command.query:
+        return command
+    if len(command.arguments) != 2:
+        raise UsageError(f"{text!r}: expected an axis and a mode")
+    axis, mode = command.arguments
+    return Command(path=("mode", _full(mode.lower(), TREE["mode"], text)), query=False, arguments=(axis,))

@@ -1,0 +1,249 @@
+"""Modbus as a server sees it: requests come out of a stream of bytes, replies are made; no line and no registers.
+
+    TCP  | transaction 2 | protocol = 0, 2 | length 2 | unit 1 | function 1 | data ... |
+    RTU                                               | unit 1 | function 1 | data ... | CRC-16, low byte first |
+
+    3, 4 read registers    address 2, count 2                      -> byte count 1, values 2 each
+    6 write one            address 2, value 2                      -> the same again
+    16 write several       address 2, count 2, byte count 1, values -> address 2, count 2
+    refusal                                                        -> function + 80h, exception code 1
+
+Numbers are big-endian. Source: MODBUS Application Protocol 1.1b3 chapters 6 and 7, MODBUS over Serial Line 1.02 chapter
+2.5.
+
+Assumed: one master, which may send further requests before the first is answered; they come out in order. An RTU line
+has no delimiter but silence, which a stream of bytes does not show: a frame is found by its length and its CRC.
+
+Survived: frames split or joined anywhere; on RTU noise before and between frames and a damaged frame (silent, as on the
+line). On TCP a header that is none means that the stream is lost: what has come is dropped.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+READ_HOLDING, READ_INPUT, WRITE_ONE, WRITE_SEVERAL = 3, 4, 6, 16
+READS = (READ_HOLDING, READ_INPUT)
+
+ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE, DEVICE_FAILURE = 1, 2, 3, 4
+EXCEPTION_WORDS = {
+    ILLEGAL_FUNCTION: "illegal function",
+    ILLEGAL_ADDRESS: "illegal data address",
+    ILLEGAL_VALUE: "illegal data value",
+    DEVICE_FAILURE: "device failure",
+    5: "acknowledged, still busy with it",
+    6: "device busy",
+    8: "memory parity error, or write denied",
+    10: "gateway path unavailable",
+    11: "no device behind the gateway answers",
+}
+
+MOST_READ, MOST_WRITTEN = 125, 123  # registers a request
+LONGEST_RTU_FRAME = 256
+
+RTU_FIXED_LENGTH = dict.fromkeys((1, 2, 3, 4, 5, 6), 8)
+RTU_COUNTED = (15, 16)  # their seventh byte counts the bytes that follow
+RTU_HEAD, RTU_CRC = 7, 2
+MBAP = struct.Struct(">HHHB")
+
+
+class ModbusRefusal(Exception):  # noqa: N818 - "error" is what a caller is told, this is what a device answers
+    """A register map will not do what was asked; `code` is the exception code of the reply."""
+
+    def __init__(self, code: int) -> None:
+        self.code = code
+        super().__init__(exception_words(code))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Request:
+    """What a master asks of a unit.
+
+    `values` are the words to write; `count` the number of registers meant. `fault` is the exception code that the
+    request deserves by its form alone, 0 where there is nothing to object to. `transaction` is TCP's, to be repeated in
+    the reply.
+    """
+
+    unit: int
+    function: int
+    address: int = 0
+    count: int = 0
+    values: tuple[int, ...] = ()
+    fault: int = 0
+    transaction: int = 0
+
+
+class ServerFraming(Protocol):
+    """One connection's framing, TCP or RTU."""
+
+    def feed(self, data: bytes) -> list[Request]:
+        """Take bytes as they come; the requests that are complete with them, in order."""
+
+    def reply(self, request: Request, values: Sequence[int] = ()) -> bytes:
+        """The reply to a request that was carried out; `values` are the words read."""
+
+    def refuse(self, request: Request, code: int) -> bytes:
+        """The reply to a request that was not."""
+
+
+class TcpFraming:
+    """Modbus TCP, the server's side of one connection."""
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+
+    def feed(self, data: bytes) -> list[Request]:
+        """Take bytes as they come; the requests that are complete with them, in order."""
+        self._buffer += data
+        requests = []
+        while len(self._buffer) >= MBAP.size:
+            transaction, protocol, length, unit = MBAP.unpack_from(self._buffer)
+            if protocol != 0 or not 2 <= length <= LONGEST_RTU_FRAME - RTU_CRC:
+                self._buffer.clear()
+                break
+            end = MBAP.size - 1 + length
+            if len(self._buffer) < end:
+                break
+            requests.append(parse_request(unit, bytes(self._buffer[MBAP.size : end]), transaction))
+            del self._buffer[:end]
+        return requests
+
+    def reply(self, request: Request, values: Sequence[int] = ()) -> bytes:
+        """The reply to a request that was carried out; `values` are the words read."""
+        return self._frame(request, reply_pdu(request, values))
+
+    def refuse(self, request: Request, code: int) -> bytes:
+        """The reply to a request that was not."""
+        return self._frame(request, refusal_pdu(request, code))
+
+    def _frame(self, request: Request, pdu: bytes) -> bytes:
+        return MBAP.pack(request.transaction, 0, 1 + len(pdu), request.unit) + pdu
+
+
+class RtuFraming:
+    """Modbus RTU, the server's side of a line."""
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+
+    def feed(self, data: bytes) -> list[Request]:
+        """Take bytes as they come; the requests that are complete with them, in order.
+
+        A frame is taken wherever one is complete, even behind the beginning of what might yet become another one:
+        noise that looks like the head of a long write must not swallow the requests after it.
+        """
+        self._buffer += data
+        requests = []
+        while found := self._first_frame():
+            start, end = found
+            requests.append(parse_request(self._buffer[start], bytes(self._buffer[start + 1 : end - RTU_CRC])))
+            del self._buffer[:end]
+        del self._buffer[:-LONGEST_RTU_FRAME]
+        return requests
+
+    def reply(self, request: Request, values: Sequence[int] = ()) -> bytes:
+        """The reply to a request that was carried out; `values` are the words read."""
+        return with_crc(bytes([request.unit]) + reply_pdu(request, values))
+
+    def refuse(self, request: Request, code: int) -> bytes:
+        """The reply to a request that was not."""
+        return with_crc(bytes([request.unit]) + refusal_pdu(request, code))
+
+    def _first_frame(self) -> tuple[int, int] | None:
+        for start in range(len(self._buffer)):
+            length = rtu_length(self._buffer[start : start + RTU_HEAD])
+            end = start + length
+            if length and end <= len(self._buffer) and crc16(self._buffer[start:end]) == 0:
+                return start, end
+        return None
+
+
+def rtu_length(head: bytes | bytearray) -> int:
+    """Length in bytes of the RTU request that begins so; 0 where it cannot be known yet, or is no request at all."""
+    if len(head) < RTU_HEAD:
+        return 0
+    function = head[1]
+    if function in RTU_COUNTED:
+        length = RTU_HEAD + head[RTU_HEAD - 1] + RTU_CRC
+        return length if length <= LONGEST_RTU_FRAME else 0
+    return RTU_FIXED_LENGTH.get(function, 0)
+
+
+def parse_request(unit: int, pdu: bytes, transaction: int = 0) -> Request:
+    """Read a protocol data unit: function code and data; what is wrong with its form goes to `fault`."""
+    function = pdu[0]
+    if function in READS and len(pdu) == 5:
+        address, count = struct.unpack_from(">HH", pdu, 1)
+        fault = 0 if 1 <= count <= MOST_READ else ILLEGAL_VALUE
+        values: tuple[int, ...] = ()
+    elif function == WRITE_ONE and len(pdu) == 5:
+        address, value = struct.unpack_from(">HH", pdu, 1)
+        count, values, fault = 1, (value,), 0
+    elif function == WRITE_SEVERAL and len(pdu) >= 6:
+        address, count, size = struct.unpack_from(">HHB", pdu, 1)
+        sound = 1 <= count <= MOST_WRITTEN and size == 2 * count == len(pdu) - 6
+        values = struct.unpack_from(f">{count}H", pdu, 6) if sound else ()
+        fault = 0 if sound else ILLEGAL_VALUE
+    else:
+        known = function in (*READS, WRITE_ONE, WRITE_SEVERAL)
+        return Request(
+            unit=unit,
+            function=function,
+            fault=ILLEGAL_VALUE if known else ILLEGAL_FUNCTION,
+            transaction=transaction,
+        )
+    if not fault and address + count > 0x10000:
+        fault = ILLEGAL_ADDRESS
+    return Request(
+        unit=unit,
+        function=function,
+        address=address,
+        count=count,
+        values=values,
+        fault=fault,
+        transaction=transaction,
+    )
+
+
+def reply_pdu(request: Request, values: Sequence[int]) -> bytes:
+    """Function code and data of the reply to a request that was carried out."""
+    if request.function in READS:
+        return struct.pack(f">BB{len(values)}H", request.function, 2 * len(values), *values)
+    if request.function == WRITE_ONE:
+        return struct.pack(">BHH", request.function, request.address, request.values[0])
+    return struct.pack(">BHH", request.function, request.address, request.count)
+
+
+def refusal_pdu(request: Request, code: int) -> bytes:
+    """Function code and exception code of a refusal."""
+    return bytes([request.function | 0x80, code])
+
+
+def exception_words(code: int) -> str:
+    """An exception code with what it means."""
+    return f"exception {code} ({EXCEPTION_WORDS.get(code, 'not in the standard')})"
+
+
+def crc16(data: bytes | bytearray) -> int:
+    """CRC-16/MODBUS (polynomial 8005h reflected, start FFFFh); 0 over a sound frame that includes its CRC."""
+    crc = 0xFFFF
+    for byte in data:
+        crc = (crc >> 8) ^ CRC_TABLE[(crc ^ byte) & 0xFF]
+    return crc
+
+
+def with_crc(frame: bytes) -> bytes:
+    """A frame followed by its CRC, low byte first."""
+    return frame + crc16(frame).to_bytes(2, "little")
+
+
+def _crc_of_byte(byte: int) -> int:
+    for _ in range(8):
+        byte = (byte >> 1) ^ 0xA001 if byte & 1 else byte >> 1
+    return byte
+
+
+CRC_TABLE = tuple(_crc_of_byte(byte) for byte in range(256))
