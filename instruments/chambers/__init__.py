@@ -1,0 +1,1 @@
+"""Climate chambers, one file a model: a declared table of registers and a few hooks."""

@@ -1,0 +1,197 @@
+"""A chamber with a Watlow F4T controller over Modbus TCP, or RTU.
+
+Not tried on hardware. Register numbers and codes: EspecNorthAmerica/ChamberConnectLibrary (F4T). Numbers are IEEE 754
+singles in two registers, low word first as delivered; states are codes that all Watlow controllers share.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal, get_args
+
+from instruments.chambers.modbus_chamber import ModbusChamber
+from instruments.chambers.quantities import Quantity, QuantityTable
+from instruments.errors import InstrumentError, UsageError
+from instruments.interfaces import ChamberReading, Clock, Identity
+from instruments.links.modbus import ModbusLink, Retry
+from instruments.links.wirelog import WireLog
+from instruments.protocols.words import WordOrder
+
+AUTO, ON, OFF, NONE, STARTUP, INACTIVE, PRESS, RUNNING = 10, 63, 62, 61, 88, 12, 1457, 149
+ALARM_SILENT = (STARTUP, NONE, INACTIVE)
+CODE_WORDS = {10: "auto", 28: "error", 32: "fail", 54: "manual", 61: "none", 62: "off", 63: "on"}
+
+LOW_LIMIT = Quantity(name="set point low limit", address=2774, kind="f32", unit="°C", writable=True)
+HIGH_LIMIT = Quantity(name="set point high limit", address=2776, kind="f32", unit="°C", writable=True)
+SETPOINT = Quantity(name="set point", address=2782, kind="f32", unit="°C", writable=True)
+POWER = Quantity(name="power", address=2808, kind="f32", unit="%")
+CONTROL_MODE = Quantity(name="control mode", address=2814, kind="code")
+AIR = Quantity(name="process value", address=2820, kind="f32", unit="°C")
+LOOPS, LOOP_STEP = 4, 160
+
+PROFILE_STATE = Quantity(name="profile state", address=16568, kind="code")
+ALARMS = tuple(
+    Quantity(name=f"alarm {number}", address=1356 + 100 * (number - 1), kind="code") for number in range(1, 5)
+)
+EVENTS = tuple(
+    Quantity(name=f"event {number}", address=address, kind="code", writable=True)
+    for number, address in enumerate((16594, 16596, 16598, 16600, 16822, 16824, 16826, 16828), start=1)
+)
+KEYS = tuple(Quantity(name=f"key {number}", address=6844 + 20 * (number - 1), kind="code") for number in range(1, 5))
+KEY_PRESSES = tuple(
+    Quantity(name=f"press of key {number}", address=6850 + 20 * (number - 1), kind="code", writable=True)
+    for number in range(1, 5)
+)
+PART_NUMBER_ADDRESS, PART_NUMBER_LENGTH = 16, 15
+
+
+SWITCHES = {"event": len(EVENTS), "toggle_key": len(KEYS), "momentary_key": len(KEYS), "nothing": 1}
+
+
+class WatlowF4T(ModbusChamber):
+    """A chamber behind a Watlow F4T. Not tried on hardware; its Modbus side must be set to degrees Celsius.
+
+    Parameters
+    ----------
+    address
+        `tcp://HOST:502`, or a serial line.
+    clock
+        Where waiting takes place.
+    unit_id
+        Modbus address of the controller.
+    loop
+        The control loop of the air, 1 to 4.
+    word_order
+        Of the singles; as delivered "low_first".
+    on_by, on_number
+        What the chamber's maker wired to conditioning on/off, and the number of that event (1 to 8) or key (1 to 4).
+        "event": an output that is on or off. "toggle_key": a function key whose own state changes with each press.
+        "momentary_key": a function key that makes the chamber start or stop with each press, and itself says nothing.
+        "nothing": the chamber conditions while it has power, and `start` and `stop` leave it so.
+    running_output
+        Module and input/output number of the "chamber running" output, by which on and off are then confirmed; a
+        momentary key cannot do without.
+    pause_s, timeout_s, retry, wire_log
+        See `ModbusLink`; on a serial line the controller wants a pause of 0.03 s.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        *,
+        clock: Clock,
+        unit_id: int = 1,
+        loop: int = 1,
+        word_order: WordOrder = "low_first",
+        on_by: Literal["event", "toggle_key", "momentary_key", "nothing"] = "toggle_key",
+        on_number: int = 1,
+        running_output: Sequence[int] | None = None,
+        pause_s: float = 0.0,
+        timeout_s: float = 1.0,
+        retry: Retry | None = None,
+        wire_log: WireLog | None = None,
+    ) -> None:
+        if not 1 <= loop <= LOOPS:
+            raise UsageError(f"loop = {loop}: a Watlow F4T has loops 1 to {LOOPS}")
+        if word_order not in get_args(WordOrder):
+            raise UsageError(f"word_order = {word_order!r}: expected {' or '.join(get_args(WordOrder))}")
+        if on_by not in SWITCHES or not 1 <= on_number <= SWITCHES[on_by]:
+            known = ", ".join(f"{switch} (1 to {most})" for switch, most in SWITCHES.items())
+            raise UsageError(f"on_by = {on_by!r} with on_number = {on_number}: a Watlow F4T has {known}")
+        if running_output is None and on_by == "momentary_key":
+            raise UsageError("a momentary key needs running_output: nothing else tells whether the chamber runs")
+        self._on_by, self._on_number = on_by, on_number
+        self._running = None if running_output is None else _running_output(*running_output)
+        link = ModbusLink(
+            address,
+            unit_id=unit_id,
+            name="Watlow F4T",
+            timeout_s=timeout_s,
+            retry=retry,
+            pause_s=pause_s,
+            clock=clock,
+            wire_log=wire_log,
+        )
+        super().__init__(
+            link,
+            QuantityTable(link, clock=clock, word_order=word_order),
+            setpoint=_in_loop(SETPOINT, loop),
+            low_limit=_in_loop(LOW_LIMIT, loop),
+            high_limit=_in_loop(HIGH_LIMIT, loop),
+        )
+        self._air = _in_loop(AIR, loop)
+        self._power = _in_loop(POWER, loop)
+        self._mode = _in_loop(CONTROL_MODE, loop)
+
+    def identify(self) -> Identity:
+        """Its part number, which says what it is fitted with."""
+        characters = self._link.read(PART_NUMBER_ADDRESS, PART_NUMBER_LENGTH)
+        part_number = "".join(chr(character) for character in characters).strip(" \0")
+        if not (part_number.isascii() and part_number.isprintable() and part_number):
+            raise InstrumentError(
+                f"{self._link.who}: the {PART_NUMBER_LENGTH} registers from {PART_NUMBER_ADDRESS} on hold"
+                f" {part_number!r} instead of a part number; check that it is a Watlow F4T"
+            )
+        return Identity(manufacturer="Watlow", model=part_number)
+
+    def read(self) -> ChamberReading:
+        """Air, set point, power, alarms now."""
+        values = self._table.read_together((self._air, self._setpoint, self._power, *ALARMS))
+        return ChamberReading(
+            temperature_c=values[AIR.name],
+            setpoint_c=values[SETPOINT.name],
+            power_percent=values[POWER.name],
+            alarms=tuple(
+                f"{alarm.name} active, {_in_words(code)}"
+                for alarm in ALARMS
+                if (code := int(values[alarm.name])) not in ALARM_SILENT
+            ),
+        )
+
+    def _check_controller(self) -> None:
+        self.identify()
+        self._table.read(self._air)
+
+    def _switch(self, *, on: bool) -> None:
+        if on and self._table.read_code(PROFILE_STATE) == RUNNING:
+            raise InstrumentError(
+                f"{self._link.who}: a profile runs and would not keep our set point; end it on its panel"
+            )
+        wanted = ON if on else OFF
+        if self._on_by == "event":
+            self._table.put(EVENTS[self._on_number - 1], wanted)
+        elif self._on_by != "nothing":
+            self._press_key(wanted)
+        if self._running is not None:
+            self._table.confirm(self._running, wanted)
+        if on and (mode := self._table.read_code(self._mode)) != AUTO:
+            raise InstrumentError(
+                f"{self._link.who}: the control mode is {_in_words(mode)},"
+                f" expected {_in_words(AUTO)}; set it on its panel"
+            )
+
+    def _press_key(self, wanted: int) -> None:
+        """Press where the chamber is not yet as wanted; once, since a second press would undo the first."""
+        momentary = self._on_by == "momentary_key"
+        shows = self._running if momentary and self._running is not None else KEYS[self._on_number - 1]
+        if self._table.read_code(shows) != wanted:
+            self._table.write(KEY_PRESSES[self._on_number - 1], PRESS, once=True)
+            self._table.confirm(shows, wanted)
+
+
+def _in_loop(quantity: Quantity, loop: int) -> Quantity:
+    return replace(quantity, address=quantity.address + LOOP_STEP * (loop - 1))
+
+
+def _running_output(module: int, io: int) -> Quantity:
+    """On while the chamber runs; a controller without that module or output answers with exception 4."""
+    address = 33718 + 240 * (module - 1) + 40 * (io - 1)
+    return Quantity(name=f"chamber running, output {io} of module {module}", address=address, kind="code")
+
+
+def _in_words(code: int) -> str:
+    return f"code {code} ({CODE_WORDS[code]})" if code in CODE_WORDS else f"code {code}"
+
+
+Driver = WatlowF4T

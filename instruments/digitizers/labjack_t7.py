@@ -1,0 +1,264 @@
+"""LabJack T7 over Ethernet: encoder count, gyro volts and thermistor volts in one hardware-timed scan.
+
+Modbus TCP (port 502) for set-up and single readings, the spontaneous stream (port 702) for scans. The scan list is
+
+    | count, low word | count, high word | gyro volts | thermistor volts |
+    | DIOn_EF_READ_A  | DATA_CAPTURE_16  | AIN        | AIN              |
+
+so that all four belong to the same instant by construction. Streamed samples are raw codes; they become volts by the
+constants of the T7's own calibration, read from its flash.
+
+Written from LabJack's public documents (T-series datasheet 3.2.4 and 20.0.1, the register map, the public C examples);
+not tried on hardware.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Self
+
+import numpy as np
+
+from instruments.digitizers import t7_registers as reg
+from instruments.digitizers.t7_core_timer import CoreTimer
+from instruments.digitizers.t7_scans import SCAN_LENGTH, AinCalibration, ScanQueue
+from instruments.errors import InstrumentError, LinkError, UsageError
+from instruments.interfaces import Clock, Identity, ScanBlock, SingleScan, StreamStart
+from instruments.links.address import parse_address
+from instruments.links.modbus import ModbusLink
+from instruments.links.tcp import TcpLink
+from instruments.links.wirelog import WireLog
+from instruments.protocols.t7_stream import MOST_SAMPLES
+
+STREAM_PORT = 702
+PRODUCT_ID = 7
+QUADRATURE = 10
+QUADRATURE_LINES = (0, 2, 6)  # phase A; phase B is the next line
+SINGLE_ENDED = 199
+ETHERNET = 1
+BUFFER_BYTES = 32768  # the most that the T7 has
+LONGEST_PACKET_S = 0.05
+RANGES_V = (10.0, 1.0, 0.1, 0.01)  # in the order of the calibration in the flash
+CALIBRATION_FLASH_ADDRESS, CALIBRATION_BYTES = 0x3C4000, 16
+LARGEST_RECEIVE = 1 << 18
+
+
+class LabJackT7:
+    """A T7 with a quadrature encoder, a gyro and its thermistor; satisfies `instruments.interfaces.Digitizer`.
+
+    Parameters
+    ----------
+    address
+        `tcp://HOST:PORT` of its Modbus server.
+    stream_address
+        `tcp://HOST:PORT` of its stream; port 702 of the same host where none is given.
+    clock
+        What tells how often the T7's own counter has wrapped.
+    encoder_channel
+        The digital line of the encoder's phase A: 0, 2 or 6; phase B is on the next one.
+    gyro_ain, thermistor_ain
+        The analog inputs, single ended.
+    range_v
+        Their ±range: 10, 1, 0.1 or 0.01 V.
+    timeout_s
+        Wall time to wait for an answer and for a connection.
+    wire_log
+        Where to note what goes over both wires.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        stream_address: str | None = None,
+        *,
+        clock: Clock,
+        encoder_channel: int = 0,
+        gyro_ain: int = 0,
+        thermistor_ain: int = 1,
+        range_v: float = 10.0,
+        timeout_s: float = 2.0,
+        wire_log: WireLog | None = None,
+    ) -> None:
+        where = parse_address(address)
+        if where.scheme != "tcp":
+            raise UsageError(f"address {address!r}: a LabJack T7 is reached over tcp://HOST:PORT")
+        if encoder_channel not in QUADRATURE_LINES:
+            raise UsageError(f"encoder_channel {encoder_channel}: a LabJack T7 counts on one of {QUADRATURE_LINES}")
+        if range_v not in RANGES_V:
+            raise UsageError(f"range_v {range_v}: a LabJack T7 has the ranges {RANGES_V} V")
+        host = f"[{where.host}]" if ":" in where.host else where.host
+        self._who = f"LabJack T7 at {where}"
+        self._encoder, self._inputs, self._range_v = encoder_channel, (gyro_ain, thermistor_ain), range_v
+        self._clock, self._timeout_s = clock, timeout_s
+        self._link = ModbusLink(address, name="LabJack T7", timeout_s=timeout_s, wire_log=wire_log)
+        self._registers = reg.T7Registers(self._link)
+        self._stream = TcpLink(stream_address or f"tcp://{host}:{STREAM_PORT}", wire_log=wire_log)
+        self._scans: ScanQueue | None = None  # while a stream runs
+        self._calibration = AinCalibration(positive_slope=math.nan, negative_slope=math.nan, centre=math.nan)
+        self._core_timer = CoreTimer(0, 0.0)
+
+    def open(self) -> None:
+        """Connect, make sure that a T7 answers, end a stream that somebody left running, set up the inputs."""
+        self._link.open()
+        try:
+            self._check_identity()
+            self.stop_stream()
+            self._read_calibration()
+            self._set_up_encoder()
+            for channel in self._inputs:
+                self._registers.set(reg.ain_range(channel), self._range_v)
+                self._registers.set(reg.ain_negative(channel), SINGLE_ENDED)
+            self._core_timer = CoreTimer(int(self._registers.read(reg.CORE_TIMER)), self._clock.now())
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Let go of both connections; safe to call twice, and never raises."""
+        self._forget_stream()
+        self._link.close()
+
+    def __enter__(self) -> Self:
+        self.open()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()
+
+    def identify(self) -> Identity:
+        """Serial number and firmware."""
+        return Identity(
+            manufacturer="LabJack",
+            model="T7",
+            serial=str(int(self._registers.read(reg.SERIAL_NUMBER))),
+            firmware=f"{self._registers.read(reg.FIRMWARE_VERSION):.4f}",
+        )
+
+    def read_once(self) -> SingleScan:
+        """One reading of each input, one after the other; the T7 itself makes calibrated volts of them."""
+        if self._scans is not None:
+            raise UsageError(f"{self._who}: read_once while the stream runs: call stop_stream first")
+        gyro, thermistor = self._inputs
+        count = np.uint32(self._registers.read(reg.ef_read_a(self._encoder)))
+        return SingleScan(
+            encoder_count=int(count.astype(np.int32)),
+            gyro_v=self._registers.read(reg.ain(gyro)),
+            thermistor_v=self._registers.read(reg.ain(thermistor)),
+        )
+
+    def start_stream(self, rate_hz: float) -> StreamStart:
+        """Start the stream; the rate is the nearest that the T7's clock can do."""
+        if self._scans is not None:
+            raise UsageError(f"{self._who}: start_stream while the stream runs: call stop_stream first")
+        if not 0.0 < rate_hz < math.inf:
+            raise UsageError(f"{self._who}: a scan rate of {rate_hz} Hz: give a finite one above 0")
+        self._stream.open(self._timeout_s)
+        try:
+            self._set_up_stream(rate_hz)
+            self._core_timer.look(int(self._registers.read(reg.CORE_TIMER)), self._clock.now())
+            self._registers.write(reg.STREAM_ENABLE, 1, once=True)
+            actual_hz = self._registers.read(reg.STREAM_ACTUAL_RATE_HZ)
+            if not math.isclose(actual_hz, rate_hz, rel_tol=0.01):
+                raise InstrumentError(f"{self._who}: asked for {rate_hz:g} scans a second, it does {actual_hz:g}")
+            stamp = int(self._registers.read(reg.STREAM_START_TIME_STAMP))
+        except BaseException:
+            self._forget_stream()
+            raise
+        self._scans = ScanQueue(self._calibration)
+        return StreamStart(rate_hz=actual_hz, start_s=self._core_timer.seconds_at(stamp))
+
+    def read_stream(self, scans: int, timeout_s: float) -> ScanBlock:
+        """At least `scans` scans and whatever else has arrived; see `instruments.interfaces.Digitizer`.
+
+        A scan arrives with the last one of its packet; a packet holds 50 ms, or one scan where the rate is below 20 Hz.
+        What came before a `LinkError` is kept for the next call.
+        """
+        if self._scans is None:
+            raise UsageError(f"{self._who}: read_stream while no stream runs: call start_stream first")
+        wanted = max(scans, 1)
+        give_up_s = time.monotonic() + timeout_s
+        try:
+            more_waits = False
+            while more_waits or not self._scans.ready(wanted):
+                data = self._stream.receive(LARGEST_RECEIVE, give_up_s - time.monotonic())
+                self._scans.feed(data)
+                more_waits = len(data) == LARGEST_RECEIVE and time.monotonic() < give_up_s
+        except LinkError as err:
+            came = self._scans.waiting
+            raise LinkError(f"{self._who}: expected {wanted} scans within {timeout_s:g} s, {came} came: {err}") from err
+        except InstrumentError as err:
+            raise InstrumentError(f"{self._who}: {err}") from err
+        return self._scans.take()
+
+    def stop_stream(self) -> None:
+        """Stop; what still waits in the T7 is discarded. Safe to call where no stream runs."""
+        self._forget_stream()
+        try:
+            self._registers.write(reg.STREAM_ENABLE, 0)
+        except reg.T7RefusalError as err:
+            if err.code != reg.NOT_RUNNING:
+                raise
+        if self._registers.read(reg.STREAM_ENABLE) != 0:
+            raise InstrumentError(f"{self._who}: told to stop its stream, it acknowledged and still runs")
+
+    def _check_identity(self) -> None:
+        test = int(self._registers.read(reg.TEST))
+        if test == reg.TEST_VALUE_SWAPPED:
+            raise InstrumentError(f"{self._who}: 32-bit numbers come low word first: something swaps words on the way")
+        if test != reg.TEST_VALUE:
+            raise InstrumentError(
+                f"{self._who}: expected {reg.TEST_VALUE:08X}h in register TEST, got {test:08X}h: is it a LabJack?"
+            )
+        product = self._registers.read(reg.PRODUCT_ID)
+        if product != PRODUCT_ID:
+            raise InstrumentError(f"{self._who}: expected product {PRODUCT_ID}, a T7, got {product:g}")
+
+    def _read_calibration(self) -> None:
+        flash = CALIBRATION_FLASH_ADDRESS + CALIBRATION_BYTES * RANGES_V.index(self._range_v)
+        positive, negative, centre = self._registers.read_flash(flash, 3)
+        self._calibration = AinCalibration(positive_slope=positive, negative_slope=negative, centre=centre)
+        try:
+            self._calibration.check(self._range_v)
+        except InstrumentError as err:
+            raise InstrumentError(f"{self._who}: reading its flash, {err}; have it calibrated") from err
+
+    def _set_up_encoder(self) -> None:
+        """Quadrature on two lines; where they count already they are left alone, for the sake of their zero."""
+        lines = (self._encoder, self._encoder + 1)
+        wanted = [(reg.ef_index(line), QUADRATURE) for line in lines] + [(reg.ef_enable(line), 1) for line in lines]
+        if all(self._registers.read(register) == value for register, value in wanted):
+            return
+        for line in lines:
+            self._registers.set(reg.ef_enable(line), 0)  # the feature of a line that runs cannot be changed
+        for register, value in wanted:
+            self._registers.set(register, value)
+
+    def _set_up_stream(self, rate_hz: float) -> None:
+        """Everything but ENABLE, which comes last."""
+        gyro, thermistor = self._inputs
+        scan_list = (reg.ef_read_a(self._encoder), reg.STREAM_DATA_CAPTURE_16, reg.ain(gyro), reg.ain(thermistor))
+        scans_a_packet = max(1, min(int(rate_hz * LONGEST_PACKET_S), MOST_SAMPLES // SCAN_LENGTH))
+        settings = [
+            (reg.STREAM_SCANRATE_HZ, rate_hz),
+            (reg.STREAM_NUM_ADDRESSES, SCAN_LENGTH),
+            (reg.STREAM_SAMPLES_PER_PACKET, scans_a_packet * SCAN_LENGTH),
+            (reg.STREAM_SETTLING_US, 0.0),
+            (reg.STREAM_RESOLUTION_INDEX, 0),
+            (reg.STREAM_BUFFER_SIZE_BYTES, BUFFER_BYTES),
+            (reg.STREAM_CLOCK_SOURCE, 0),
+            (reg.STREAM_AUTO_TARGET, ETHERNET),
+            (reg.STREAM_NUM_SCANS, 0),
+            (reg.STREAM_TRIGGER_INDEX, 0),
+            *((reg.stream_scanlist(index), register.address) for index, register in enumerate(scan_list)),
+        ]
+        for register, value in settings:
+            self._registers.set(register, value)
+        self._registers.write(reg.STREAM_DATATYPE, 0)  # in no register map, so perhaps not to be read
+
+    def _forget_stream(self) -> None:
+        self._stream.close()
+        self._scans = None
+
+
+Driver = LabJackT7

@@ -1,0 +1,162 @@
+"""One line there, one line back: an ACL dialogue over TCP. What the lines mean is the driver's business."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from instruments.errors import InstrumentError, LinkError
+from instruments.links.tcp import LinkCutError, TcpLink
+from instruments.protocols.acl import Reply, ReplyReader, encode
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setting:
+    """Numbers that are written by one command and read back by one query.
+
+    `{axis}` and `{}` stand for the axis and the numbers. `tolerance` is how far an answer may be off, in the units of
+    `name`; an answer that is off by a whole `turn` is not off.
+    """
+
+    name: str
+    write: str
+    ask: str
+    tolerance: float
+    turn: float = math.inf
+
+
+class AclDialogue:
+    """A dialogue with one axis of a controller; every exchange is safe from several threads.
+
+    A query that is cut off is asked once more, on a new connection: it changes nothing. A command is not, and a silent
+    controller is not asked again either. After any failure the connection is given up, so that a late reply is never
+    taken for the answer to the next question.
+
+    Parameters
+    ----------
+    name
+        How error messages call the instrument.
+    link
+        The link; the dialogue opens and closes it.
+    axis
+        What `{axis}` in commands and queries stands for.
+    timeout_s
+        How long to wait for a connection, and for a whole reply; wall time.
+    terminator
+        What ends a reply.
+    explain
+        Asked after a refusal: why, in words.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        link: TcpLink,
+        *,
+        axis: int,
+        timeout_s: float,
+        terminator: bytes,
+        explain: Callable[[], str],
+    ) -> None:
+        self._name = name
+        self._link = link
+        self._axis = axis
+        self._timeout_s = timeout_s
+        self._terminator = terminator
+        self._explain = explain
+        self._lock = threading.Lock()
+
+    def open(self) -> None:
+        """Connect."""
+        try:
+            self._link.open(self._timeout_s)
+        except LinkError as err:
+            raise LinkError(f"{self._name}: {err}") from err
+
+    def close(self) -> None:
+        """Let go of the link; safe to call twice, and never raises."""
+        self._link.close()
+
+    def ask(self, query: str) -> str:
+        """What is said in reply to a query."""
+        text = query.format(axis=self._axis)
+        with self._lock:
+            try:
+                return self._exchange(text).data
+            except LinkCutError:
+                self._link.wire_log.note("asking again")
+                return self._exchange(text).data
+
+    def numbers(self, query: str, count: int, parted_by: str = ",") -> tuple[float, ...]:
+        """The finite numbers in reply to a query, exactly `count` of them."""
+        said = self.ask(query)
+        try:
+            numbers = tuple(float(word) for word in said.split(parted_by))
+        except ValueError:
+            numbers = ()
+        if len(numbers) != count or not all(map(math.isfinite, numbers)):
+            wanted = f"{count} numbers parted by {parted_by!r}" if count > 1 else "a number"
+            raise InstrumentError(
+                f"{self._name}: asked {query.format(axis=self._axis)!r}, expected {wanted}, got {said!r};"
+                " check that the controller speaks the dialect of the ACUTROL3000"
+            )
+        return numbers
+
+    def tell(self, command: str, *values: float) -> None:
+        """Send a command; it must be acknowledged."""
+        text = command.format(*(f"{value:.6f}" for value in values), axis=self._axis)
+        with self._lock:
+            reply = self._exchange(text)
+        if not reply.ok:
+            raise InstrumentError(f"{self._name}: sent {text!r}, expected OK, got {reply.data!r}; {self._explain()}")
+
+    def write(self, setting: Setting, *values: float) -> None:
+        """Send numbers and read them back."""
+        self.tell(setting.write, *values)
+        self.expect(setting, *values)
+
+    def expect(self, setting: Setting, *wanted: float) -> None:
+        """Read numbers back."""
+        actual = self.numbers(setting.ask, len(wanted))
+        errors = (math.remainder(a - w, setting.turn) for a, w in zip(actual, wanted, strict=True))
+        if any(abs(error) > setting.tolerance for error in errors):
+            raise InstrumentError(
+                f"{self._name}: {setting.name} should be {_listed(wanted)}, it acknowledged and reads back"
+                f" {_listed(actual)}; check the controller's limits, and that nothing else commands it"
+            )
+
+    def _exchange(self, text: str) -> Reply:
+        try:
+            self._link.send(encode(text))
+            return self._receive()
+        except LinkCutError as err:
+            raise LinkCutError(f"{self._name}: sent {text!r}, expected a reply: {err}; {self._last_heard()}") from err
+        except LinkError as err:
+            self._link.cut("given up: no reply in time")
+            raise LinkError(
+                f"{self._name}: sent {text!r}, no reply within {self._timeout_s:g} s: {err}; check that the controller"
+                f" is in remote mode and that nobody else holds its link; {self._last_heard()}"
+            ) from err
+        except InstrumentError as err:
+            self._link.cut("given up: not ACL")
+            raise InstrumentError(
+                f"{self._name}: sent {text!r}, expected an ACL reply: {err}; check that the address is an ACUTROL3000's"
+            ) from err
+
+    def _receive(self) -> Reply:
+        reader = ReplyReader(self._terminator)
+        deadline_s = time.monotonic() + self._timeout_s
+        while True:
+            replies = reader.feed(self._link.receive(4096, deadline_s - time.monotonic()))
+            if replies:
+                return replies[0]
+
+    def _last_heard(self) -> str:
+        return f"last on the wire: {self._link.wire_log.tail(3)}"
+
+
+def _listed(values: tuple[float, ...]) -> str:
+    return ", ".join(f"{value:.6g}" for value in values)
