@@ -1,0 +1,1 @@
+"""What the bench obeys: pure functions on arrays."""

@@ -1,0 +1,113 @@
+"""The signal chain from the table's motion to a sample, as named stages into which omitted physics can be plugged.
+
+    motion -> sensed_rate -> coil_temperature -> scale -> bias -> electronics -> sampling
+
+A stage is a function from `Signals` to `Signals`. The baseline gives one for each stage that does something; effects of
+a stage come after it. All but the last run on a uniform grid, dense against the electronics; sampling runs on the
+digitizer's scans.
+
+What a stage must know of the samples before its own (the state of a filter) it keeps in `Signals.memory` under a name
+of its own, so that a run cut into chunks, each given the memory of the one before, is the run in one piece.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal, Protocol
+
+import numpy as np
+
+from instruments.interfaces import FloatArray
+from instruments.physics.gyro import GyroParameters, bias_v, low_pass, sine_output_v
+
+Stage = Literal["motion", "sensed_rate", "coil_temperature", "scale", "bias", "electronics", "sampling"]
+
+GRID_STAGES: tuple[Stage, ...] = ("motion", "sensed_rate", "coil_temperature", "scale", "bias", "electronics")
+STAGES: tuple[Stage, ...] = (*GRID_STAGES, "sampling")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Signals:
+    """A stretch of the chain; every array of shape (n,), sample i at time_s[i] on the bench clock.
+
+    `first_index` is, on the grid, the index of the first sample, so that a stretch which goes on from another begins
+    where that ended; at the sampling stage, the number of scans taken before.
+
+    Motion is true: angle [deg] unwrapped, rate [deg/s], acceleration [deg/s²]. `housing_c` and `coil_c` are true
+    temperatures of the gyro. What stages produce: `sensed_rate_dps`, the rate that the coil feels, in inertial space;
+    `output_v`, the gyro's output as far as the chain has come; at the sampling stage `encoder_deg`, what the encoder
+    states before it counts, and `thermistor_c`, what the thermistor states. Before its stage each is its ideal: the
+    table's rate, 0 V, the true angle, the housing's temperature.
+    """
+
+    interval_s: float
+    time_s: FloatArray
+    angle_deg: FloatArray
+    rate_dps: FloatArray
+    acceleration_dps2: FloatArray
+    housing_c: FloatArray
+    coil_c: FloatArray
+    sensed_rate_dps: FloatArray
+    output_v: FloatArray
+    encoder_deg: FloatArray
+    thermistor_c: FloatArray
+    first_index: int = 0
+    memory: Mapping[str, FloatArray] = field(default_factory=dict)
+
+
+StageFunction = Callable[[Signals], Signals]
+Baseline = Mapping[Stage, StageFunction]
+
+
+class Effect(Protocol):
+    """Physics that the baseline leaves out: it acts after the baseline's own function of its stage."""
+
+    @property
+    def stage(self) -> Stage:
+        """Where it acts."""
+
+    def apply(self, signals: Signals) -> Signals:
+        """The signals with the effect."""
+
+
+def run_chain(
+    signals: Signals, baseline: Baseline, effects: Sequence[Effect] = (), stages: Sequence[Stage] = STAGES
+) -> Signals:
+    """Send signals through stages; effects of one stage act in the order given."""
+    for stage in stages:
+        if stage in baseline:
+            signals = baseline[stage](signals)
+        for effect in effects:
+            if effect.stage == stage:
+                signals = effect.apply(signals)
+    return signals
+
+
+def gyro_baseline(parameters: GyroParameters, earth_dps: float, interval_s: float) -> Baseline:
+    """The gyro's stages on the grid; `earth_dps` is the Earth's rate about the input axis [deg/s].
+
+    The coil's temperature and the motion come true from the bench: their stages have nothing to do here.
+    """
+    electronics = low_pass(parameters.cutoff_hz, parameters.order, interval_s)
+
+    def sense(signals: Signals) -> Signals:
+        return replace(signals, sensed_rate_dps=signals.rate_dps + earth_dps)
+
+    def scale(signals: Signals) -> Signals:
+        return replace(signals, output_v=sine_output_v(parameters, signals.sensed_rate_dps, signals.coil_c))
+
+    def add_bias(signals: Signals) -> Signals:
+        return replace(signals, output_v=signals.output_v + bias_v(parameters, signals.coil_c))
+
+    def smooth(signals: Signals) -> Signals:
+        next_index, *kept = signals.memory.get("electronics", (-np.inf,))
+        # without the sample just before, the best that is known is that the input was long as it is
+        state = (
+            np.asarray(kept) if next_index == signals.first_index else electronics.at_rest(float(signals.output_v[0]))
+        )
+        smoothed, state = electronics(signals.output_v, state)
+        carried = np.array([signals.first_index + smoothed.size, *state])
+        return replace(signals, output_v=smoothed, memory={**signals.memory, "electronics": carried})
+
+    return {"sensed_rate": sense, "scale": scale, "bias": add_bias, "electronics": smooth}

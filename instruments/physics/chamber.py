@@ -1,0 +1,124 @@
+"""A climate chamber and the gyro inside it: a set point followed at a limited ramp, then three thermal lags in a row.
+
+    set point -> profile (limited slope) -> air (τa) -> housing (τh) -> coil (τc)
+
+Switched off, the air drifts to the room's temperature instead. The profile is piecewise linear in time, so each
+temperature is a straight line plus exponentials: `advance` is exact and does not depend on how time is cut into pieces.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, replace
+
+from instruments.errors import UsageError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChamberParameters:
+    """Lags [s], the ramp limit [°C/min] and what the heater shows; every default is assumed.
+
+    `self_heating_c` is how much warmer than the air the gyro's housing settles. The power shown is what holds the air
+    away from the room's temperature and what moves it.
+    """
+
+    ramp_c_per_min: float = 2.0
+    air_lag_s: float = 60.0
+    housing_lag_s: float = 600.0
+    coil_lag_s: float = 300.0
+    drift_lag_s: float = 1800.0
+    self_heating_c: float = 0.0
+    thermistor_noise_c: float = 0.003
+    hold_percent_per_c: float = 0.6
+    ramp_percent_per_c_per_min: float = 25.0
+
+    def __post_init__(self) -> None:
+        if self.ramp_c_per_min <= 0.0:
+            raise UsageError(f"a ramp limit of {self.ramp_c_per_min} °C/min: give one above 0")
+        lags_s = sorted((self.air_lag_s, self.housing_lag_s, self.coil_lag_s, self.drift_lag_s))
+        if lags_s[0] <= 0.0:
+            raise UsageError(f"a thermal lag of {lags_s[0]} s: give one above 0")
+        # the exponentials of two equal lags merge into a form that the closed solution does not have
+        if any(above < 1.01 * below for below, above in itertools.pairwise(lags_s)):
+            raise UsageError(f"thermal lags {lags_s} s: no two may lie within 1 % of each other")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChamberState:
+    """Everything that decides the future of the temperatures [°C]; `profile_c` is what the ramp has come to."""
+
+    air_c: float
+    housing_c: float
+    coil_c: float
+    profile_c: float
+    setpoint_c: float
+    running: bool = False
+
+
+def settled(parameters: ChamberParameters, room_c: float) -> ChamberState:
+    """A chamber that has long been off."""
+    gyro_c = room_c + parameters.self_heating_c
+    return ChamberState(air_c=room_c, housing_c=gyro_c, coil_c=gyro_c, profile_c=room_c, setpoint_c=room_c)
+
+
+def switched(state: ChamberState, on: bool) -> ChamberState:
+    """The state right after conditioning is switched; switched on, the profile starts from the air."""
+    if on and not state.running:
+        return replace(state, running=True, profile_c=state.air_c)
+    return replace(state, running=on)
+
+
+def advance(parameters: ChamberParameters, room_c: float, state: ChamberState, seconds: float) -> ChamberState:
+    """The state `seconds` later under an unchanged set point."""
+    if not state.running:
+        return _relaxed(parameters, state, parameters.drift_lag_s, room_c, 0.0, seconds)
+    distance_c = state.setpoint_c - state.profile_c
+    slope = math.copysign(parameters.ramp_c_per_min / 60.0, distance_c)
+    ramping_s = min(distance_c / slope, seconds)
+    if ramping_s > 0.0:
+        state = _relaxed(parameters, state, parameters.air_lag_s, state.profile_c, slope, ramping_s)
+        state = replace(state, profile_c=state.profile_c + slope * ramping_s)
+    if seconds > ramping_s:
+        state = replace(state, profile_c=state.setpoint_c)
+        state = _relaxed(parameters, state, parameters.air_lag_s, state.setpoint_c, 0.0, seconds - ramping_s)
+    return state
+
+
+def power_percent(parameters: ChamberParameters, room_c: float, state: ChamberState) -> float:
+    """Heating (+) or cooling (-) power [%], within ±100; an estimate from the air and its slope."""
+    if not state.running:
+        return 0.0
+    slope_c_per_min = (state.profile_c - state.air_c) / parameters.air_lag_s * 60.0
+    power = parameters.hold_percent_per_c * (state.air_c - room_c)
+    power += parameters.ramp_percent_per_c_per_min * slope_c_per_min
+    return max(-100.0, min(100.0, power))
+
+
+@dataclass(frozen=True, slots=True)
+class _Course:
+    """A temperature over time t: level + slope·t + Σ amplitude·exp(−t/tau)."""
+
+    level: float
+    slope: float
+    decays: tuple[tuple[float, float], ...] = ()
+
+    def behind(self, tau_s: float, start: float) -> _Course:
+        """What follows this course through a first-order lag, from a start value on."""
+        level = self.level - self.slope * tau_s
+        decays = tuple((amplitude * other_s / (other_s - tau_s), other_s) for amplitude, other_s in self.decays)
+        own = start - level - sum(amplitude for amplitude, _ in decays)
+        return _Course(level, self.slope, (*decays, (own, tau_s)))
+
+    def at(self, t: float) -> float:
+        return self.level + self.slope * t + sum(amplitude * math.exp(-t / tau_s) for amplitude, tau_s in self.decays)
+
+
+def _relaxed(
+    parameters: ChamberParameters, state: ChamberState, air_lag_s: float, drive_c: float, slope: float, seconds: float
+) -> ChamberState:
+    air = _Course(drive_c, slope).behind(air_lag_s, state.air_c)
+    warmed = replace(air, level=air.level + parameters.self_heating_c)
+    housing = warmed.behind(parameters.housing_lag_s, state.housing_c)
+    coil = housing.behind(parameters.coil_lag_s, state.coil_c)
+    return replace(state, air_c=air.at(seconds), housing_c=housing.at(seconds), coil_c=coil.at(seconds))

@@ -1,0 +1,109 @@
+"""The open-loop fibre-optic gyro: what it puts out, before noise, for a rate and a temperature of its coil.
+
+    U = h{ U0(T) + (K0/S)·g(T)·sin(S·Ω + φ) },    g(T) = 1 + g1·ΔT + g2·ΔT²,   U0(T) = U0 + c1·ΔT + c2·ΔT²
+
+with ΔT = T − T0, T the temperature of the coil and Ω the rate about the input axis in inertial space (the table's and
+the Earth's). The sine is the interferometer's (Sagnac phase S·Ω, first harmonic of the detector); h is the output's
+low-pass.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.signal
+
+from instruments.errors import UsageError
+from instruments.interfaces import FloatArray
+
+EARTH_RATE_DPH = 15.041
+"""Rate of the Earth [deg/h]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GyroParameters:
+    """An analog open-loop gyro of the VG910 class. No data sheet is public: every default is assumed.
+
+    S agrees with what the published correction polynomial implies (0.00448 to 0.00452 rad per deg/s); g1 and g2 are the
+    inverse of the published k(T) to first order. `arw_deg_per_sqrt_h` is the angle random walk N; N/60 is the two-sided
+    amplitude density of the rate noise in (deg/s)/√Hz.
+    """
+
+    K0_v_per_dps: float = 0.050
+    U0_v: float = 0.012
+    S_rad_per_dps: float = 0.0045
+    T0_c: float = 20.0
+    phi_nr_rad: float = 0.0
+    g1_per_c: float = -1.315e-4
+    g2_per_c2: float = 2.066e-6
+    c1_v_per_c: float = 2e-5
+    c2_v_per_c2: float = -1.5e-7
+    arw_deg_per_sqrt_h: float = 0.03
+    bias_walk_v_per_sqrt_s: float = 5e-7
+    cutoff_hz: float = 200.0
+    order: int = 2
+    output_limit_v: float = 11.0
+
+    def __post_init__(self) -> None:
+        if self.S_rad_per_dps <= 0.0:
+            raise UsageError(f"S_rad_per_dps is {self.S_rad_per_dps}: give the Sagnac phase per rate, above 0")
+        if self.cutoff_hz <= 0.0 or self.order not in (1, 2):
+            raise UsageError(f"a low-pass of order {self.order} at {self.cutoff_hz} Hz: give order 1 or 2, above 0 Hz")
+
+
+def earth_rate_dps(latitude_deg: float) -> float:
+    """The Earth's rate about a vertical axis [deg/s], positive (counter-clockwise seen from above) in the north."""
+    return EARTH_RATE_DPH / 3600.0 * math.sin(math.radians(latitude_deg))
+
+
+def sine_output_v(parameters: GyroParameters, rate_dps: FloatArray, coil_c: FloatArray) -> FloatArray:
+    """The interferometer's part of the output [V] for rates [deg/s] and coil temperatures [°C], all of shape (n,)."""
+    delta_c = coil_c - parameters.T0_c
+    gain = 1.0 + delta_c * (parameters.g1_per_c + delta_c * parameters.g2_per_c2)
+    phase = parameters.S_rad_per_dps * rate_dps
+    phase += parameters.phi_nr_rad
+    np.sin(phase, out=phase)
+    phase *= gain
+    phase *= parameters.K0_v_per_dps / parameters.S_rad_per_dps
+    return phase
+
+
+def bias_v(parameters: GyroParameters, coil_c: FloatArray) -> FloatArray:
+    """The bias U0(T) [V] for coil temperatures [°C], shape (n,)."""
+    delta_c = coil_c - parameters.T0_c
+    return parameters.U0_v + delta_c * (parameters.c1_v_per_c + delta_c * parameters.c2_v_per_c2)
+
+
+def white_deviation_v(parameters: GyroParameters, sample_rate_hz: float) -> float:
+    """Standard deviation [V] of samples that each average the white noise over one interval: K0·N/60·√fs."""
+    return parameters.K0_v_per_dps * parameters.arw_deg_per_sqrt_h / 60.0 * math.sqrt(sample_rate_hz)
+
+
+@dataclass(frozen=True, slots=True)
+class LowPass:
+    """A Butterworth low-pass as a difference equation, exact for an input that runs straight from sample to sample."""
+
+    numerator: FloatArray
+    denominator: FloatArray
+
+    def at_rest(self, level: float) -> FloatArray:
+        """The state, shape (order,), of a filter whose input has long been at a level."""
+        state: FloatArray = scipy.signal.lfilter_zi(self.numerator, self.denominator) * level
+        return state
+
+    def __call__(self, x: FloatArray, state: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Filter samples of shape (n,) from a state on; the output, shape (n,), and the state to go on from."""
+        y, after = scipy.signal.lfilter(self.numerator, self.denominator, x, zi=state)
+        return y, after
+
+
+def low_pass(cutoff_hz: float, order: int, interval_s: float) -> LowPass:
+    """Discretise a continuous Butterworth low-pass (triangle hold, so that neither gain nor delay at 0 Hz is touched).
+
+    The delay at low frequency is √2/(2π·cutoff) for order 2 and 1/(2π·cutoff) for order 1.
+    """
+    analog = scipy.signal.butter(order, 2.0 * math.pi * cutoff_hz, analog=True)
+    numerator, denominator, _ = scipy.signal.cont2discrete(analog, interval_s, method="foh")
+    return LowPass(np.ravel(numerator), np.ravel(denominator))

@@ -1,0 +1,51 @@
+"""Random processes of the sensor: white noise, and a random walk that can be asked for at any increasing instants."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from instruments.errors import UsageError
+from instruments.interfaces import FloatArray
+
+
+class WhiteNoise:
+    """Independent normal samples; the series does not depend on how it is cut into draws."""
+
+    def __init__(self, seed: np.random.SeedSequence) -> None:
+        self._generator = np.random.default_rng(seed)
+
+    def draw(self, samples: int, deviation: float) -> FloatArray:
+        """The next samples, shape (samples,), of a standard deviation."""
+        values = self._generator.standard_normal(samples)
+        values *= deviation
+        return values
+
+
+class RandomWalk:
+    """Integrated white noise B, zero at time zero: increments over disjoint times are independent, variance q²·Δt.
+
+    Exact at the instants asked for, whatever their spacing, and continuous from one call to the next. `last_s` is the
+    last instant that was asked for.
+    """
+
+    def __init__(self, seed: np.random.SeedSequence, per_sqrt_s: float) -> None:
+        self._generator = np.random.default_rng(seed)
+        self._per_sqrt_s = per_sqrt_s
+        self.last_s = 0.0
+        self._value = 0.0
+
+    def at(self, times_s: FloatArray) -> FloatArray:
+        """The walk at instants [s] of shape (n,), n ≥ 1, increasing and none before the last one asked for."""
+        waits_s = np.diff(times_s, prepend=self.last_s)
+        if waits_s.min() < 0.0:
+            raise UsageError(
+                f"a random walk was asked for at {times_s[waits_s.argmin()]:.6f} s after {self.last_s:.6f} s:"
+                " ask in the order of time"
+            )
+        steps = np.sqrt(waits_s, out=waits_s)
+        steps *= self._generator.standard_normal(times_s.size)
+        steps *= self._per_sqrt_s
+        steps[0] += self._value
+        walk = np.cumsum(steps, out=steps)
+        self.last_s, self._value = float(times_s[-1]), float(walk[-1])
+        return walk

@@ -1,0 +1,67 @@
+"""The simulated bench on the wire: one world, and a server for each instrument that speaks its real protocol."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import Any, Self
+
+from instruments.catalog import twin
+from instruments.simulated.clock import ScaledClock, VirtualClock
+from instruments.simulated.settings import WorldSettings
+from instruments.simulated.world import World
+
+
+class SimulatedBench:
+    """A world and its servers, started on entry and stopped on exit.
+
+    Parameters
+    ----------
+    settings
+        What the world obeys.
+    clock
+        Virtual for a campaign in this process, scaled wall time for other programs.
+    rate_table, chamber, digitizer
+        Models, as in bench.toml.
+    options
+        Further keywords of the twins, by instrument: a port, a pace.
+    """
+
+    def __init__(
+        self,
+        settings: WorldSettings,
+        clock: VirtualClock | ScaledClock,
+        *,
+        rate_table: str,
+        chamber: str,
+        digitizer: str,
+        options: dict[str, dict[str, Any]] | None = None,
+    ) -> None:
+        self.world = World(clock, settings)
+        self.clock = clock
+        more = options or {}
+        self.rate_table = twin("rate_table", rate_table)(self.world.table, **more.get("rate_table", {}))
+        self.chamber = twin("chamber", chamber)(self.world.chamber, **more.get("chamber", {}))
+        self.digitizer = twin("digitizer", digitizer)(self.world.inputs, **more.get("digitizer", {}))
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Self:
+        with ExitStack() as stack:
+            for server in (self.rate_table, self.chamber, self.digitizer):
+                stack.enter_context(server)
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._stack.close()
+
+    @property
+    def addresses(self) -> dict[str, str]:
+        """Where the instruments answer, by their names in bench.toml; the stream has an address of its own."""
+        found = {
+            "rate_table": self.rate_table.address,
+            "chamber": self.chamber.address,
+            "digitizer": self.digitizer.address,
+        }
+        if stream := getattr(self.digitizer, "stream_address", None):
+            found["digitizer_stream"] = stream
+        return found

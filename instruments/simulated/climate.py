@@ -1,0 +1,92 @@
+"""The chamber of the simulated bench and the temperatures of the gyro in it, over time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from instruments.errors import UsageError
+from instruments.interfaces import FloatArray
+from instruments.physics.chamber import (
+    ChamberParameters,
+    ChamberState,
+    advance,
+    power_percent,
+    settled,
+    switched,
+)
+from instruments.simulated.timebase import Timebase
+
+_LONG_AGO_S = -100.0
+
+
+class ClimateChamber:
+    """A `ChamberMachine`. Commands are acknowledged at once and act from the next whole second on.
+
+    Temperatures are exact at whole seconds and run straight in between, so that they do not depend on who asks when.
+    """
+
+    def __init__(self, timebase: Timebase, parameters: ChamberParameters, room_c: float) -> None:
+        self._timebase = timebase
+        self._parameters = parameters
+        self._room_c = room_c
+        self._changes = [(_LONG_AGO_S, settled(parameters, room_c))]
+
+    def air_c(self) -> float:
+        """Air temperature now."""
+        return self._now().air_c
+
+    def setpoint_c(self) -> float:
+        """The set point as last commanded."""
+        return self._changes[-1][1].setpoint_c
+
+    def set_setpoint(self, setpoint_c: float) -> None:
+        """A new set point."""
+        self._change(lambda state: replace(state, setpoint_c=setpoint_c))
+
+    def power_percent(self) -> float:
+        """Heating (+) or cooling (-) power now, -100 to 100."""
+        return power_percent(self._parameters, self._room_c, self._now())
+
+    def running(self) -> bool:
+        """Whether it conditions, as last commanded."""
+        return self._changes[-1][1].running
+
+    def run(self, on: bool) -> None:
+        """Conditioning on or off."""
+        self._change(lambda state: switched(state, on))
+
+    def gyro_c(self, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Temperatures of the gyro's housing and coil at instants of shape (n,), in increasing order."""
+        with self._timebase.lock:
+            first, last = math.floor(times_s[0]), math.ceil(times_s[-1])
+            seconds = np.arange(first, max(last, first + 1) + 1, dtype=np.float64)
+            states = [self._at(second) for second in seconds.tolist()]
+        housing = np.array([state.housing_c for state in states])
+        coil = np.array([state.coil_c for state in states])
+        return np.interp(times_s, seconds, housing), np.interp(times_s, seconds, coil)
+
+    def _now(self) -> ChamberState:
+        with self._timebase.lock:
+            return self._at(self._timebase.now())
+
+    def _at(self, time_s: float) -> ChamberState:
+        known_s = self._changes[0][0]
+        if time_s < known_s:
+            raise UsageError(
+                f"temperatures at {time_s:.3f} s are forgotten, they are known since {known_s:.3f} s:"
+                " hold the history before the next command"
+            )
+        start_s, state = next(change for change in reversed(self._changes) if change[0] <= time_s)
+        return advance(self._parameters, self._room_c, state, time_s - start_s)
+
+    def _change(self, change: Callable[[ChamberState], ChamberState]) -> None:
+        with self._timebase.lock:
+            at_s = float(math.ceil(self._timebase.now()))
+            changed = change(self._at(at_s))
+            past = sum(start_s <= self._timebase.forgettable_s() - 1.0 for start_s, _ in self._changes)
+            kept = [entry for entry in self._changes[max(past - 1, 0) :] if entry[0] < at_s]
+            self._changes = [*kept, (at_s, changed)]

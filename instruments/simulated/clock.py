@@ -1,0 +1,99 @@
+"""The simulated bench's time: a clock that jumps, and one that runs at a multiple of wall time.
+
+Both satisfy `instruments.interfaces.Clock`; beside it they let a simulated instrument wait for an instant of bench
+time.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Protocol
+
+from instruments.errors import UsageError
+
+
+class BenchClock(Protocol):
+    """`instruments.interfaces.Clock` with something to wait on, for what runs beside the host's own thread."""
+
+    def now(self) -> float:
+        """Seconds of bench time since the clock was made; never goes back."""
+
+    def sleep(self, seconds: float) -> None:
+        """Let that much bench time pass."""
+
+    @property
+    def chunk_s(self) -> float:
+        """How much bench time may pass between two looks at the bench."""
+
+    def wait_until(self, bench_time_s: float, timeout_s: float) -> bool:
+        """Block until an instant of bench time, at most `timeout_s` of wall time; whether it has come."""
+
+
+class VirtualClock:
+    """Bench time that passes only while somebody sleeps, and then at once; hours of soak cost nothing."""
+
+    def __init__(self) -> None:
+        self._now_s = 0.0
+        self._moved = threading.Condition()
+
+    def now(self) -> float:
+        """Seconds of bench time."""
+        with self._moved:
+            return self._now_s
+
+    def sleep(self, seconds: float) -> None:
+        """Jump ahead by `seconds` and wake whoever waits."""
+        _refuse_the_past(seconds)
+        with self._moved:
+            self._now_s += seconds
+            self._moved.notify_all()
+
+    @property
+    def chunk_s(self) -> float:
+        """Seconds of bench time between two looks at the bench."""
+        return 5.0
+
+    def wait_until(self, bench_time_s: float, timeout_s: float) -> bool:
+        """Block until some other thread's sleep has reached the instant, at most `timeout_s` of wall time."""
+        with self._moved:
+            return self._moved.wait_for(lambda: self._now_s >= bench_time_s, timeout_s)
+
+
+class ScaledClock:
+    """Bench time that runs `factor` times as fast as the wall's."""
+
+    def __init__(self, factor: float = 1.0) -> None:
+        if not 0.0 < factor < float("inf"):
+            raise UsageError(f"a clock cannot run {factor} times as fast as the wall's: give a finite factor above 0")
+        self._factor = factor
+        self._start_s = time.monotonic()
+
+    def now(self) -> float:
+        """Seconds of bench time."""
+        return (time.monotonic() - self._start_s) * self._factor
+
+    def sleep(self, seconds: float) -> None:
+        """Wait for `seconds` of bench time, `seconds / factor` by the wall."""
+        _refuse_the_past(seconds)
+        time.sleep(seconds / self._factor)
+
+    @property
+    def chunk_s(self) -> float:
+        """Seconds of bench time between two looks at the bench: half a second by the wall."""
+        return 0.5 * self._factor
+
+    def wait_until(self, bench_time_s: float, timeout_s: float) -> bool:
+        """Block until the instant, at most `timeout_s` of wall time."""
+        give_up_s = time.monotonic() + timeout_s
+        while (left_s := (bench_time_s - self.now()) / self._factor) > 0.0:
+            patience_s = give_up_s - time.monotonic()
+            if patience_s <= 0.0:
+                return False
+            time.sleep(min(left_s, patience_s))
+        return True
+
+
+def _refuse_the_past(seconds: float) -> None:
+    if not 0.0 <= seconds < float("inf"):
+        raise UsageError(f"cannot let {seconds} s of bench time pass: give a finite time, zero or more")

@@ -1,0 +1,67 @@
+"""A simulated device's serial line: a pseudo-terminal where the system has them, otherwise serial over TCP."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from typing import Self
+
+from instruments.simulated.tcp_server import Conversation, TcpServer
+
+if sys.platform != "win32":
+    from instruments.simulated.pty_line import PtyLine
+
+
+class SerialLine:
+    """A line with a device at its end, from `start()` to `stop()`, or in a `with`; the client need not know which kind.
+
+    `address` is "serial:///dev/pts/4?baud=19200" or "socket://127.0.0.1:PORT", known once it is started.
+
+    Parameters
+    ----------
+    device
+        Makes the device's end of a connection: once for a pseudo-terminal, once for each connection over TCP.
+    baud
+        The speed that the address names; a pseudo-terminal takes any and keeps none.
+    pace_baud
+        Bytes move as a line at this speed would let them; None: at once.
+    over_tcp
+        Serial over TCP also where pseudo-terminals exist.
+    """
+
+    def __init__(
+        self,
+        device: Callable[[], Conversation],
+        *,
+        baud: int = 19200,
+        pace_baud: int | None = None,
+        over_tcp: bool = False,
+    ) -> None:
+        self._baud = baud
+        self._line: PtyLine | TcpServer
+        if over_tcp or sys.platform == "win32":
+            self._line = TcpServer(device, pace_baud=pace_baud)
+        else:
+            self._line = PtyLine(device(), pace_baud=pace_baud)
+
+    @property
+    def address(self) -> str:
+        """What a driver is given to find the line."""
+        if isinstance(self._line, TcpServer):
+            return self._line.address.replace("tcp://", "socket://")
+        return f"serial://{self._line.port}?baud={self._baud}"
+
+    def start(self) -> None:
+        """Open the line and serve it from a thread of its own."""
+        self._line.start()
+
+    def stop(self) -> None:
+        """Close the line; safe to call twice."""
+        self._line.stop()
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.stop()

@@ -1,0 +1,85 @@
+"""Everything that can be set about the simulated bench, with plain defaults; the `[simulated]` table of bench.toml."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from typing import Any, TypeVar, get_type_hints
+
+import numpy as np
+
+from instruments.errors import UsageError
+from instruments.physics.chamber import ChamberParameters
+from instruments.physics.encoder import EncoderParameters
+from instruments.physics.gyro import GyroParameters
+from instruments.physics.table import TableParameters
+
+_Settings = TypeVar("_Settings")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WorldSettings:
+    """The parts of the simulated bench and where it stands.
+
+    `thermistor_v_per_c` and `thermistor_offset_v` are the amplifier's scale: volts = slope·°C + offset. `grid_hz` is
+    the internal rate at which the gyro's electronics are computed. The same `seed` gives the same noise.
+    """
+
+    gyro: GyroParameters = field(default_factory=GyroParameters)
+    table: TableParameters = field(default_factory=TableParameters)
+    encoder: EncoderParameters = field(default_factory=EncoderParameters)
+    chamber: ChamberParameters = field(default_factory=ChamberParameters)
+    latitude_deg: float = 58.5
+    room_c: float = 23.0
+    thermistor_v_per_c: float = 0.05
+    thermistor_offset_v: float = 0.0
+    grid_hz: float = 2000.0
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        if self.grid_hz < 4.0 * self.gyro.cutoff_hz:
+            raise UsageError(
+                f"grid_hz is {self.grid_hz}: give at least four times the gyro's cutoff_hz, {self.gyro.cutoff_hz}"
+            )
+        if not -90.0 <= self.latitude_deg <= 90.0:
+            raise UsageError(f"latitude_deg is {self.latitude_deg}: give -90 to 90")
+
+    @classmethod
+    def from_mapping(cls, mapping: Mapping[str, Any], *, where: str = "simulated") -> WorldSettings:
+        """Settings from nested mappings, as TOML gives them; what is not named keeps its default.
+
+        An unknown field, or a value of the wrong type, is a `UsageError` that names it as `[where.table] field`.
+        """
+        return _built(cls, mapping, where)
+
+    def drawn(self, seed: int) -> WorldSettings:
+        """Another bench of the same make: new noise, the encoder mounted otherwise, the same coefficients."""
+        first_deg, second_deg = np.random.default_rng(seed).uniform(0.0, 360.0, 2)
+        mounted = replace(
+            self.encoder, eccentricity_phase_deg=float(first_deg), ellipticity_phase_deg=float(second_deg)
+        )
+        return replace(self, encoder=mounted, seed=seed)
+
+
+def _built(cls: type[_Settings], mapping: Mapping[str, Any], where: str) -> _Settings:
+    types = get_type_hints(cls)
+    known = [item.name for item in fields(cls)]  # type: ignore[arg-type]
+    values = {}
+    for name, value in mapping.items():
+        if name not in known:
+            raise UsageError(f"[{where}] {name}: no such field; there are {', '.join(known)}")
+        values[name] = _checked(types[name], value, where, name)
+    return cls(**values)
+
+
+def _checked(wanted: type[Any], value: object, where: str, name: str) -> object:
+    if is_dataclass(wanted):
+        if not isinstance(value, Mapping):
+            raise UsageError(f"[{where}] {name}: expected a table [{where}.{name}], got {value!r}")
+        return _built(wanted, value, f"{where}.{name}")
+    accepted = (int,) if wanted is int else (int, float)
+    if isinstance(value, bool) or not isinstance(value, accepted) or not math.isfinite(value):
+        expected = "a whole number" if wanted is int else "a finite number"
+        raise UsageError(f"[{where}] {name}: expected {expected}, got {value!r}")
+    return wanted(value)

@@ -1,0 +1,134 @@
+"""The stream of a simulated T7 between its inputs and the wire: scans when they are due, packets when they are full.
+
+The instrument's buffer holds what the wire does not take. When it is full, scans are skipped and counted; once the wire
+has taken what was kept, a dummy scan marks the gap and scanning goes on: `instruments.protocols.t7_stream` shows it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from instruments.protocols.t7_stream import (
+    AUTO_RECOVER_ACTIVE,
+    AUTO_RECOVER_END,
+    DUMMY,
+    SCAN_OVERLAP,
+    SKIP_OVERFLOW,
+    encode_packets,
+)
+
+MOST_SAMPLES_A_SECOND = 100_000
+LARGEST_BATCH = 8192
+ROUNDING = 1e-6  # of a scan interval: how long after its instant a scan counts as past
+
+Samples = npt.NDArray[np.uint16]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StreamSettings:
+    """What a stream was asked to be.
+
+    `sample` gives (first_s, interval_s, scans) -> samples of shape (scans, `scan_length`).
+    """
+
+    first_s: float
+    rate_hz: float
+    scan_length: int
+    samples_per_packet: int
+    buffer_bytes: int
+    sample: Callable[[float, float, int], Samples]
+
+
+class StreamBuffer:
+    """One stream, from its start to its end; no thread and no socket of its own.
+
+    Attributes
+    ----------
+    over
+        The stream ended by itself: a scan overlapped the next one, or the count of skipped scans overflowed.
+    """
+
+    def __init__(self, settings: StreamSettings) -> None:
+        self.over = False
+        self.packet_bytes = 16 + 2 * settings.samples_per_packet
+        self._settings = settings
+        self._taken = 0  # scans sampled or skipped
+        self._rest: Samples = np.empty(0, np.uint16)  # what fills no packet yet
+        self._transaction = 0
+        self._kept_until: int | None = None  # while it recovers: the first scan that is skipped
+        overlaps = settings.rate_hz * settings.scan_length > MOST_SAMPLES_A_SECOND
+        self._announcement = (SCAN_OVERLAP, 0) if overlaps else None  # status and additional of the next packet
+
+    def due(self, now_s: float) -> int:
+        """How many scans should have been taken by now."""
+        return max(0, math.floor((now_s - self._settings.first_s) * self._settings.rate_hz - ROUNDING) + 1)
+
+    def instant_s(self, scan: int) -> float:
+        """When a scan is taken."""
+        return self._settings.first_s + scan / self._settings.rate_hz
+
+    @property
+    def next_packet_s(self) -> float:
+        """When the next packet will be full."""
+        missing = self._settings.samples_per_packet - len(self._rest)
+        last = self._taken + math.ceil(missing / self._settings.scan_length) - 1
+        return self.instant_s(last) + 2.0 * ROUNDING / self._settings.rate_hz
+
+    @property
+    def next_scan_s(self) -> float:
+        """When the next scan is taken, or should have been."""
+        return self.instant_s(self._taken)
+
+    def fill(self, now_s: float, in_transit: int) -> None:
+        """Account for the scans due while the wire took nothing; those up to `in_transit` were on their way before."""
+        room = self._settings.buffer_bytes // (2 * self._settings.scan_length)
+        if self._kept_until is None and self.due(now_s) - in_transit > room:
+            self._kept_until = in_transit + room
+
+    def packets(self, now_s: float) -> bytes:
+        """The packets that a batch of due scans fills; b"" where none is full yet."""
+        due = self.due(now_s)
+        if self._kept_until is not None and self._taken >= self._kept_until:
+            self._end_recovery(due)
+        scans = min((due if self._kept_until is None else self._kept_until) - self._taken, LARGEST_BATCH)
+        if scans > 0:
+            batch = self._settings.sample(self.next_scan_s, 1.0 / self._settings.rate_hz, scans)
+            self._rest = np.concatenate((self._rest, batch.reshape(-1)))
+            self._taken += scans
+        return self._full_packets(due)
+
+    def _end_recovery(self, due: int) -> None:
+        skipped = max(1, due - self._taken)  # the dummy scan stands for the first of them
+        self._kept_until = None
+        self._taken += skipped
+        self._rest = np.concatenate((self._rest, np.full(self._settings.scan_length, DUMMY, np.uint16)))
+        self._announcement = (AUTO_RECOVER_END, skipped) if skipped <= 0xFFFF else (SKIP_OVERFLOW, 0)
+
+    def _full_packets(self, due: int) -> bytes:
+        width = self._settings.samples_per_packet
+        count = len(self._rest) // width
+        if not count:
+            return b""
+        status = np.full(count, 0 if self._kept_until is None else AUTO_RECOVER_ACTIVE)
+        additional = np.zeros(count, np.int64)
+        if self._announcement is not None:
+            status[0], additional[0] = self._announcement
+            if status[0] != AUTO_RECOVER_END:
+                self.over, count = True, 1
+            self._announcement = None
+        whole, self._rest = self._rest[: count * width].reshape(count, width), self._rest[count * width :]
+        behind = (due - self._taken) * self._settings.scan_length + len(self._rest)
+        waiting = behind + width * np.arange(count - 1, -1, -1)
+        first_transaction, self._transaction = self._transaction, self._transaction + count
+        return encode_packets(
+            whole,
+            first_transaction=first_transaction,
+            backlog_bytes=2 * np.maximum(waiting, 0),
+            status=status[:count],
+            additional=additional[:count],
+        )

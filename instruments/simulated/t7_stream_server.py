@@ -1,0 +1,163 @@
+"""The second socket of a simulated T7, on which it sends its stream by itself to whoever is connected."""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import socket
+import threading
+
+from instruments.errors import UsageError
+from instruments.simulated.machines import AnalogInputs
+from instruments.simulated.t7_stream_buffer import StreamBuffer
+
+SEND_BUFFER_BYTES = 1 << 16  # small, as in the instrument: a client that does not read is noticed
+PATIENCE_S = 0.02  # wall time between two looks at what else might have changed
+
+
+class T7StreamServer:
+    """Sends the packets of one stream after the other to the client that connected last.
+
+    While no stream runs it only waits, so that bench time may jump at no cost. What falls due in one jump counts as on
+    its way to the client; only what falls due while the wire takes nothing fills the instrument's buffer. A new client
+    gets whole packets.
+    """
+
+    def __init__(self, inputs: AnalogInputs, *, host: str, port: int) -> None:
+        self._inputs = inputs
+        self._where = (host, port)
+        self._listener: socket.socket | None = None
+        self._client: socket.socket | None = None
+        self._thread: threading.Thread | None = None
+        self._stopping = False
+        self._changed = threading.Condition()
+        self._stream: StreamBuffer | None = None
+
+    @property
+    def address(self) -> str:
+        """`tcp://HOST:PORT`, with the port that was really taken once it runs."""
+        host, port = self._where
+        return f"tcp://{f'[{host}]' if ':' in host else host}:{port}"
+
+    def start(self) -> None:
+        """Listen; when it returns, a client can connect."""
+        if self._listener is not None:
+            return
+        family = socket.AF_INET6 if ":" in self._where[0] else socket.AF_INET
+        try:
+            self._listener = socket.create_server(self._where, family=family)
+        except OSError as err:
+            raise UsageError(f"cannot listen at {self.address}: {err.strerror or err}; choose another port") from err
+        self._listener.setblocking(False)
+        self._where = (self._where[0], self._listener.getsockname()[1])
+        self._stopping = False
+        self._thread = threading.Thread(
+            target=self._serve, args=(self._listener,), name=f"stream {self.address}", daemon=True
+        )
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the stream, close everything and join the thread; safe to call twice."""
+        with self._changed:
+            self._stopping, self._stream = True, None
+            self._changed.notify_all()
+        if self._thread is not None:
+            self._thread.join()
+        self._drop_client()
+        if self._listener is not None:
+            self._listener.close()
+        self._listener = self._thread = None
+
+    @property
+    def running(self) -> bool:
+        """Whether a stream runs."""
+        return self._stream is not None
+
+    def begin(self, stream: StreamBuffer) -> None:
+        """Send this stream from now on."""
+        with self._changed:
+            self._inputs.hold_history(stream.next_scan_s)
+            self._stream = stream
+            self._changed.notify_all()
+
+    def end(self) -> None:
+        """End the stream; nothing is sampled once this has returned."""
+        with self._changed:
+            self._stream = None
+            self._inputs.hold_history(None)
+
+    def _serve(self, listener: socket.socket) -> None:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._stopping or self._stream is not None)
+                stream = self._stream
+            if stream is None:
+                return
+            self._run(stream, listener)
+
+    def _run(self, stream: StreamBuffer, listener: socket.socket) -> None:
+        while self._stream is stream:
+            now_s = self._inputs.now()
+            packets = self._packets(stream, now_s)
+            if packets:
+                self._send(stream, packets, stream.due(now_s), listener)
+            if stream.over:
+                self._end_if(stream)
+            elif stream.next_packet_s > self._inputs.now():
+                self._inputs.wait_until(stream.next_packet_s, PATIENCE_S)
+
+    def _packets(self, stream: StreamBuffer, now_s: float) -> bytes:
+        with self._changed:
+            if self._stream is not stream:
+                return b""
+            packets = stream.packets(now_s)
+            self._inputs.hold_history(stream.next_scan_s)
+            return packets
+
+    def _end_if(self, stream: StreamBuffer) -> None:
+        with self._changed:
+            if self._stream is stream:
+                self._stream = None
+                self._inputs.hold_history(None)
+
+    def _send(self, stream: StreamBuffer, packets: bytes, in_transit: int, listener: socket.socket) -> None:
+        left, client = memoryview(packets), self._client
+        while left and self._stream is stream:
+            self._accept(listener)
+            if self._client is not client:  # the new one gets the packet from its beginning
+                sent = len(packets) - len(left)
+                left, client = memoryview(packets)[sent - sent % stream.packet_bytes :], self._client
+            count = self._send_some(left)
+            left = left[count:]
+            if not count:
+                stream.fill(self._inputs.now(), in_transit)
+                select.select([listener], [self._client] if self._client else [], [], PATIENCE_S)
+
+    def _accept(self, listener: socket.socket) -> None:
+        """Take the newest of those who have connected since the last look."""
+        while select.select([listener], [], [], 0)[0]:
+            with contextlib.suppress(OSError):  # it is gone already
+                self._take(listener.accept()[0])
+
+    def _take(self, client: socket.socket) -> None:
+        client.setblocking(False)
+        client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._drop_client()
+        self._client = client
+
+    def _send_some(self, data: memoryview) -> int:
+        if self._client is None:
+            return 0
+        try:
+            return self._client.send(data)
+        except BlockingIOError:
+            return 0
+        except OSError:  # it went away
+            self._drop_client()
+            return 0
+
+    def _drop_client(self) -> None:
+        if self._client is not None:
+            self._client.close()
+            self._client = None

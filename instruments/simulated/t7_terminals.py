@@ -1,0 +1,99 @@
+"""The inputs of a simulated T7: what is wired to them, how they are configured, and what its converters make of them.
+
+The encoder is on DIO0 and DIO1, the gyro on AIN0, its thermistor on AIN1; the other analog inputs see 0 V. Streamed
+volts are 16-bit codes; the slow converter of single readings resolves 24 bits. Both are ideal, and so is the
+calibration in the flash. Enabling quadrature leaves the count as it is.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from instruments.interfaces import FloatArray, IntArray
+from instruments.physics.adc import codes_from_volts, volts_from_codes
+from instruments.simulated.machines import AnalogInputs
+
+ANALOG_INPUTS = 14
+DIGITAL_LINES = 8
+RANGES_V = (10.0, 1.0, 0.1, 0.01)
+QUADRATURE = 10
+DATA_CAPTURE_16 = 4899
+READ_A_0 = 3000
+HIGHEST_STREAMED_CODE = 0xFFFE  # FFFFh marks skipped scans and nothing else
+SINGLE_READING_S = 1e-3
+CALIBRATION_FLASH_ADDRESS = 0x3C4000
+
+
+@dataclass(slots=True)
+class DigitalLine:
+    """The extended feature of a digital line."""
+
+    index: int = 0
+    enabled: int = 0
+    options: int = 0
+
+
+@dataclass(slots=True)
+class T7Terminals:
+    """The inputs and their settings; lists have an entry a channel or line."""
+
+    inputs: AnalogInputs
+    range_v: list[float] = field(default_factory=lambda: [RANGES_V[0]] * ANALOG_INPUTS)
+    lines: list[DigitalLine] = field(default_factory=lambda: [DigitalLine() for _ in range(DIGITAL_LINES)])
+
+    def single_volts(self, channel: int) -> float:
+        """An unhurried reading of an analog input."""
+        _, *wired = self._now()
+        volts = wired[channel] if channel < len(wired) else np.zeros(1)
+        codes = codes_from_volts(volts, range_v=self.range_v[channel], bits=24)
+        return float(volts_from_codes(codes, range_v=self.range_v[channel], bits=24)[0])
+
+    def count(self, line: int) -> int:
+        """The count of a pair of lines, 0 where nothing is wired or quadrature is not enabled."""
+        return int(self._now()[0][0]) if self._counts(line) else 0
+
+    def can_stream(self, scan_list: Sequence[int]) -> bool:
+        """Whether every address of a scan list is one that can be sampled here."""
+        analog = {2 * channel for channel in range(ANALOG_INPUTS)}
+        counts = {READ_A_0 + 2 * line for line in range(DIGITAL_LINES)}
+        known = analog | counts | {DATA_CAPTURE_16}
+        return bool(scan_list) and scan_list[0] != DATA_CAPTURE_16 and all(address in known for address in scan_list)
+
+    def scans(self, scan_list: Sequence[int], first_s: float, interval_s: float, scans: int) -> npt.NDArray[np.uint16]:
+        """Samples of each address at evenly spaced instants, shape (scans, addresses)."""
+        count, *wired = self.inputs.sample(first_s, interval_s, scans)
+        samples = np.empty((scans, len(scan_list)), np.uint16)
+        upper: IntArray | int = 0  # what DATA_CAPTURE_16 gives: the upper half of the number before it
+        for place, address in enumerate(scan_list):
+            if address == DATA_CAPTURE_16:
+                samples[:, place] = upper
+            elif address >= READ_A_0:
+                value = count if self._counts((address - READ_A_0) // 2) else np.zeros(scans, np.int64)
+                samples[:, place], upper = value & 0xFFFF, value >> 16 & 0xFFFF
+            else:
+                samples[:, place] = self._codes(wired, address // 2, scans)
+        return samples
+
+    def flash(self, address: int) -> list[int]:
+        """The eight words from a flash address on: the calibration of a range, or nothing but FFFFh."""
+        if address not in (CALIBRATION_FLASH_ADDRESS + 16 * place for place in range(len(RANGES_V))):
+            return [0xFFFF] * 8
+        range_v = RANGES_V[(address - CALIBRATION_FLASH_ADDRESS) // 16]
+        slope = 2.0 * range_v / 65536
+        return list(struct.unpack(">8H", struct.pack(">4f", slope, -slope, 32768.0, -range_v)))
+
+    def _codes(self, wired: list[FloatArray], channel: int, scans: int) -> IntArray:
+        volts = wired[channel] if channel < len(wired) else np.zeros(scans)
+        return np.minimum(codes_from_volts(volts, range_v=self.range_v[channel]), HIGHEST_STREAMED_CODE)
+
+    def _counts(self, line: int) -> bool:
+        pair = self.lines[:2]
+        return line in (0, 1) and all(wire.enabled and wire.index == QUADRATURE for wire in pair)
+
+    def _now(self) -> tuple[IntArray, FloatArray, FloatArray]:
+        return self.inputs.sample(self.inputs.now(), SINGLE_READING_S, 1)

@@ -1,0 +1,156 @@
+"""A threaded TCP server for simulated instruments: it knows connections, and nothing of what is said on them."""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import socket
+import threading
+import time
+from collections.abc import Callable
+from typing import Protocol, Self
+
+from instruments.errors import UsageError
+
+_SLICE_S = 0.005  # a paced reply leaves in slices of this much line time
+_BITS_PER_BYTE = 10  # start, eight data, stop
+
+
+class Conversation(Protocol):
+    """One connection's side of a protocol, without I/O: bytes that came in, bytes to send back."""
+
+    def feed(self, data: bytes) -> bytes:
+        """Take what arrived, however it was cut into packets, and answer what is complete; b"" where nothing is."""
+
+
+class TcpServer:
+    """Serves one `Conversation` per connection, each on a daemon thread of its own.
+
+    Parameters
+    ----------
+    converse
+        Makes the conversation of a new connection.
+    host, port
+        Where to listen; port 0 takes a free one, `address` then says which.
+    pace_baud
+        Replies leave no faster than a serial line of that many bits a second lets them (10 bits a byte, wall time).
+    """
+
+    def __init__(
+        self,
+        converse: Callable[[], Conversation],
+        *,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        pace_baud: int | None = None,
+    ) -> None:
+        self._converse = converse
+        self._where = (host, port)
+        self._pace_baud = pace_baud
+        self._listener: socket.socket | None = None
+        self._acceptor: threading.Thread | None = None
+        self._wake: socket.socket | None = None
+        self._stopping = threading.Event()
+        self._lock = threading.Lock()
+        self._connections: dict[socket.socket, threading.Thread] = {}
+
+    @property
+    def address(self) -> str:
+        """`tcp://HOST:PORT`, with the port that was really taken once it runs."""
+        host, port = self._where
+        return f"tcp://{f'[{host}]' if ':' in host else host}:{port}"
+
+    def start(self) -> None:
+        """Listen; when it returns, a client can connect."""
+        if self._listener is not None:
+            return
+        family = socket.AF_INET6 if ":" in self._where[0] else socket.AF_INET
+        try:
+            listener = socket.create_server(self._where, family=family)
+        except OSError as err:
+            raise UsageError(
+                f"cannot listen at {self.address}: {err.strerror or err}; choose another port, or 0"
+            ) from err
+        listener.setblocking(False)
+        self._where = (self._where[0], listener.getsockname()[1])
+        self._wake, awake = socket.socketpair()
+        self._stopping.clear()
+        self._listener = listener
+        self._acceptor = threading.Thread(
+            target=self._accept, args=(listener, awake), name=f"accept {self.address}", daemon=True
+        )
+        self._acceptor.start()
+
+    def stop(self) -> None:
+        """Close everything and join every thread; safe to call twice. `start` serves at the same port again."""
+        self._stopping.set()
+        if self._acceptor is not None and self._wake is not None:
+            self._wake.send(b"!")
+            self._acceptor.join()
+            self._wake.close()
+        self._listener = self._acceptor = self._wake = None
+        self.cut_connections()
+
+    def cut_connections(self) -> None:
+        """Close every present connection, as a pulled cable does, and go on listening."""
+        with self._lock:
+            present = dict(self._connections)
+        for connection, thread in present.items():
+            with contextlib.suppress(OSError):  # it may have ended by itself meanwhile
+                connection.shutdown(socket.SHUT_RDWR)
+            if thread is not threading.current_thread():
+                thread.join()
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.stop()
+
+    def _accept(self, listener: socket.socket, awake: socket.socket) -> None:
+        with listener, awake:
+            while True:
+                ready, _, _ = select.select([listener, awake], [], [])
+                if awake in ready:
+                    return
+                with contextlib.suppress(OSError):  # a client that gave up before it was accepted
+                    connection, _ = listener.accept()
+                    self._begin(connection)
+
+    def _begin(self, connection: socket.socket) -> None:
+        connection.setblocking(True)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        thread = threading.Thread(target=self._serve, args=(connection,), name=f"serve {self.address}", daemon=True)
+        with self._lock:
+            self._connections[connection] = thread
+            thread.start()
+
+    def _serve(self, connection: socket.socket) -> None:
+        try:
+            self._talk(connection, self._converse())
+        except ConnectionError:
+            pass  # the client went away, or the connection was cut: either way it is over
+        finally:
+            with self._lock:
+                del self._connections[connection]
+            connection.close()
+
+    def _talk(self, connection: socket.socket, conversation: Conversation) -> None:
+        while data := connection.recv(65536):
+            reply = conversation.feed(data)
+            if self._pace_baud is None:
+                connection.sendall(reply)
+            else:
+                self._send_paced(connection, reply, self._pace_baud)
+
+    def _send_paced(self, connection: socket.socket, reply: bytes, baud: int) -> None:
+        """The last byte of a slice arrives when a line would have carried it."""
+        size = max(1, int(baud * _SLICE_S / _BITS_PER_BYTE))
+        started_s = time.monotonic()
+        for first in range(0, len(reply), size):
+            piece = reply[first : first + size]
+            due_s = started_s + (first + len(piece)) * _BITS_PER_BYTE / baud
+            if self._stopping.wait(max(0.0, due_s - time.monotonic())):
+                return
+            connection.sendall(piece)

@@ -1,0 +1,215 @@
+"""What the digitizer's terminals see: the encoder's count, the gyro's volts and its thermistor's, at even intervals.
+
+Up to the gyro's electronics the chain runs on the internal grid; scans are interpolated from it (angle by a cubic
+through angles and rates, volts straight) and get the sensor's noise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from instruments.errors import UsageError
+from instruments.interfaces import FloatArray, IntArray
+from instruments.physics.chain import GRID_STAGES, Effect, Signals, gyro_baseline, run_chain
+from instruments.physics.encoder import encoder_angle_deg, quadrature_count
+from instruments.physics.gyro import earth_rate_dps, white_deviation_v
+from instruments.physics.noise import RandomWalk, WhiteNoise
+from instruments.simulated.axis import TableAxis
+from instruments.simulated.climate import ClimateChamber
+from instruments.simulated.settings import WorldSettings
+from instruments.simulated.timebase import Timebase
+
+_BLOCK = 32_768
+"""Instants of the grid that are computed at once: few enough to stay in the processor's cache."""
+
+_WARM_UP_TIME_CONSTANTS = 40.0
+
+_EARLY_S = 2e-9
+"""How much ahead of the clock a scan may lie: the rounding of instants that are days away."""
+
+_ROUNDING = 1e-6
+"""Instants of the grid; a scan that is meant to fall on one may miss it by that much."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Stretch:
+    """Consecutive instants of the grid from `first` on: angle, rate, acceleration, sensed rate, volts; shape (5, n)."""
+
+    first: int
+    columns: FloatArray
+
+    @property
+    def end(self) -> int:
+        return self.first + int(self.columns.shape[1])
+
+
+class Terminals:
+    """An `AnalogInputs` over the table's axis and the chamber."""
+
+    def __init__(
+        self,
+        timebase: Timebase,
+        settings: WorldSettings,
+        axis: TableAxis,
+        climate: ClimateChamber,
+        effects: Sequence[Effect] = (),
+    ) -> None:
+        self._timebase = timebase
+        self._settings = settings
+        self._axis = axis
+        self._climate = climate
+        self._effects = tuple(effects)
+        earth_dps = earth_rate_dps(settings.latitude_deg)
+        self._baseline = {
+            **gyro_baseline(settings.gyro, earth_dps, 1.0 / timebase.grid_hz),
+            "sampling": self._with_noise,
+        }
+        forgetting_s = _WARM_UP_TIME_CONSTANTS / (math.sqrt(0.5) * 2.0 * math.pi * settings.gyro.cutoff_hz)
+        self._warm_up = math.ceil(forgetting_s * timebase.grid_hz)
+        white, walk, thermistor = np.random.SeedSequence(settings.seed).spawn(3)
+        self._white = WhiteNoise(white)
+        self._walk = RandomWalk(walk, settings.gyro.bias_walk_v_per_sqrt_s)
+        self._thermistor = WhiteNoise(thermistor)
+        self._grid: _Stretch | None = None
+        self._scanned = 0
+        self._memory: Mapping[str, FloatArray] = {}
+
+    def now(self) -> float:
+        """Bench time [s]."""
+        return self._timebase.now()
+
+    def wait_until(self, bench_time_s: float, timeout_s: float) -> bool:
+        """Block until an instant of bench time, at most `timeout_s` of wall time; whether it has come."""
+        return self._timebase.clock.wait_until(bench_time_s, timeout_s)
+
+    def hold_history(self, since_s: float | None) -> None:
+        """Keep the motion since an instant; None: no more needed."""
+        with self._timebase.lock:
+            self._timebase.held_since_s = since_s
+
+    def sample(self, first_s: float, interval_s: float, scans: int) -> tuple[IntArray, FloatArray, FloatArray]:
+        """Quadrature count, gyro volts, thermistor volts at first + i·interval, i < scans; each of shape (scans,)."""
+        counts = np.empty(scans, np.int64)
+        gyro_v, thermistor_v = np.empty(scans), np.empty(scans)
+        with self._timebase.lock:
+            self._refuse(first_s, interval_s, scans)
+            block = max(1, int(_BLOCK / (interval_s * self._timebase.grid_hz)))
+            for low in range(0, scans, block):
+                part = slice(low, min(low + block, scans))
+                times_s = first_s + np.arange(part.start, part.stop, dtype=np.float64) * interval_s
+                signals = run_chain(self._at_scans(times_s, interval_s), self._baseline, self._effects, ("sampling",))
+                self._scanned += times_s.size
+                self._memory = signals.memory
+                counts[part] = quadrature_count(self._settings.encoder, signals.encoder_deg)
+                gyro_v[part] = signals.output_v
+                thermistor_v[part] = signals.thermistor_c
+        thermistor_v *= self._settings.thermistor_v_per_c
+        thermistor_v += self._settings.thermistor_offset_v
+        return counts, gyro_v, thermistor_v
+
+    def _refuse(self, first_s: float, interval_s: float, scans: int) -> None:
+        if scans < 1 or not interval_s > 0.0:
+            raise UsageError(
+                f"cannot sample {scans} scans every {interval_s} s: give one scan or more, and a time above 0"
+            )
+        last_s, now = first_s + (scans - 1) * interval_s, self._timebase.now()
+        if last_s > now + _EARLY_S:
+            raise UsageError(f"cannot sample at {last_s:.6f} s: it is {now:.6f} s, wait until then")
+
+    def _at_scans(self, times_s: FloatArray, interval_s: float) -> Signals:
+        """The chain up to the electronics, interpolated to the instants of scans."""
+        position = times_s * self._timebase.grid_hz
+        last = math.ceil(position[-1] - _ROUNDING)
+        grid = self._computed(min(math.floor(position[0]), last - 1), last)
+        low = np.minimum(position.astype(np.int64), last - 1)
+        share = position - low
+        low -= grid.first
+        left, right = grid.columns[:, low], grid.columns[:, low + 1]
+        straight = left + (right - left) * share
+        housing_c, coil_c = self._climate.gyro_c(times_s)
+        angle = _cubic(left, right, share, 1.0 / self._timebase.grid_hz)
+        return Signals(
+            first_index=self._scanned,
+            interval_s=interval_s,
+            time_s=times_s,
+            angle_deg=angle,
+            rate_dps=straight[1],
+            acceleration_dps2=straight[2],
+            housing_c=housing_c,
+            coil_c=coil_c,
+            sensed_rate_dps=straight[3],
+            output_v=straight[4],
+            encoder_deg=angle,
+            thermistor_c=housing_c,
+            memory=self._memory,
+        )
+
+    def _computed(self, first: int, last: int) -> _Stretch:
+        """The grid from an instant to another, continued from what was computed before where that is near."""
+        known = self._grid
+        if known is None or not known.first <= first <= known.end + self._warm_up:
+            known = _Stretch(first - self._warm_up, np.empty((5, 0)))
+        if known.end <= last:
+            signals = run_chain(self._on_grid(known.end, last), self._baseline, self._effects, GRID_STAGES)
+            self._memory = signals.memory
+            rows = (
+                signals.angle_deg,
+                signals.rate_dps,
+                signals.acceleration_dps2,
+                signals.sensed_rate_dps,
+                signals.output_v,
+            )
+            known = _Stretch(known.first, np.concatenate([known.columns, np.stack(rows)], axis=1))
+        # the next scan may lie in the last cell
+        self._grid = _Stretch(known.end - 2, known.columns[:, -2:].copy())
+        return known
+
+    def _on_grid(self, start: int, last: int) -> Signals:
+        """The true motion and temperatures, before any stage."""
+        times_s = np.arange(start, last + 1) / self._timebase.grid_hz
+        motion = self._axis.at(times_s)
+        housing_c, coil_c = self._climate.gyro_c(times_s)
+        return Signals(
+            first_index=start,
+            interval_s=1.0 / self._timebase.grid_hz,
+            time_s=times_s,
+            angle_deg=motion.angle_deg,
+            rate_dps=motion.rate_dps,
+            acceleration_dps2=motion.acceleration_dps2,
+            housing_c=housing_c,
+            coil_c=coil_c,
+            sensed_rate_dps=motion.rate_dps,
+            output_v=np.zeros_like(times_s),
+            encoder_deg=motion.angle_deg,
+            thermistor_c=housing_c,
+            memory=self._memory,
+        )
+
+    def _with_noise(self, signals: Signals) -> Signals:
+        """The baseline of the sampling stage: encoder, thermistor, noise and the output's limit."""
+        gyro = self._settings.gyro
+        scans = signals.time_s.size
+        volts = signals.output_v + self._white.draw(scans, white_deviation_v(gyro, 1.0 / signals.interval_s))
+        # two readers may each look at the clock before either samples: the later one then finds the bias as it is
+        volts += self._walk.at(np.maximum(signals.time_s, self._walk.last_s))
+        np.clip(volts, -gyro.output_limit_v, gyro.output_limit_v, out=volts)
+        warm = self._thermistor.draw(scans, self._settings.chamber.thermistor_noise_c)
+        return replace(
+            signals,
+            output_v=volts,
+            encoder_deg=encoder_angle_deg(self._settings.encoder, signals.angle_deg),
+            thermistor_c=signals.housing_c + warm,
+        )
+
+
+def _cubic(left: FloatArray, right: FloatArray, share: FloatArray, interval_s: float) -> FloatArray:
+    """Angles between instants of the grid, through angles (row 0) and rates (row 1) at both ends; shape (n,)."""
+    step = right[0] - left[0]
+    before, after = left[1] * interval_s - step, right[1] * interval_s - step
+    rest = 1.0 - share
+    angle: FloatArray = left[0] + share * (step + rest * (rest * before - share * after))
+    return angle

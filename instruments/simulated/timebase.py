@@ -1,0 +1,39 @@
+"""What the parts of the simulated bench share: the clock, one lock, the internal grid and a horizon of memory."""
+
+from __future__ import annotations
+
+import math
+import threading
+
+from instruments.simulated.clock import BenchClock
+
+MARGIN_S = 60.0
+"""How much more than is asked for is remembered: what the gyro's electronics need, and callers that are late."""
+
+
+class Timebase:
+    """Bench time on a grid of `grid_hz`; sample k of the grid lies at k / grid_hz.
+
+    Demands take effect at the next instant of the grid, so that nothing which was already computed up to there changes.
+    Whoever reads or changes the bench holds `lock`.
+    """
+
+    def __init__(self, clock: BenchClock, grid_hz: float) -> None:
+        self.clock = clock
+        self.grid_hz = grid_hz
+        self.lock = threading.RLock()
+        self.held_since_s: float | None = None
+
+    def now(self) -> float:
+        """Bench time [s]."""
+        return self.clock.now()
+
+    def next_instant(self) -> float:
+        """The first instant of the grid that is not past [s]."""
+        return math.ceil(self.now() * self.grid_hz) / self.grid_hz
+
+    def forgettable_s(self) -> float:
+        """Nobody will ask for anything before this instant [s]."""
+        now = self.now()
+        held = now if self.held_since_s is None else min(self.held_since_s, now)
+        return held - MARGIN_S

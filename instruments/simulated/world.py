@@ -1,0 +1,44 @@
+"""The simulated bench without any wire: a table, a chamber and a gyro on terminals, sharing one clock."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from instruments.physics.chain import Effect
+from instruments.simulated.axis import TableAxis
+from instruments.simulated.climate import ClimateChamber
+from instruments.simulated.clock import BenchClock
+from instruments.simulated.machines import AnalogInputs, ChamberMachine, TableMachine
+from instruments.simulated.settings import WorldSettings
+from instruments.simulated.terminals import Terminals
+from instruments.simulated.timebase import Timebase
+
+
+class World:
+    """The bench's physics behind `instruments.simulated.machines`, safe from any thread.
+
+    Nothing is computed until it is asked for. Motion and temperatures are known in closed form between demands, so that
+    a jump of hours costs no more than one of a second; only what is sampled runs through the gyro's electronics,
+    instant by instant. The same settings, demands and samples give the same volts.
+
+    Parameters
+    ----------
+    clock
+        Bench time.
+    settings
+        What the bench obeys; the defaults where none are given.
+    effects
+        Physics beside the baseline, by stage of `instruments.physics.chain`.
+    """
+
+    def __init__(
+        self, clock: BenchClock, settings: WorldSettings | None = None, effects: Sequence[Effect] = ()
+    ) -> None:
+        self.clock = clock
+        self.settings = settings or WorldSettings()
+        timebase = Timebase(clock, self.settings.grid_hz)
+        axis = TableAxis(timebase, self.settings.table)
+        climate = ClimateChamber(timebase, self.settings.chamber, self.settings.room_c)
+        self.table: TableMachine = axis
+        self.chamber: ChamberMachine = climate
+        self.inputs: AnalogInputs = Terminals(timebase, self.settings, axis, climate, effects)

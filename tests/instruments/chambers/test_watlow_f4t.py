@@ -1,0 +1,230 @@
+"""The F4T driver against its simulated twin, over a real TCP connection."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from instruments.chambers.watlow_f4t import WatlowF4T
+from instruments.errors import InstrumentError, LinkError, UsageError
+from instruments.interfaces import Chamber, Identity
+from instruments.links.modbus import Retry
+from instruments.protocols.words import WordOrder
+from instruments.simulated.modbus_server import ModbusTcpServer
+from instruments.simulated.registers import RegisterTable, word
+from instruments.simulated.watlow_f4t import SimulatedWatlowF4T, SwitchedBy
+from tests.instruments.chamber_machine import FakeChamber, InstantClock
+
+RUNNING: dict[str, Any] = {"running_output": [1, 1]}
+
+
+@pytest.fixture
+def machine() -> FakeChamber:
+    return FakeChamber()
+
+
+@pytest.fixture
+def twin(machine: FakeChamber) -> Iterator[SimulatedWatlowF4T]:
+    with SimulatedWatlowF4T(machine) as twin:
+        yield twin
+
+
+def driver_at(
+    address: str,
+    *,
+    unit_id: int = 1,
+    loop: int = 1,
+    word_order: WordOrder = "low_first",
+    **wiring: Any,
+) -> WatlowF4T:
+    return WatlowF4T(
+        address,
+        clock=InstantClock(),
+        unit_id=unit_id,
+        loop=loop,
+        word_order=word_order,
+        **wiring,
+        timeout_s=0.2,
+        retry=Retry(attempts=2, wait_s=0.01),
+    )
+
+
+@pytest.fixture
+def chamber(twin: SimulatedWatlowF4T) -> Iterator[WatlowF4T]:
+    with driver_at(twin.address) as chamber:
+        yield chamber
+
+
+def test_it_is_a_chamber_that_says_its_part_number(chamber: WatlowF4T) -> None:
+    as_chamber: Chamber = chamber
+    assert as_chamber.identify() == Identity(manufacturer="Watlow", model="F4T1L1EAA1D1AAA")
+
+
+def test_air_set_point_and_power_are_read(chamber: WatlowF4T, machine: FakeChamber) -> None:
+    machine.air, machine.setpoint, machine.power = -40.125, -55.5, -37.5
+    reading = chamber.read()
+    assert (reading.temperature_c, reading.setpoint_c, reading.power_percent) == (-40.125, -55.5, -37.5)
+    assert reading.alarms == ()
+
+
+def test_air_near_zero_and_hardly_any_power_are_no_nonsense(chamber: WatlowF4T, machine: FakeChamber) -> None:
+    machine.air, machine.power = 1e-9, 1e-9
+    reading = chamber.read()
+    assert (reading.temperature_c, reading.power_percent) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("loop", [1, 2, 4])
+@pytest.mark.parametrize("word_order", ["low_first", "high_first"])
+def test_every_loop_and_word_order_sets_and_reads(machine: FakeChamber, loop: int, word_order: WordOrder) -> None:
+    with (
+        SimulatedWatlowF4T(machine, loop=loop, word_order=word_order) as twin,
+        driver_at(twin.address, loop=loop, word_order=word_order) as chamber,
+    ):
+        chamber.set_limits(-60.5, 120.25)
+        chamber.go_to(-12.3)
+        assert machine.setpoint == pytest.approx(-12.3)
+        assert chamber.read().setpoint_c == pytest.approx(-12.3)
+        with pytest.raises(UsageError, match="set point 121 °C lies outside the controller's limits"):
+            chamber.go_to(121.0)
+
+
+@pytest.mark.parametrize(("set_to", "other"), [("low_first", "high_first"), ("high_first", "low_first")])
+def test_the_wrong_word_order_is_found_when_it_is_opened_and_the_other_one_named(
+    machine: FakeChamber, set_to: WordOrder, other: WordOrder
+) -> None:
+    with (
+        SimulatedWatlowF4T(machine, word_order=set_to) as twin,
+        pytest.raises(InstrumentError, match=f"which makes no sense; .* try word_order = '{set_to}'"),
+    ):
+        driver_at(twin.address, word_order=other).open()
+
+
+def test_a_loop_that_is_not_there_is_refused(twin: SimulatedWatlowF4T) -> None:
+    with pytest.raises(InstrumentError, match="reading registers 2980 to 2981 was refused with exception 2"):
+        driver_at(twin.address, loop=2).open()
+    with pytest.raises(UsageError, match="loop = 5: a Watlow F4T has loops 1 to 4"):
+        driver_at(twin.address, loop=5)
+
+
+@pytest.mark.parametrize(
+    ("switched_by", "wiring"),
+    [
+        ("toggle_key", {}),
+        ("toggle_key", {"on_by": "toggle_key", "on_number": 1, **RUNNING}),
+        ("momentary_key", {"on_by": "momentary_key", **RUNNING}),
+        ("event", {"on_by": "event"}),
+        ("event", {"on_by": "event", **RUNNING}),
+    ],
+)
+def test_conditioning_is_switched_however_it_is_wired_and_only_where_it_must_be(
+    machine: FakeChamber, switched_by: SwitchedBy, wiring: dict[str, Any]
+) -> None:
+    with (
+        SimulatedWatlowF4T(machine, switched_by=switched_by) as twin,
+        driver_at(twin.address, **wiring) as chamber,
+    ):
+        for _ in range(2):
+            chamber.start()
+            assert machine.on
+        for _ in range(2):
+            chamber.stop()
+            assert not machine.on
+
+
+def test_a_chamber_that_does_not_start_is_found_out_by_its_running_output(machine: FakeChamber) -> None:
+    with (
+        SimulatedWatlowF4T(machine, switched_by="event") as twin,
+        driver_at(twin.address, on_by="event", on_number=2, **RUNNING) as chamber,
+        pytest.raises(
+            InstrumentError, match=r"output 1 of module 1 \(register 33718\) should be 63 and still reads 62"
+        ),
+    ):
+        chamber.start()
+
+
+def test_an_output_that_is_not_fitted_is_named(twin: SimulatedWatlowF4T) -> None:
+    with (
+        driver_at(twin.address, on_by="momentary_key", running_output=[2, 3]) as chamber,
+        pytest.raises(InstrumentError, match=r"reading register 34038 was refused with exception 4 \(device failure\)"),
+    ):
+        chamber.start()
+
+
+@pytest.mark.parametrize(
+    ("wiring", "said"),
+    [
+        ({"on_by": "event", "on_number": 9}, r"on_by = 'event' with on_number = 9: a Watlow F4T has event \(1 to 8\)"),
+        ({"on_by": "toggle_key", "on_number": 0}, r"with on_number = 0: .* toggle_key \(1 to 4\)"),
+        ({"on_by": "magic"}, "on_by = 'magic'"),
+        ({"on_by": "momentary_key"}, "a momentary key needs running_output"),
+        ({"word_order": "middle_first"}, "word_order = 'middle_first': expected high_first or low_first"),
+    ],
+)
+def test_a_wiring_that_cannot_be_is_refused(wiring: dict[str, Any], said: str) -> None:
+    with pytest.raises(UsageError, match=said):
+        driver_at("tcp://127.0.0.1:502", **wiring)
+
+
+def test_a_chamber_that_always_conditions_is_left_as_it_is(twin: SimulatedWatlowF4T, machine: FakeChamber) -> None:
+    with driver_at(twin.address, on_by="nothing") as chamber:
+        chamber.start()
+        chamber.stop()
+    assert machine.switched == 0
+
+
+def test_a_running_profile_is_not_fought_with(
+    chamber: WatlowF4T, twin: SimulatedWatlowF4T, machine: FakeChamber
+) -> None:
+    twin.profile_state = 149
+    with pytest.raises(InstrumentError, match="a profile runs and would not keep our set point"):
+        chamber.start()
+    assert not machine.on
+
+
+def test_a_loop_that_does_not_control_is_found_out(chamber: WatlowF4T, twin: SimulatedWatlowF4T) -> None:
+    twin.control_mode = 62
+    with pytest.raises(InstrumentError, match=r"the control mode is code 62 \(off\), expected code 10 \(auto\)"):
+        chamber.start()
+
+
+@pytest.mark.parametrize("silent", [12, 61, 88])
+def test_alarms_that_are_active_are_told_and_those_that_are_not_are_not(
+    chamber: WatlowF4T, twin: SimulatedWatlowF4T, silent: int
+) -> None:
+    twin.hold_alarm(1, silent)
+    twin.hold_alarm(3, 28)
+    twin.hold_alarm(4, 17)
+    assert chamber.read().alarms == ("alarm 3 active, code 28 (error)", "alarm 4 active, code 17")
+
+
+def test_a_controller_that_does_not_do_what_it_acknowledged_is_found_out(
+    chamber: WatlowF4T, machine: FakeChamber, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(machine, "set_setpoint", lambda setpoint_c: None)
+    with pytest.raises(InstrumentError, match=r"set point \(register 2782\) should be -5 °C and still reads 20 °C"):
+        chamber.go_to(-5.0)
+
+
+def test_something_else_that_speaks_modbus_is_no_f4t() -> None:
+    registers = RegisterTable([word(16 + place, lambda: 0xFFFF) for place in range(15)])
+    with (
+        ModbusTcpServer(registers, unit_id=1) as server,
+        pytest.raises(InstrumentError, match="instead of a part number; check that it is a Watlow F4T"),
+    ):
+        driver_at(server.address).open()
+
+
+def test_the_wrong_unit_number_is_silence_that_names_it(twin: SimulatedWatlowF4T) -> None:
+    with pytest.raises(LinkError, match=r"Watlow F4T at .*, unit 2: reading registers 16 to 30 failed, tried 2 times"):
+        driver_at(twin.address, unit_id=2).open()
+
+
+def test_a_cut_in_the_middle_of_a_campaign_is_bridged(
+    chamber: WatlowF4T, twin: SimulatedWatlowF4T, machine: FakeChamber
+) -> None:
+    chamber.go_to(30.0)
+    twin.cut_connections()
+    machine.air = 29.5
+    assert chamber.read().temperature_c == 29.5

@@ -1,0 +1,339 @@
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from instruments.catalog import driver, twin
+from instruments.digitizers.labjack_t7 import LabJackT7
+from instruments.errors import InstrumentError, LinkError, UsageError
+from instruments.interfaces import Digitizer
+from instruments.links.modbus import ModbusLink
+from instruments.protocols.t7_stream import StreamReader
+from instruments.simulated.clock import ScaledClock, VirtualClock
+from instruments.simulated.labjack_t7 import SimulatedLabJackT7
+from instruments.simulated.modbus_server import ModbusTcpServer
+from instruments.simulated.registers import RegisterTable, f32, u32
+from tests.instruments.simulated.fake_inputs import FakeInputs
+
+
+@pytest.fixture
+def inputs() -> FakeInputs:
+    return FakeInputs(VirtualClock(), first_count=-500, counts_per_s=1234.5)
+
+
+@pytest.fixture
+def server(inputs: FakeInputs) -> Iterator[SimulatedLabJackT7]:
+    with SimulatedLabJackT7(inputs) as running:
+        yield running
+
+
+@pytest.fixture
+def t7(server: SimulatedLabJackT7, inputs: FakeInputs) -> Iterator[LabJackT7]:
+    with LabJackT7(server.address, server.stream_address, clock=inputs.clock) as opened:
+        yield opened
+
+
+def test_the_catalog_finds_the_driver_and_its_twin() -> None:
+    assert driver("digitizer", "labjack_t7") is LabJackT7
+    assert twin("digitizer", "labjack_t7") is SimulatedLabJackT7
+
+
+def test_it_is_a_digitizer_and_says_who_it_is(t7: LabJackT7) -> None:
+    digitizer: Digitizer = t7
+    identity = digitizer.identify()
+    assert (identity.manufacturer, identity.model, identity.serial, identity.firmware) == (
+        "LabJack",
+        "T7",
+        "470012345",
+        "1.0292",
+    )
+
+
+def test_single_readings_are_signed_counts_and_volts(t7: LabJackT7, inputs: FakeInputs) -> None:
+    scan = t7.read_once()
+    assert scan.encoder_count == -500
+    assert (scan.gyro_v, scan.thermistor_v) == pytest.approx((-5.0, 0.25), abs=2e-6)
+    inputs.clock.sleep(80.0)
+    assert t7.read_once().encoder_count == -500 + int(80 * 1234.5)
+
+
+def test_a_stream_brings_every_scan_once_with_its_true_count_and_volts(t7: LabJackT7, inputs: FakeInputs) -> None:
+    inputs.clock.sleep(3.0)
+    start = t7.start_stream(200.0)
+    assert start.rate_hz == 200.0
+    assert start.start_s == pytest.approx(3.0, abs=1e-7)
+    blocks = []
+    for _ in range(30):
+        inputs.clock.sleep(5.0)
+        blocks.append(t7.read_stream(990, 5.0))
+    assert [block.first_index for block in blocks] == [0, *np.cumsum([len(block.gyro_v) for block in blocks])[:-1]]
+    count = np.concatenate([block.encoder_count for block in blocks])
+    times_s = start.start_s + np.arange(len(count)) / start.rate_hz
+    assert len(count) == pytest.approx(30_000, abs=10)
+    assert count.tolist() == inputs.counts(times_s).tolist()
+    gyro_v = np.concatenate([block.gyro_v for block in blocks])
+    assert np.abs(gyro_v - inputs.gyro_v(times_s)).max() <= 20.0 / 65536
+    assert blocks[-1].thermistor_v == pytest.approx(0.25, abs=2e-4)
+    assert blocks[-1].backlog <= 10
+
+
+def test_the_count_goes_on_where_its_32_bits_wrap(inputs: FakeInputs) -> None:
+    inputs.first_count = 2**31 - 2000
+    with (
+        SimulatedLabJackT7(inputs) as server,
+        LabJackT7(server.address, server.stream_address, clock=inputs.clock) as t7,
+    ):
+        assert t7.read_once().encoder_count == 2**31 - 2000
+        t7.start_stream(100.0)
+        inputs.clock.sleep(10.0)
+        count = t7.read_stream(990, 5.0).encoder_count
+    assert count[0] == 2**31 - 2000
+    assert count[-1] > 2**31 + 9000
+
+
+def test_the_start_is_counted_from_open_however_often_the_counter_has_wrapped(
+    server: SimulatedLabJackT7, inputs: FakeInputs
+) -> None:
+    inputs.clock.sleep(10.0)
+    with LabJackT7(server.address, server.stream_address, clock=inputs.clock) as t7:
+        for waited_s in (0.0, 50.0, 107.4, 30 * 3600.0, 5.0):
+            before_s = inputs.now() - 10.0
+            inputs.clock.sleep(waited_s)
+            assert t7.start_stream(100.0).start_s == pytest.approx(before_s + waited_s, abs=1e-6)
+            t7.stop_stream()
+
+
+def test_the_actual_rate_is_the_nearest_that_the_clock_can_do(t7: LabJackT7) -> None:
+    start = t7.start_stream(300.0)
+    assert start.rate_hz == pytest.approx(40e6 / 133_333, rel=1e-7)
+    assert start.rate_hz != 300.0
+
+
+@pytest.mark.parametrize(("rate_hz", "samples"), [(1.0, 4), (100.0, 20), (1000.0, 200), (20_000.0, 512)])
+def test_a_packet_lasts_fifty_milliseconds_at_most_or_holds_one_scan(
+    t7: LabJackT7, server: SimulatedLabJackT7, rate_hz: float, samples: int
+) -> None:
+    t7.start_stream(rate_hz)
+    link = ModbusLink(server.address)
+    link.open()
+    found = link.read_u32(4006, "high_first")
+    link.close()
+    assert found == samples
+
+
+def test_reading_in_real_time_waits_for_the_scans_and_no_longer() -> None:
+    clock = ScaledClock(1.0)
+    with (
+        SimulatedLabJackT7(FakeInputs(clock)) as server,
+        LabJackT7(server.address, server.stream_address, clock=clock) as t7,
+    ):
+        t7.start_stream(1000.0)
+        started_s = time.monotonic()
+        block = t7.read_stream(300, 5.0)
+        took_s = time.monotonic() - started_s
+    assert len(block.gyro_v) >= 300
+    assert 0.2 < took_s < 2.0
+
+
+def test_too_few_scans_in_time_are_a_link_error_that_counts_them_and_loses_none(
+    t7: LabJackT7, server: SimulatedLabJackT7, inputs: FakeInputs
+) -> None:
+    t7.start_stream(100.0)
+    inputs.clock.sleep(1.0)
+    with pytest.raises(LinkError, match=rf"{server.address}.*expected 500 scans within 0.3 s, 100 came.*nothing came"):
+        t7.read_stream(500, 0.3)
+    inputs.clock.sleep(4.0)
+    block = t7.read_stream(500, 5.0)
+    assert (block.first_index, len(block.gyro_v)) == (0, 500)
+
+
+def test_a_stream_that_is_cut_is_a_link_error(t7: LabJackT7, server: SimulatedLabJackT7, inputs: FakeInputs) -> None:
+    t7.start_stream(100.0)
+    inputs.clock.sleep(1.0)
+    t7.read_stream(100, 5.0)
+    server._stream.stop()
+    with pytest.raises(LinkError, match="expected 10 scans"):
+        t7.read_stream(10, 2.0)
+
+
+def test_a_gap_ends_a_block_and_the_next_one_starts_where_scanning_went_on(
+    t7: LabJackT7, server: SimulatedLabJackT7, inputs: FakeInputs
+) -> None:
+    t7.start_stream(20_000.0)
+    inputs.clock.sleep(60.0)
+    sampled = -1
+    while sampled != (sampled := len(inputs.calls)):
+        time.sleep(0.1)
+    inputs.clock.sleep(2.0)
+    while server._stream._stream._kept_until is None:  # type: ignore[union-attr]
+        time.sleep(0.01)
+    end, block = 0, t7.read_stream(1, 5.0)
+    while block.first_index == end:
+        end += len(block.gyro_v)
+        try:
+            block = t7.read_stream(1, 0.2)
+        except LinkError:  # all that was kept has come; new packets need new scans
+            inputs.clock.sleep(0.05)
+            block = t7.read_stream(1, 5.0)
+    assert 60 * 20_000 + 4096 - 128 <= end <= 60 * 20_000 + 4096
+    assert block.first_index == pytest.approx(62 * 20_000, abs=5000)
+    times_s = (block.first_index + np.arange(len(block.gyro_v))) / 20_000.0
+    assert np.abs(block.encoder_count - inputs.counts(times_s)).max() <= 1
+
+
+def test_too_high_a_rate_is_an_instrument_error_that_says_so(t7: LabJackT7, inputs: FakeInputs) -> None:
+    t7.start_stream(40_000.0)
+    inputs.clock.sleep(1.0)
+    with pytest.raises(InstrumentError, match=r"LabJack T7 at tcp.*2942.*lower rate"):
+        t7.read_stream(1, 5.0)
+
+
+def test_stopping_is_safe_at_any_time_and_a_stream_can_be_started_again(t7: LabJackT7, inputs: FakeInputs) -> None:
+    t7.stop_stream()
+    t7.start_stream(100.0)
+    inputs.clock.sleep(1.0)
+    t7.stop_stream()
+    t7.stop_stream()
+    inputs.clock.sleep(1.0)
+    start = t7.start_stream(50.0)
+    inputs.clock.sleep(1.0)
+    block = t7.read_stream(48, 5.0)
+    assert block.first_index == 0
+    assert block.encoder_count[0] == inputs.counts(np.array([start.start_s]))[0]
+
+
+def test_a_stream_that_somebody_left_running_is_stopped_on_open(server: SimulatedLabJackT7, inputs: FakeInputs) -> None:
+    first = LabJackT7(server.address, server.stream_address, clock=inputs.clock)
+    first.open()
+    first.start_stream(100.0)
+    first.close()
+    with LabJackT7(server.address, server.stream_address, clock=inputs.clock) as second:
+        assert second.read_once().encoder_count == -500
+
+
+def test_an_encoder_input_that_counts_already_is_left_alone(server: SimulatedLabJackT7, inputs: FakeInputs) -> None:
+    lines = server._terminals.lines
+    with LabJackT7(server.address, server.stream_address, clock=inputs.clock):
+        assert [(line.index, line.enabled) for line in lines[:3]] == [(10, 1), (10, 1), (0, 0)]
+    lines[0].options = 77
+    with LabJackT7(server.address, server.stream_address, clock=inputs.clock):
+        assert lines[0].options == 77
+    lines[1].index = 7
+    with LabJackT7(server.address, server.stream_address, clock=inputs.clock):
+        assert [(line.index, line.enabled) for line in lines[:2]] == [(10, 1), (10, 1)]
+
+
+def test_a_refused_setting_is_explained_in_labjacks_words(
+    t7: LabJackT7, server: SimulatedLabJackT7, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("instruments.digitizers.labjack_t7.BUFFER_BYTES", 3000)
+    with pytest.raises(InstrumentError, match=r"STREAM_ENABLE.*LabJack error 2615, the buffer size is invalid"):
+        t7.start_stream(100.0)
+    monkeypatch.undo()
+    assert t7.start_stream(100.0).rate_hz == 100.0
+
+
+def test_a_setting_that_does_not_stay_is_an_instrument_error(
+    t7: LabJackT7, server: SimulatedLabJackT7, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server, "_keep", lambda address, value: None)
+    with pytest.raises(InstrumentError, match=r"wrote 100 to STREAM_SCANRATE_HZ, acknowledged, reads 0"):
+        t7.start_stream(100.0)
+
+
+@pytest.mark.parametrize("call", ["read_once", "start_stream"])
+def test_what_a_running_stream_forbids_is_a_usage_error(t7: LabJackT7, call: str) -> None:
+    t7.start_stream(100.0)
+    arguments: dict[str, Any] = {"rate_hz": 100.0} if call == "start_stream" else {}
+    with pytest.raises(UsageError, match=rf"{call} while the stream runs"):
+        getattr(t7, call)(**arguments)
+
+
+def test_reading_without_a_stream_is_a_usage_error(t7: LabJackT7) -> None:
+    with pytest.raises(UsageError, match="no stream runs"):
+        t7.read_stream(1, 1.0)
+
+
+@pytest.mark.parametrize("rate_hz", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_rate_that_is_none_is_a_usage_error(t7: LabJackT7, rate_hz: float) -> None:
+    with pytest.raises(UsageError, match="scan rate"):
+        t7.start_stream(rate_hz)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"address": "serial:///dev/ttyUSB0"}, "reached over tcp"),
+        ({"encoder_channel": 4}, r"encoder_channel 4.*\(0, 2, 6\)"),
+        ({"range_v": 5.0}, r"range_v 5.0"),
+    ],
+)
+def test_an_option_that_a_t7_does_not_have_is_a_usage_error(options: dict[str, Any], words: str) -> None:
+    with pytest.raises(UsageError, match=words):
+        LabJackT7(**{"address": "tcp://127.0.0.1:502", "clock": VirtualClock(), **options})
+
+
+@pytest.mark.parametrize(
+    ("test", "product", "words"),
+    [(0x22330011, 7.0, "low word first"), (0xDEADBEEF, 7.0, "DEADBEEFh"), (0x00112233, 4.0, r"product 7.*got 4")],
+)
+def test_what_is_no_t7_is_recognised_on_open(test: int, product: float, words: str) -> None:
+    registers = RegisterTable([u32(55100, lambda: test), f32(60000, lambda: product)])
+    with ModbusTcpServer(registers, unit_id=None) as server:
+        t7 = LabJackT7(server.address, clock=VirtualClock())
+        with pytest.raises(InstrumentError, match=words):
+            t7.open()
+
+
+def test_a_calibration_that_makes_no_sense_is_an_instrument_error(
+    server: SimulatedLabJackT7, inputs: FakeInputs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("instruments.digitizers.labjack_t7.CALIBRATION_FLASH_ADDRESS", 0)
+    with pytest.raises(InstrumentError, match="reading its flash, expected the calibration"):
+        LabJackT7(server.address, server.stream_address, clock=inputs.clock).open()
+
+
+def test_a_stream_port_where_nobody_listens_is_a_link_error_and_leaves_no_stream_behind(
+    server: SimulatedLabJackT7, inputs: FakeInputs
+) -> None:
+    server._stream.stop()
+    with LabJackT7(server.address, server.stream_address, clock=inputs.clock, timeout_s=0.5) as t7:
+        with pytest.raises(LinkError, match=server.stream_address):
+            t7.start_stream(100.0)
+        assert t7.read_once().encoder_count == -500
+
+
+def test_closing_twice_is_safe_and_a_closed_one_can_be_opened_again(t7: LabJackT7) -> None:
+    t7.close()
+    t7.close()
+    t7.open()
+    assert t7.read_once().encoder_count == -500
+
+
+def test_no_thread_is_left_behind(inputs: FakeInputs) -> None:
+    before = threading.active_count()
+    with (
+        SimulatedLabJackT7(inputs) as server,
+        LabJackT7(server.address, server.stream_address, clock=inputs.clock) as t7,
+    ):
+        t7.start_stream(100.0)
+        inputs.clock.sleep(1.0)
+        t7.read_stream(10, 1.0)
+    assert threading.active_count() == before
+
+
+def test_packets_lost_on_the_way_are_a_gap_in_the_index(t7: LabJackT7, inputs: FakeInputs) -> None:
+    t7.start_stream(100.0)
+    inputs.clock.sleep(1.0)
+    t7.read_stream(100, 5.0)
+    assert t7._scans is not None
+    reader: StreamReader = t7._scans._reader
+    assert reader._next_transaction is not None
+    reader._next_transaction -= 3  # as if three packets of five scans had been lost
+    inputs.clock.sleep(1.0)
+    assert t7.read_stream(100, 5.0).first_index == 115

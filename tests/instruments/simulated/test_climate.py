@@ -1,0 +1,102 @@
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+import pytest
+
+from instruments.errors import UsageError
+from instruments.physics.chamber import ChamberParameters
+from instruments.simulated.climate import ClimateChamber
+from instruments.simulated.clock import VirtualClock
+from instruments.simulated.timebase import Timebase
+
+
+def chamber() -> tuple[VirtualClock, Timebase, ClimateChamber]:
+    clock = VirtualClock()
+    timebase = Timebase(clock, 2000.0)
+    return clock, timebase, ClimateChamber(timebase, ChamberParameters(), 20.0)
+
+
+def test_a_command_is_acknowledged_at_once() -> None:
+    _, _, climate = chamber()
+    assert (climate.setpoint_c(), climate.running()) == (20.0, False)
+    climate.set_setpoint(-40.0)
+    climate.run(True)
+    assert (climate.setpoint_c(), climate.running()) == (-40.0, True)
+
+
+def test_the_air_follows_the_ramp_and_the_gyro_follows_the_air() -> None:
+    clock, _, climate = chamber()
+    climate.set_setpoint(80.0)
+    climate.run(True)
+    clock.sleep(1200.0)
+    # 20 min at 2 °C/min behind a lag of 1 min
+    assert climate.air_c() == pytest.approx(20.0 + 40.0 - 2.0, abs=1e-6)
+    assert climate.power_percent() > 0.0
+    clock.sleep(20_000.0)
+    housing, coil = climate.gyro_c(np.array([clock.now()]))
+    assert (climate.air_c(), housing[0], coil[0]) == pytest.approx((80.0, 80.0, 80.0), abs=1e-6)
+
+
+def test_a_set_point_that_changes_on_the_way_is_followed_from_there() -> None:
+    clock, _, climate = chamber()
+    climate.run(True)
+    climate.set_setpoint(80.0)
+    clock.sleep(600.0)
+    before = climate.air_c()
+    climate.set_setpoint(0.0)
+    assert climate.air_c() == before
+    clock.sleep(600.0)
+    # 20 °C up, 20 °C down, one lag of 1 min behind
+    assert climate.air_c() == pytest.approx(20.0 + 2.0, abs=0.01)
+
+
+def test_switched_off_the_chamber_keeps_its_set_point_and_drifts_to_the_room() -> None:
+    clock, _, climate = chamber()
+    climate.set_setpoint(60.0)
+    climate.run(True)
+    clock.sleep(10_000.0)
+    climate.run(False)
+    clock.sleep(1800.0)
+    assert climate.setpoint_c() == 60.0
+    assert climate.power_percent() == 0.0
+    assert climate.air_c() == pytest.approx(20.0 + 40.0 * math.exp(-1.0), rel=1e-6)
+
+
+def test_temperatures_do_not_depend_on_who_asks_when() -> None:
+    asked, unasked = chamber(), chamber()
+    for clock, _, climate in (asked, unasked):
+        climate.run(True)
+        climate.set_setpoint(-30.0)
+        for _ in range(50):
+            clock.sleep(7.3)
+            if climate is asked[2]:
+                climate.air_c()
+                climate.gyro_c(np.array([clock.now() - 0.01, clock.now()]))
+        climate.set_setpoint(10.0)
+        clock.sleep(1000.0)
+    times = asked[0].now() - np.array([30.0, 12.3, 0.0])
+    np.testing.assert_array_equal(asked[2].gyro_c(times), unasked[2].gyro_c(times))
+
+
+def test_thirty_hours_cost_milliseconds() -> None:
+    clock, _, climate = chamber()
+    climate.run(True)
+    climate.set_setpoint(85.0)
+    before = time.perf_counter()
+    clock.sleep(30 * 3600.0)
+    assert climate.air_c() == pytest.approx(85.0)
+    assert time.perf_counter() - before < 0.05
+
+
+def test_temperatures_that_were_not_held_are_forgotten_and_said_to_be() -> None:
+    clock, _, climate = chamber()
+    for _ in range(3):
+        climate.run(True)
+        clock.sleep(1000.0)
+        climate.run(False)
+        clock.sleep(1000.0)
+    with pytest.raises(UsageError, match=r"temperatures at 5\.000 s are forgotten"):
+        climate.gyro_c(np.array([5.0]))

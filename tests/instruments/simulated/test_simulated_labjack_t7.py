@@ -1,0 +1,261 @@
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from instruments.errors import InstrumentError
+from instruments.links.address import parse_address
+from instruments.links.modbus import ModbusLink
+from instruments.protocols.t7_stream import ScanRun, StreamReader
+from instruments.simulated.clock import VirtualClock
+from instruments.simulated.labjack_t7 import SimulatedLabJackT7
+from tests.instruments.simulated.fake_inputs import FakeInputs
+
+
+@pytest.fixture
+def inputs() -> FakeInputs:
+    return FakeInputs(VirtualClock())
+
+
+@pytest.fixture
+def twin(inputs: FakeInputs) -> Iterator[SimulatedLabJackT7]:
+    with SimulatedLabJackT7(inputs) as server:
+        yield server
+
+
+@pytest.fixture
+def link(twin: SimulatedLabJackT7) -> Iterator[ModbusLink]:
+    master = ModbusLink(twin.address)
+    master.open()
+    yield master
+    master.close()
+
+
+def connect(twin: SimulatedLabJackT7) -> socket.socket:
+    where = parse_address(twin.stream_address)
+    client = socket.create_connection((where.host, where.port), timeout=5.0)
+    client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
+    return client
+
+
+def set_up(link: ModbusLink, *, rate_hz: float = 1000.0, packet: int = 40, buffer_bytes: int = 4096) -> None:
+    """Everything that a stream of the count needs but ENABLE, in plain registers."""
+    for line in (0, 1):
+        link.write_u32(44100 + 2 * line, 10, "high_first")
+        link.write_u32(44000 + 2 * line, 1, "high_first")
+    link.write_f32(4002, rate_hz, "high_first")
+    for address, value in {4004: 3, 4006: packet, 4012: buffer_bytes, 4016: 1, 4018: 0, 4020: 0}.items():
+        link.write_u32(address, value, "high_first")
+    for place, address in enumerate((3000, 4899, 0)):
+        link.write_u32(4100 + 2 * place, address, "high_first")
+
+
+def enable(link: ModbusLink, value: int = 1) -> None:
+    link.write_u32(4990, value, "high_first")
+
+
+def receive(client: socket.socket, reader: StreamReader, scans: int) -> list[ScanRun]:
+    """Runs until that many scans have come."""
+    runs: list[ScanRun] = []
+    while sum(len(run.samples) for run in runs) < scans:
+        data = client.recv(1 << 16)
+        assert data, "the simulated T7 closed its stream"
+        runs += reader.feed(data)
+    return runs
+
+
+def refused_with(link: ModbusLink, address: int, value: int) -> int:
+    """LabJack's code for a write that must be refused."""
+    with pytest.raises(InstrumentError, match="device failure"):
+        link.write_u32(address, value, "high_first")
+    return link.read_u32(55000, "high_first")
+
+
+def test_constants_have_the_values_of_the_register_map(link: ModbusLink) -> None:
+    assert link.read_u32(55100, "high_first") == 0x00112233
+    assert link.read_f32(55124, "high_first") == -9999.0
+    assert link.read_f32(60000, "high_first") == 7.0
+    assert link.read_u32(60028, "high_first") == 470_012_345
+
+
+def test_the_core_timer_runs_at_40_mhz_of_bench_time_and_wraps(link: ModbusLink, inputs: FakeInputs) -> None:
+    before = link.read_u32(61520, "high_first")
+    inputs.clock.sleep(120.0)
+    after = link.read_u32(61520, "high_first")
+    assert (after - before) % 2**32 == 120 * 40_000_000 % 2**32
+
+
+def test_an_analog_input_reads_through_a_clipping_converter(link: ModbusLink, inputs: FakeInputs) -> None:
+    inputs.clock.sleep(70.0)
+    assert link.read_f32(0, "high_first") == pytest.approx(2.0, abs=1e-6)
+    link.write_f32(40000, 1.0, "high_first")
+    assert link.read_f32(0, "high_first") == pytest.approx(1.0, abs=1e-6)
+    assert link.read_f32(26, "high_first") == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_range_that_does_not_exist_becomes_the_next_larger_one(link: ModbusLink) -> None:
+    link.write_f32(40000, 0.5, "high_first")
+    assert link.read_f32(40000, "high_first") == 1.0
+    link.write_f32(40000, 0.0, "high_first")
+    assert link.read_f32(40000, "high_first") == 10.0
+
+
+def test_the_count_reads_zero_until_quadrature_is_enabled_on_both_lines(link: ModbusLink, inputs: FakeInputs) -> None:
+    inputs.clock.sleep(2.0)
+    link.write_u32(44100, 10, "high_first")
+    link.write_u32(44000, 1, "high_first")
+    assert link.read_u32(3000, "high_first") == 0
+    link.write_u32(44102, 10, "high_first")
+    link.write_u32(44002, 1, "high_first")
+    assert link.read_u32(3000, "high_first") == 2000
+
+
+def test_the_feature_of_an_enabled_line_cannot_be_changed(link: ModbusLink) -> None:
+    link.write_u32(44000, 1, "high_first")
+    assert refused_with(link, 44100, 10) == 0
+
+
+@pytest.mark.parametrize(
+    ("address", "value", "code"),
+    [
+        (4004, 0, 2607),
+        (4004, 200, 2607),
+        (4100, 4899, 2607),
+        (4102, 12345, 2607),
+        (4002, 0, 2608),
+        (4006, 513, 2618),
+        (4006, 0, 2618),
+        (4012, 3000, 2615),
+        (4012, 65536, 2615),
+        (4016, 16, 2612),
+        (4018, 1, 0),
+    ],
+)
+def test_a_wrong_setting_is_refused_when_the_stream_is_enabled(
+    link: ModbusLink, address: int, value: int, code: int
+) -> None:
+    set_up(link)
+    link.write_u32(address, value, "high_first")
+    assert refused_with(link, 4990, 1) == code
+    assert link.read_u32(4990, "high_first") == 0
+
+
+def test_configuring_reading_inputs_and_enabling_again_are_refused_while_a_stream_runs(link: ModbusLink) -> None:
+    set_up(link)
+    enable(link)
+    assert refused_with(link, 4006, 20) == 2605
+    assert refused_with(link, 4990, 1) == 2605
+    with pytest.raises(InstrumentError, match="device failure"):
+        link.read_f32(0, "high_first")
+    enable(link, 0)
+    assert refused_with(link, 4990, 0) == 2620
+
+
+def test_a_jump_of_bench_time_brings_all_scans_of_it(
+    twin: SimulatedLabJackT7, link: ModbusLink, inputs: FakeInputs
+) -> None:
+    set_up(link)
+    with connect(twin) as client:
+        inputs.clock.sleep(7.25)
+        enable(link)
+        assert link.read_u32(4026, "high_first") == (0xF000_0000 + int(7.25 * 40e6)) & 0xFFFFFFFF
+        inputs.clock.sleep(100.0)
+        runs = receive(client, StreamReader(3), 99_990)
+    samples = np.concatenate([run.samples for run in runs]).astype(np.int64)
+    times_s = 7.25 + np.arange(len(samples)) / 1000.0
+    assert (samples[:, 0] | samples[:, 1] << 16).tolist() == inputs.counts(times_s).tolist()
+    assert samples[:, 2] * 20.0 / 65536 - 10.0 == pytest.approx(inputs.gyro_v(times_s), abs=2e-4)
+
+
+def test_a_client_that_connects_late_still_gets_the_first_scan(
+    twin: SimulatedLabJackT7, link: ModbusLink, inputs: FakeInputs
+) -> None:
+    set_up(link)
+    enable(link)
+    inputs.clock.sleep(0.4)
+    time.sleep(0.05)
+    with connect(twin) as client:
+        assert receive(client, StreamReader(3), 100)[0].first_index == 0
+
+
+def test_a_new_client_begins_with_a_whole_packet(
+    twin: SimulatedLabJackT7, link: ModbusLink, inputs: FakeInputs
+) -> None:
+    set_up(link, packet=509)
+    with connect(twin) as first:
+        enable(link)
+        inputs.clock.sleep(400.0)  # more than the wire holds
+        first.recv(1)
+        time.sleep(0.1)
+        with connect(twin) as second:
+            runs = receive(second, StreamReader(3), 1000)
+    assert len(runs[0].samples) > 0
+
+
+def test_a_client_that_does_not_read_makes_the_buffer_overflow_and_learns_how_much_is_missing(
+    twin: SimulatedLabJackT7, link: ModbusLink, inputs: FakeInputs
+) -> None:
+    set_up(link, rate_hz=25_000.0, packet=510)
+    with connect(twin) as client:
+        enable(link)
+        inputs.clock.sleep(20.0)  # 500000 scans, far more than the wire holds: these are on their way
+        sampled = -1
+        while sampled != (sampled := len(inputs.calls)):
+            time.sleep(0.1)
+        inputs.clock.sleep(1.0)  # 25000 scans for a buffer of 682
+        while twin._stream._stream._kept_until is None:  # type: ignore[union-attr]
+            time.sleep(0.01)
+        client.settimeout(0.2)
+        reader, found = StreamReader(3), list[ScanRun]()
+        while reader.skipped_scans == 0:
+            try:
+                found += reader.feed(client.recv(1 << 18))
+            except TimeoutError:  # all that was kept has come; new packets need new scans
+                inputs.clock.sleep(0.05)
+    assert reader.lost_packets == 0
+    assert 24_000 < reader.skipped_scans < 26_000
+    before, after = (next(run for run in runs if len(run.samples)) for runs in (found, found[::-1]))
+    times_s = (after.first_index + np.arange(len(after.samples))) / 25_000.0
+    assert before.first_index == 0
+    counts = after.samples[:, 0].astype(np.int64) | after.samples[:, 1].astype(np.int64) << 16
+    assert np.abs(counts - inputs.counts(times_s)).max() <= 1
+
+
+def test_no_bench_time_costs_anything_while_no_stream_runs(link: ModbusLink, inputs: FakeInputs) -> None:
+    set_up(link)
+    enable(link)
+    enable(link, 0)
+    time.sleep(0.05)
+    sampled = len(inputs.calls)
+    inputs.clock.sleep(30 * 3600.0)
+    time.sleep(0.05)
+    assert len(inputs.calls) == sampled
+    assert inputs.held_since_s is None
+
+
+def test_history_is_held_from_the_next_scan_on_while_a_stream_runs(
+    twin: SimulatedLabJackT7, link: ModbusLink, inputs: FakeInputs
+) -> None:
+    set_up(link)
+    inputs.clock.sleep(3.0)
+    with connect(twin) as client:
+        enable(link)
+        assert inputs.held_since_s == 3.0
+        inputs.clock.sleep(2.0)
+        receive(client, StreamReader(3), 1980)
+    assert inputs.held_since_s == pytest.approx(5.0, abs=0.02)
+    enable(link, 0)
+    assert inputs.held_since_s is None
+
+
+def test_it_can_be_stopped_twice_and_started_again_at_the_same_place(inputs: FakeInputs) -> None:
+    twin = SimulatedLabJackT7(inputs)
+    with twin:
+        addresses = twin.address, twin.stream_address
+    twin.stop()
+    with twin:
+        assert (twin.address, twin.stream_address) == addresses
