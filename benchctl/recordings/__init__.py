@@ -1,0 +1,1 @@
+"""Recordings: the HDF5 schema, writing, reading, digests, importing and exporting."""

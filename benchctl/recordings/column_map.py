@@ -1,0 +1,250 @@
+"""The map file: which column of a foreign file is which channel, in which unit, with which sign; checked by pydantic.
+
+`map_examples` explains it by example.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+
+from benchctl.recordings import units
+from benchctl.recordings.step_entries import StepEntry
+from benchctl.toml_file import parse_toml, read_text
+
+_RESERVED = re.compile(r"poll_.*|time_s|filled|point_.*")
+_NAME = re.compile(r"[a-z][a-z0-9_]*")
+
+
+def _known_in(table: Mapping[str, units.Conversion], *further: str) -> AfterValidator:
+    def check(unit: str) -> str:
+        if unit not in table and unit not in further:
+            raise ValueError(f"the unit {unit!r} is not known here; known are {', '.join([*table, *further])}")
+        return unit
+
+    return AfterValidator(check)
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, protected_namespaces=())
+
+
+class Column(_Table):
+    """Where values stand and what they become: `sign · scale · (value in the channel's unit) + offset`.
+
+    `column` is a name, or a number from 1; `index` the column of a matrix in a MAT file, from 1.
+    """
+
+    known: ClassVar[Mapping[str, units.Conversion]] = {}
+
+    column: Annotated[str, Field(min_length=1)] | Annotated[int, Field(ge=1)]
+    index: int | None = Field(default=None, ge=1)
+    unit: str
+    sign: Literal[1, -1] = 1
+    scale: float = 1.0
+    offset: float = 0.0
+
+    @property
+    def conversion(self) -> units.Conversion:
+        """How a value in the file becomes one in the channel's unit, with sign, scale and offset."""
+        unit = self.unit_conversion
+        factor = self.sign * self.scale
+        return units.Conversion(unit.cf, factor * unit.factor, factor * unit.offset + self.offset, unit.divisor)
+
+    @property
+    def unit_conversion(self) -> units.Conversion:
+        """How the unit alone converts."""
+        return self.known[self.unit]
+
+
+class AngleColumn(Column):
+    """The angle of the table; a sign of -1 where it counts clockwise."""
+
+    known: ClassVar[Mapping[str, units.Conversion]] = units.ANGLE
+
+    unit: Annotated[str, _known_in(units.ANGLE, units.COUNTS)]
+    counts_per_rev: float | None = Field(default=None, gt=0)
+
+    @model_validator(mode="after")
+    def _counts_are_told(self) -> AngleColumn:
+        if self.unit == units.COUNTS and self.counts_per_rev is None:
+            raise ValueError("an angle in counts needs counts_per_rev")
+        return self
+
+    @property
+    def unit_conversion(self) -> units.Conversion:
+        """How the unit alone converts; counts by `counts_per_rev`."""
+        if self.counts_per_rev is not None and self.unit == units.COUNTS:
+            return units.Conversion("degree", 360.0, divisor=self.counts_per_rev)
+        return self.known[self.unit]
+
+
+class OutputColumn(Column):
+    """The output of the gyro: volts, or of a digital gyro a rate."""
+
+    known: ClassVar[Mapping[str, units.Conversion]] = units.GYRO_OUTPUT
+    unit: Annotated[str, _known_in(units.GYRO_OUTPUT)]
+
+
+class TemperatureColumn(Column):
+    """A temperature."""
+
+    known: ClassVar[Mapping[str, units.Conversion]] = units.TEMPERATURE
+    unit: Annotated[str, _known_in(units.TEMPERATURE)]
+
+
+class RateColumn(Column):
+    """A rate of rotation."""
+
+    known: ClassVar[Mapping[str, units.Conversion]] = units.RATE
+    unit: Annotated[str, _known_in(units.RATE)]
+
+
+class DurationColumn(Column):
+    """A time."""
+
+    known: ClassVar[Mapping[str, units.Conversion]] = units.TIME
+    unit: Annotated[str, _known_in(units.TIME)]
+
+
+class OtherColumn(Column):
+    """Anything else, kept in its own unit."""
+
+    known: ClassVar[Mapping[str, units.Conversion]] = units.OTHER
+    unit: Annotated[str, _known_in(units.OTHER)] = "1"
+
+
+class Channels(BaseModel):
+    """The channels by name; what has no name of ours is an `OtherColumn`."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+    __pydantic_extra__: dict[str, OtherColumn]
+
+    encoder_deg: AngleColumn | None = None
+    gyro_v: OutputColumn | None = None
+    gyro_temp_c: TemperatureColumn | None = None
+    chamber_temp_c: TemperatureColumn | None = None
+
+    @model_validator(mode="after")
+    def _names_can_be_used(self) -> Channels:
+        for name in self.__pydantic_extra__:
+            if _RESERVED.fullmatch(name) or not _NAME.fullmatch(name):
+                raise ValueError(
+                    f"a channel cannot be named {name!r}: use small letters, digits and _, "
+                    "not time_s, filled, poll_… or point_…"
+                )
+        if not self.columns:
+            raise ValueError("name at least one channel")
+        return self
+
+    @property
+    def columns(self) -> dict[str, Column]:
+        """Name of the channel -> where it stands."""
+        ours: dict[str, Column | None] = {name: getattr(self, name) for name in type(self).model_fields}
+        return {name: column for name, column in (ours | self.__pydantic_extra__).items() if column is not None}
+
+
+class TimeEntry(_Table):
+    """Where the stamps stand, or the rate at which rows follow each other; what to do where stamps are not uniform."""
+
+    column: Annotated[str, Field(min_length=1)] | Annotated[int, Field(ge=1)] | None = None
+    index: int | None = Field(default=None, ge=1)
+    unit: Annotated[str, _known_in(units.TIME)] = "s"
+    rate_hz: float | None = Field(default=None, gt=0)
+    stamps: Literal["refuse", "repair", "keep"] = "refuse"
+    gaps: Literal["split", "fill"] = "split"
+
+    @model_validator(mode="after")
+    def _has_one_source(self) -> TimeEntry:
+        if (self.column is None) == (self.rate_hz is None):
+            raise ValueError("say either column (of the stamps) or rate_hz (where there are none)")
+        return self
+
+
+class UnitEntry(_Table):
+    """The gyro under test."""
+
+    serial: str = Field(min_length=1)
+    range_dps: float = Field(default=0.0, ge=0)
+    model: str = ""
+
+
+class BenchEntry(_Table):
+    """What is known of the bench; `sample_rate_hz` where the stamps are to be checked against it."""
+
+    sample_rate_hz: float | None = Field(default=None, gt=0)
+    encoder_counts_per_rev: int = Field(default=0, ge=0)
+    encoder_accuracy_arcsec: float = Field(default=0.0, ge=0)
+    adc_bits: int = Field(default=0, ge=0)
+    adc_range_v: float = Field(default=0.0, ge=0)
+    latitude_deg: float | None = Field(default=None, ge=-90, le=90)
+
+
+class FileEntry(_Table):
+    """How the file is laid out; lines and rows count from 1."""
+
+    delimiter: str = Field(default=",", min_length=1, max_length=1)
+    decimal: Literal[".", ","] = "."
+    header_line: int = Field(default=1, ge=0)
+    first_line: int | None = Field(default=None, ge=1)
+    first_row_variable: str | None = None
+
+    @model_validator(mode="after")
+    def _marks_differ(self) -> FileEntry:
+        if self.delimiter == self.decimal:
+            raise ValueError(f"{self.decimal!r} cannot be the delimiter and the decimal mark")
+        return self
+
+
+class PointsEntry(_Table):
+    """A table of static points: one row a rate."""
+
+    rate: RateColumn
+    mean: OutputColumn
+    std: OutputColumn | None = None
+    run: OtherColumn | None = None
+    temperature: TemperatureColumn | None = None
+    duration: DurationColumn | None = None
+    duration_s: float | None = Field(default=None, gt=0)
+    samples: int | None = Field(default=None, gt=0)
+
+
+class MapStep(StepEntry):
+    """A step that the map lists; a misspelt key is an error here."""
+
+    model_config = ConfigDict(strict=False, extra="forbid")
+
+
+class ColumnMap(_Table):
+    """A whole map file: channels with their time, or static points."""
+
+    unit: UnitEntry | None = None
+    bench: BenchEntry = BenchEntry()
+    file: FileEntry = FileEntry()
+    time: TimeEntry | None = None
+    channels: Channels | None = None
+    points: PointsEntry | None = None
+    steps: tuple[MapStep, ...] = ()
+
+    @model_validator(mode="after")
+    def _maps_one_thing(self) -> ColumnMap:
+        if self.points is not None and (self.channels is not None or self.time is not None or self.steps):
+            raise ValueError("[points] stands alone: a table of points has no [time], [channels] or [[steps]]")
+        if self.points is None and (self.channels is None or self.time is None):
+            raise ValueError("say [time] and [channels.…] for a table of samples, or [points.…] for static points")
+        return self
+
+
+def parse_map(text: str, name: str) -> ColumnMap:
+    """A map file's text; raises `UsageError` that names the file, the line and the field."""
+    return parse_toml(text, ColumnMap, name)
+
+
+def read_map(path: Path) -> tuple[ColumnMap, str]:
+    """A map file and its text; raises `UsageError` that names the file, the line and the field."""
+    text = read_text(path, "map file")
+    return parse_map(text, str(path)), text

@@ -1,0 +1,180 @@
+"""Delimited text into columns of numbers: fast where all is well, exact about line and column where it is not."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.recordings.model import FloatArray
+from instruments.errors import UsageError
+
+IntArray = npt.NDArray[np.int64]
+
+_COMMA, _NEWLINE, _DOT, _MINUS, _ZERO = b",\n.-0"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """Where the numbers are: `header_line` (from 1; 0: no header) holds the names, samples begin at `first_line`."""
+
+    delimiter: str = ","
+    decimal: str = "."
+    header_line: int = 1
+    first_line: int = 2
+
+
+def header_names(path: Path, text: bytes, layout: Layout) -> tuple[str, ...]:
+    """The names in the header, stripped; empty where there is no header.
+
+    Raises
+    ------
+    UsageError
+        Where the file ends before it, or a name occurs twice.
+    """
+    if layout.header_line == 0:
+        return ()
+    lines = text.split(b"\n", layout.header_line)
+    if len(lines) <= layout.header_line:
+        raise UsageError(f"{path}: ends before line {layout.header_line}, where the names of the columns should be")
+    line = lines[layout.header_line - 1]
+    try:
+        names = [name.strip().strip('"') for name in line.decode("utf-8").split(layout.delimiter)]
+    except UnicodeDecodeError:
+        names = [name.strip().strip('"') for name in line.decode("latin-1").split(layout.delimiter)]
+    for name in names:
+        if name and names.count(name) > 1:
+            raise UsageError(f"{path}, line {layout.header_line}: the column {name!r} is there twice")
+    return tuple(names)
+
+
+def read_columns(
+    path: Path, text: bytes, layout: Layout, columns: Mapping[str, int], *, width: int | None = None
+) -> dict[str, FloatArray]:
+    """The numbers of some columns, each of shape (rows,).
+
+    Parameters
+    ----------
+    path, text, layout
+        The file, for errors, its bytes (`read_bytes`), and where the numbers are in it.
+    columns
+        Name -> number of the column, from 0.
+    width
+        The cells that every row must have; None: at least those that are asked for.
+
+    Raises
+    ------
+    UsageError
+        Names file, line and column of the first cell that is missing, not a number, or not finite.
+    """
+    body = body_of(path, text, layout)
+    use = list(columns.values())
+    try:
+        table = np.loadtxt(
+            io.BytesIO(body),
+            delimiter=layout.delimiter,
+            comments=None,
+            ndmin=2,
+            usecols=None if width is not None else use,
+        )
+        complaint: ValueError | None = None
+    except ValueError as err:
+        complaint = err
+    else:
+        whole = table.shape[0] == body.count(b"\n") and (width is None or table.shape[1] == width)
+        if whole and np.isfinite(table).all():
+            chosen = table[:, use] if width is not None else table
+            packed = np.ascontiguousarray(chosen.T)
+            return {name: packed[k] for k, name in enumerate(columns)}
+    raise _fault(path, body, layout, columns, width) or UsageError(f"{path}: {complaint}") from complaint
+
+
+def body_of(path: Path, text: bytes, layout: Layout) -> bytes:
+    """The rows of samples, without what stands before them and blank lines behind, with a decimal point.
+
+    Raises `UsageError` where there is none.
+    """
+    start = 0
+    for _ in range(layout.first_line - 1):
+        start = text.find(b"\n", start) + 1
+        if start == 0:
+            break
+    body = text[start:].rstrip() + b"\n" if start or layout.first_line == 1 else b"\n"
+    if body == b"\n":
+        raise UsageError(f"{path}: has no samples; expected the first in line {layout.first_line}")
+    return body.replace(layout.decimal.encode(), b".") if layout.decimal != "." else body
+
+
+def _fault(path: Path, body: bytes, layout: Layout, columns: Mapping[str, int], width: int | None) -> UsageError | None:
+    """The first fault, in words; None where a second look finds none."""
+    needed = max(columns.values()) + 1
+    for number, line in enumerate(body.decode("latin-1").splitlines(), layout.first_line):
+        cells = line.split(layout.delimiter)
+        if (width is not None and len(cells) != width) or len(cells) < needed:
+            expected = width if width is not None else f"at least {needed}"
+            missing = next((name for name, k in columns.items() if k == len(cells)), None)
+            short = f": the column {missing} and what follows are missing" if missing and len(cells) < needed else ""
+            count = "1 cell" if len(cells) == 1 else f"{len(cells)} cells"
+            return UsageError(f"{path}, line {number}: expected {expected} cells, got {count}{short}")
+        for name, k in columns.items():
+            if (says := _not_a_number(cells[k])) is not None:
+                return UsageError(f"{path}, line {number}, column {name}: {says}")
+    return None
+
+
+def _not_a_number(cell: str) -> str | None:
+    if not cell.strip():
+        return "expected a number, the cell is empty"
+    try:
+        value = float(cell)
+    except ValueError:
+        return f"expected a number, got {cell.strip()[:40]!r}"
+    return None if math.isfinite(value) else f"expected a finite number, got {cell.strip()}; leave such rows out"
+
+
+def printed_decimals(body: bytes, columns: Sequence[str]) -> dict[str, int]:
+    """How many decimals each column is printed with, where printing it so again gives the very text of every row.
+
+    `body` has been read as numbers already. Columns are left out whose cells differ in decimals, have exponents, plus
+    signs, blanks, leading zeros, or more than 15 digits (the nearest float64 may then print as another text).
+    """
+    text = np.frombuffer(body, dtype=np.uint8)
+    ends = np.flatnonzero((text == _COMMA) | (text == _NEWLINE))
+    width = len(columns)
+    if ends.size % width:
+        return {}
+    dots = np.flatnonzero(text == _DOT)
+    cell_of_dot = np.searchsorted(ends, dots)
+    digit = (text >= _ZERO) & (text <= _ZERO + 9)
+    odd = np.flatnonzero(~(digit | (text == _COMMA) | (text == _NEWLINE) | (text == _DOT) | (text == _MINUS)))
+    spoilt = set(np.unique(np.searchsorted(ends, odd) % width).tolist())
+    starts = np.r_[0, ends[:-1] + 1]
+    found = {}
+    for k, name in enumerate(columns):
+        mine = dots[cell_of_dot % width == k]
+        decimals = None if k in spoilt else _decimals(text, starts[k::width], ends[k::width], mine)
+        if decimals is not None:
+            found[name] = decimals
+    return found
+
+
+def _decimals(text: npt.NDArray[np.uint8], starts: IntArray, ends: IntArray, dots: IntArray) -> int | None:
+    """The decimals of one column, whose cells are `text[starts:ends]`; None where one cell breaks the pattern."""
+    first = starts + (text[starts] == _MINUS)
+    if dots.size == 0:
+        point, decimals = ends, 0
+    elif dots.size == ends.size and bool(np.all((dots > starts) & (dots < ends))):
+        after = np.unique(ends - dots - 1)
+        if after.size != 1 or after[0] == 0:
+            return None
+        point, decimals = dots, int(after[0])
+    else:
+        return None
+    digits = point - first
+    plain = (digits >= 1) & (digits + decimals <= 15) & ((text[first] != _ZERO) | (digits == 1))
+    return decimals if bool(plain.all()) else None

@@ -1,0 +1,166 @@
+"""Seals a recording, so that any later change is found and named.
+
+What is digested is the content, not the file: SHA-256 over a canonical form that is the same however the samples are
+chunked or compressed. Each channel has the attribute `digest`; each step, and the root, has a `manifest` (canonical
+JSON: its attributes, and the digests of what is in it) and a `digest` of that manifest. The digest of the root
+therefore stands for the whole recording. A seal finds accidents and careless edits; it is no signature: who edits a
+recording on purpose can seal it anew.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import h5py
+import numpy as np
+
+from benchctl.recordings.model import FloatArray
+from benchctl.recordings.schema import STEPS, attributes_of
+
+BLOCK = 1 << 17
+"""Samples that are held in memory at once, 1 MiB."""
+
+_LONG = 80
+_HEX_DIGITS = 64
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One thing that is not as it was written: where it is, and what is said of it."""
+
+    where: str
+    says: str
+
+    def __str__(self) -> str:
+        return f"{self.where}: {self.says}"
+
+
+class SampleDigest:
+    """SHA-256 of a channel, fed block by block: a line of JSON with dtype and shape, then little-endian float64."""
+
+    def __init__(self, length: int) -> None:
+        self._hash = hashlib.sha256(_canonical({"dtype": "<f8", "shape": [length]}) + b"\n")
+
+    def update(self, block: FloatArray) -> None:
+        """Take the next samples, shape (n,)."""
+        self._hash.update(np.ascontiguousarray(block, dtype="<f8").data)
+
+    def hexdigest(self) -> str:
+        """The digest of all samples so far."""
+        return self._hash.hexdigest()
+
+
+def blocks(length: int, size: int = BLOCK) -> Iterator[slice]:
+    """Slices that cover `length` samples."""
+    return (slice(start, min(start + size, length)) for start in range(0, length, size))
+
+
+def digest_of(samples: FloatArray | h5py.Dataset) -> str:
+    """The digest of a channel in memory or in a file, read block by block."""
+    digest = SampleDigest(len(samples))
+    for part in blocks(len(samples)):
+        digest.update(samples[part])
+    return digest.hexdigest()
+
+
+def seal_step(group: h5py.Group, digests: Mapping[str, str]) -> str:
+    """Write the digests of a finished step, channel -> digest of its samples; returns the digest of the step."""
+    for name, digest in digests.items():
+        group[name].attrs["digest"] = digest
+    return _seal(group, _step_manifest(group, digests))
+
+
+def seal_recording(root: h5py.Group) -> str:
+    """Write the digest of a finished recording, all of whose steps are sealed; returns it."""
+    return _seal(root, _root_manifest(root))
+
+
+def problems_of_recording(root: h5py.Group) -> Iterator[Problem]:
+    """Everything in a sealed recording that is not as it was sealed; reads every sample."""
+    yield from _compare(root, _root_manifest(root), "recording", "step")
+    for name in root[STEPS]:
+        yield from problems_of_step(root[STEPS][name], f"step {name}")
+
+
+def problems_of_step(group: h5py.Group, where: str) -> Iterator[Problem]:
+    """Everything in a sealed step that is not as it was sealed; reads every sample."""
+    found = {name: _digest_or_reason(group[name]) for name in group}
+    yield from _compare(group, _step_manifest(group, found), where, "channel")
+
+
+def _digest_or_reason(item: h5py.Dataset | h5py.Group) -> str:
+    if not isinstance(item, h5py.Dataset) or item.ndim != 1 or item.dtype != np.dtype("<f8"):
+        return "no float64 of shape (n,)"
+    try:
+        return digest_of(item)
+    except OSError as err:
+        return f"unreadable: {' '.join(str(err).split())}"
+
+
+def _step_manifest(group: h5py.Group, digests: Mapping[str, str]) -> dict[str, Any]:
+    channels = {name: {"samples": digests[name], **_brief(group[name])} for name in group}
+    return {"attributes": _brief(group), "channel": channels}
+
+
+def _root_manifest(root: h5py.Group) -> dict[str, Any]:
+    steps = {name: {"digest": group.attrs.get("digest", "none")} for name, group in root[STEPS].items()}
+    return {"attributes": _brief(root), "step": steps}
+
+
+def _seal(group: h5py.Group, manifest: Mapping[str, Any]) -> str:
+    text = _canonical(manifest)
+    digest = hashlib.sha256(text).hexdigest()
+    group.attrs["manifest"] = text.decode()
+    group.attrs["digest"] = digest
+    return digest
+
+
+def _compare(group: h5py.Group, found: Mapping[str, Any], where: str, part: str) -> Iterator[Problem]:
+    """Hold what is there against what the seal says was there."""
+    if not {"manifest", "digest"} <= set(group.attrs):
+        yield Problem(where, "has no digest: it was not written to its end, or not by this program")
+        return
+    text = str(group.attrs["manifest"])
+    if hashlib.sha256(text.encode()).hexdigest() != group.attrs["digest"]:
+        yield Problem(where, "its manifest or its digest was changed")
+        return
+    sealed = json.loads(text)
+    yield from _differences(sealed["attributes"], found["attributes"], where, "attribute")
+    for name in sorted(sealed[part].keys() | found[part].keys()):
+        if name not in found[part]:
+            yield Problem(f"{where}, {part} {name}", "was deleted")
+        elif name not in sealed[part]:
+            yield Problem(f"{where}, {part} {name}", "was added")
+        else:
+            yield from _differences(sealed[part][name], found[part][name], f"{where}, {part} {name}", "")
+
+
+def _differences(sealed: Mapping[str, Any], found: Mapping[str, Any], where: str, what: str) -> Iterator[Problem]:
+    for name in sorted(sealed.keys() | found.keys()):
+        label = f"{what} {name}".strip()
+        if name not in found:
+            yield Problem(where, f"{label} was deleted")
+        elif name not in sealed:
+            yield Problem(where, f"{label} was added")
+        elif sealed[name] != found[name] and len(found[name]) == _HEX_DIGITS:
+            yield Problem(where, f"{label} changed since it was written")
+        elif sealed[name] != found[name]:
+            yield Problem(where, f"{label} changed from {sealed[name]} to {found[name]}")
+
+
+def _brief(thing: h5py.Group | h5py.Dataset) -> dict[str, str]:
+    """Attributes as JSON; long ones as their digest, so that a manifest stays small."""
+    texts = {name: _canonical(value) for name, value in attributes_of(thing).items()}
+    return {
+        name: text.decode() if len(text) <= _LONG else f"sha256 {hashlib.sha256(text).hexdigest()}"
+        for name, text in texts.items()
+    }
+
+
+def _canonical(value: object) -> bytes:
+    """JSON with sorted keys, no spaces, UTF-8."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False, default=repr).encode()

@@ -1,0 +1,154 @@
+"""From columns and a map to a recording: units and signs, the clock, the steps, and an account of what was done."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from benchctl.recordings import units
+from benchctl.recordings.column_map import ColumnMap, TimeEntry
+from benchctl.recordings.import_open import Description
+from benchctl.recordings.model import BenchFacts, FloatArray, Meta, Step, Unit
+from benchctl.recordings.raw_columns import TIME, RawColumns
+from benchctl.recordings.stamps import (
+    StampError,
+    TimeBase,
+    as_stamped,
+    printed_resolution,
+    repair,
+    require_increase,
+    require_uniform,
+)
+from benchctl.recordings.step_entries import StepEntry, cut_into_steps
+from benchctl.recordings.treatment import tell, told_as_json
+from instruments.errors import UsageError
+
+FILLED = "filled"
+"""The channel that is 1 where a sample was never measured but filled in, and 0 elsewhere."""
+
+
+def build_recording(
+    raw: RawColumns, mapping: ColumnMap, map_name: str, beside: Description | None = None
+) -> tuple[Meta, list[Step]]:
+    """A recording in memory; what the map does not say of unit, bench and steps is taken from the description beside.
+
+    The output of a digital gyro stays in `gyro_v`, in deg/s; `Meta.extra["gyro_output_unit"]` is then `deg/s`, else
+    `V`. K0 of such a gyro is a number near 1, in (deg/s) per (deg/s).
+
+    Raises
+    ------
+    UsageError
+        Stamps that the map's policy does not admit, steps that do not fit, no unit.
+    """
+    if mapping.time is None or mapping.channels is None:
+        raise UsageError(f"{map_name}: maps no samples")
+    entries = mapping.channels.columns
+    base = _clock(raw, mapping.time, _stated_rate(mapping, beside))
+    channels: dict[str, FloatArray] = {TIME: base.time_s}
+    for name, entry in entries.items():
+        values = entry.conversion.apply(raw.values[name])
+        channels[name] = _place_angle(base, values) if name == "encoder_deg" else base.place(values)
+    if base.filled.any():
+        channels[FILLED] = base.filled.astype(np.float64)
+    steps = cut_into_steps(
+        _entries(mapping, beside),
+        channels,
+        rate_hz=base.rate_hz,
+        where=lambda k: f"{map_name}, steps[{k}]",
+        starts=base.starts,
+    )
+    extra: dict[str, Any] = {"channel_units": {name: entry.conversion.cf for name, entry in entries.items()}}
+    if FILLED in channels:
+        extra["channel_units"][FILLED] = "1"
+    if "gyro_v" in entries:
+        extra["gyro_output_unit"] = "V" if entries["gyro_v"].conversion.cf == "V" else "deg/s"
+    if TIME in raw.values:
+        extra["time_origin_s"] = float(units.TIME[mapping.time.unit].apply(raw.values[TIME][:1])[0])
+    provenance = {"treatment": tell(base, raw, mapping.time)}
+    if base.survey is not None:
+        provenance["treatment_json"] = told_as_json(base, base.survey, raw.first_row)
+    meta = Meta(
+        status="imported",
+        unit=unit_of(mapping, beside, map_name),
+        bench=bench_of(mapping, beside, base.rate_hz),
+        provenance=provenance,
+        simulation=None if beside is None else beside.simulation,
+        extra=extra,
+    )
+    return meta, steps
+
+
+def unit_of(mapping: ColumnMap, beside: Description | None, map_name: str) -> Unit:
+    """The gyro under test; raises `UsageError` where nobody says which it is."""
+    if mapping.unit is not None:
+        return Unit(**mapping.unit.model_dump())
+    if beside is None:
+        raise UsageError(f"{map_name}: [unit] is needed: at least serial, the gyro under test")
+    return beside.unit
+
+
+def bench_of(mapping: ColumnMap, beside: Description | None, rate_hz: float | None) -> BenchFacts:
+    """What is known of the bench: what the map says, else what is said beside; the rate is that of the clock."""
+    said = {name: getattr(mapping.bench, name) for name in mapping.bench.model_fields_set}
+    known = {**({} if beside is None else asdict(beside.bench)), **said, "sample_rate_hz": rate_hz or 0.0}
+    return BenchFacts(**known)
+
+
+def _entries(mapping: ColumnMap, beside: Description | None) -> Sequence[StepEntry]:
+    if mapping.steps:
+        return mapping.steps
+    if beside is not None and beside.steps:
+        return beside.steps
+    return [StepEntry(name="whole", kind="motion")]
+
+
+def _stated_rate(mapping: ColumnMap, beside: Description | None) -> float | None:
+    if mapping.bench.sample_rate_hz is not None:
+        return mapping.bench.sample_rate_hz
+    return None if beside is None else beside.bench.sample_rate_hz
+
+
+def _clock(raw: RawColumns, entry: TimeEntry, stated_hz: float | None) -> TimeBase:
+    rows = next(iter(raw.values.values())).size
+    if entry.rate_hz is not None:
+        return as_stamped(np.arange(rows) / entry.rate_hz, entry.rate_hz)
+    stamps = units.TIME[entry.unit].apply(raw.values[TIME])
+    try:
+        if entry.stamps == "repair":
+            return repair(stamps, _repeats(raw.values), fill=entry.gaps == "fill")
+        require_increase(stamps)
+        if entry.stamps == "keep":
+            return as_stamped(stamps, None)
+        rate_hz = stated_hz or _mean_rate(stamps)
+        require_uniform(stamps, rate_hz, printed_resolution(stamps))
+    except StampError as err:
+        advice = "leave rows out (file.first_line)" if entry.stamps == "repair" else 'see time.stamps: "repair", "keep"'
+        raise UsageError(f"{raw.place(err.row, TIME)}: {err.says}; {advice}") from err
+    return as_stamped(stamps, rate_hz)
+
+
+def _mean_rate(stamps_s: FloatArray) -> float:
+    """The rate of the rows (Hz), from the median step, sharpened over the whole where there is no gap; 12 digits."""
+    if stamps_s.size < 2:
+        raise StampError(0, "one row defines no rate; say bench.sample_rate_hz")
+    steps = np.diff(stamps_s)
+    median = float(np.median(steps))
+    span = float(stamps_s[-1] - stamps_s[0])
+    whole = round(span / median)
+    return float(f"{whole / span if whole == steps.size else 1.0 / median:.12g}")
+
+
+def _repeats(values: Mapping[str, FloatArray]) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Which rows hold the values of the row before again in all mapped columns, shape (rows,)."""
+    same = [np.r_[False, np.diff(column) == 0] for name, column in values.items() if name != TIME]
+    return np.asarray(np.logical_and.reduce(same), dtype=np.bool_)
+
+
+def _place_angle(base: TimeBase, angle_deg: FloatArray) -> FloatArray:
+    """An angle on the clock, wrapped to 0…360; filled in along the turn, not across the wrap."""
+    if base.filled.any():
+        angle_deg = np.unwrap(angle_deg, period=360.0)
+    return np.mod(base.place(angle_deg), 360.0)

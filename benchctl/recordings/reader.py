@@ -1,0 +1,198 @@
+"""Opens a recording, wherever it came from, one step in memory at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+from typing import Protocol, Self
+
+from benchctl.recordings.hdf5_files import RecordingFile
+from benchctl.recordings.import_open import read_open_recording
+from benchctl.recordings.model import Meta, Step, StepInfo
+from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, JOURNAL, PART_SUFFIX, RECORDING, STEPS
+from instruments.errors import UsageError
+
+OPEN_DESCRIPTION = "recording.json"
+
+
+class StepSource(Protocol):
+    """Where the samples of steps come from."""
+
+    def channels(self, index: int) -> tuple[str, ...]:
+        """The names of a step's channels."""
+
+    def load(self, info: StepInfo, names: Collection[str] | None = None) -> Step:
+        """A step with its samples; of these channels where given."""
+
+    def close(self) -> None:
+        """Let go of what is open; safe to call twice."""
+
+
+class Recording:
+    """A recording that is open for reading; `with` closes it. Made by `open_recording`.
+
+    Attributes
+    ----------
+    path
+        What was opened.
+    meta
+        Everything that is not a sample; of a campaign, its journal (JSON lines) is `meta.provenance["journal"]`.
+    infos
+        The steps, in order of their index.
+    digest
+        The digest of the whole; empty where there is none: a campaign that is not finished, an open recording.
+    notes
+        What was found amiss and left out, in words.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        meta: Meta,
+        infos: Collection[StepInfo],
+        source: StepSource,
+        *,
+        digest: str = "",
+        notes: tuple[str, ...] = (),
+    ) -> None:
+        self.path = path
+        self.meta = meta
+        self.infos = tuple(sorted(infos, key=lambda info: info.index))
+        self.digest = digest
+        self.notes = notes
+        self._source = source
+
+    def steps(self, kinds: Collection[str] | None = None, roles: Collection[str] | None = None) -> Iterator[Step]:
+        """The steps in order, each loaded when its turn comes; of these kinds and roles where given."""
+        for info in self.infos:
+            if (kinds is None or info.kind in kinds) and (roles is None or info.role in roles):
+                yield self._source.load(info)
+
+    def step(self, index: int, channels: Collection[str] | None = None) -> Step:
+        """One step by its `info.index`, with these of its channels where given; `UsageError` where there is none."""
+        return self._source.load(self._info(index), channels)
+
+    def channels(self, index: int) -> tuple[str, ...]:
+        """The names of a step's channels, without loading them; raises `UsageError` where there is no such step."""
+        return self._source.channels(self._info(index).index)
+
+    def close(self) -> None:
+        """Let go of the file; safe to call twice."""
+        self._source.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()
+
+    def _info(self, index: int) -> StepInfo:
+        for info in self.infos:
+            if info.index == index:
+                return info
+        raise UsageError(
+            f"{self.path}: there is no step {index}; it has the steps {[info.index for info in self.infos]}"
+        )
+
+
+def open_recording(path: Path) -> Recording:
+    """Open a recording: a file of ours, a campaign's folder (running, dead or finished) or an open recording's folder.
+
+    Of a campaign that is not finished: its finished steps, and the one being written (`whole=False`) with what has
+    reached its file. Its status is `running`, also where its program died.
+
+    Raises `UsageError`, in one line, where there is nothing, no HDF5, HDF5 that is not ours or newer than this
+    program, or a file that was cut short.
+    """
+    if not path.is_dir():
+        return _open_file(path)
+    if (path / RECORDING).exists():
+        return _open_file(path / RECORDING)
+    if (path / CAMPAIGN).exists():
+        return _open_campaign(path)
+    if (path / OPEN_DESCRIPTION).exists():
+        meta, steps = read_open_recording(path)
+        return Recording(path, meta, [step.info for step in steps], _Steps(steps))
+    raise UsageError(f"{path}: is no recording: expected {RECORDING}, {CAMPAIGN} or {OPEN_DESCRIPTION} in this folder")
+
+
+def _open_file(path: Path) -> Recording:
+    file = RecordingFile(path)
+    return Recording(path, file.meta, file.infos, file, digest=file.digest)
+
+
+def _open_campaign(folder: Path) -> Recording:
+    files: dict[int, Path] = {}
+    infos: list[StepInfo] = []
+    notes = []
+    for path in campaign_files(folder):
+        try:
+            with closing(_open_step(path)) as file:
+                infos += file.infos
+                files |= {info.index: path for info in file.infos}
+        except UsageError as err:
+            if not path.name.endswith(PART_SUFFIX):
+                raise
+            notes.append(f"left out: its writing had only begun ({err})")
+    return Recording(folder, _campaign_meta(folder), infos, _CampaignFiles(files), notes=tuple(notes))
+
+
+def _campaign_meta(folder: Path) -> Meta:
+    with closing(RecordingFile(folder / CAMPAIGN)) as file:
+        meta = file.meta
+    journal = (folder / JOURNAL).read_text(encoding="utf-8")
+    return replace(meta, provenance={**meta.provenance, "journal": journal})
+
+
+def campaign_files(folder: Path) -> list[Path]:
+    """The files of an unfinished campaign's steps, in order; a `.part` only where its step is not finished."""
+    finished = {
+        path.name.removesuffix(FINISHED_SUFFIX): path for path in (folder / STEPS).glob(f"[0-9]*{FINISHED_SUFFIX}")
+    }
+    begun = {path.name.removesuffix(PART_SUFFIX): path for path in (folder / STEPS).glob(f"[0-9]*{PART_SUFFIX}")}
+    return [path for _, path in sorted({**begun, **finished}.items())]
+
+
+def _open_step(path: Path) -> RecordingFile:
+    """A step's file; a `.part` may be finished, and so renamed, between two looks at the folder."""
+    finished = path.with_name(f"{path.name.removesuffix(PART_SUFFIX)}{FINISHED_SUFFIX}")
+    if path.name.endswith(PART_SUFFIX) and (finished.exists() or not path.exists()):
+        return RecordingFile(finished)
+    return RecordingFile(path)
+
+
+class _CampaignFiles:
+    """The steps of a campaign that is not finished, each file opened when it is asked for."""
+
+    def __init__(self, files: Mapping[int, Path]) -> None:
+        self._files = files
+
+    def channels(self, index: int) -> tuple[str, ...]:
+        with closing(_open_step(self._files[index])) as file:
+            return file.channels(index)
+
+    def load(self, info: StepInfo, names: Collection[str] | None = None) -> Step:
+        with closing(_open_step(self._files[info.index])) as file:
+            return file.load(file.infos[0], names)
+
+    def close(self) -> None:
+        """Nothing stays open."""
+
+
+class _Steps:
+    """Steps that are in memory."""
+
+    def __init__(self, steps: Collection[Step]) -> None:
+        self._steps = {step.info.index: step for step in steps}
+
+    def channels(self, index: int) -> tuple[str, ...]:
+        return tuple(self._steps[index].channels)
+
+    def load(self, info: StepInfo, names: Collection[str] | None = None) -> Step:
+        step = self._steps[info.index]
+        return Step(info, {name: samples for name, samples in step.channels.items() if names is None or name in names})
+
+    def close(self) -> None:
+        """Nothing is open."""

@@ -1,0 +1,194 @@
+"""The layout of a recording in HDF5, and how descriptions become attributes.
+
+```
+/                       format, status, unit_*, bench_*, provenance_*, simulation (JSON), extra (JSON), manifest, digest
+/steps/0001             name, kind, role, whole, t_start, t_end, rate_dps, …, manifest, digest
+/steps/0001/time_s      float64 (n,), s       dimension scale: the digitizer's scans
+/steps/0001/gyro_v      float64 (n,), V       on time_s
+/steps/0001/poll_time_s float64 (m,), s       dimension scale: the polls
+/steps/0001/poll_gyro_v float64 (m,), V       on poll_time_s
+```
+
+A group a step, named by the step's index; one dataset a channel, with the attributes `units` (CF), `long_name` and
+`digest`. Attributes are scalars: UTF-8 text, float64, int64 (`whole` is 0 or 1); what is not known is absent. No
+attribute, dataset or link needs this package or Python: it is a valid netCDF-4 file, `xarray.open_dataset(file,
+engine="h5netcdf", group="steps/0001")` opens a step, and so does MATLAB's `h5read(file, "/steps/0001/gyro_v")`. HDF5
+1.10 or newer reads it.
+
+A running campaign is a folder with one file a step in this same layout, each holding all root attributes and one group:
+`steps/0001_name.h5` once it is finished, `steps/0002_name.h5.part` while it is written. A `.part` is uncompressed,
+has no digests, says `whole = 0`, and opens with `swmr=True` (h5py) or `driver_kwds={"swmr": True}` (xarray), while it
+is written and after a crash.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import fields
+from typing import Any
+
+import h5py
+import numpy as np
+
+from benchctl.recordings.model import (
+    DESCRIPTIONS,
+    UNITS,
+    Axis,
+    BenchFacts,
+    FloatArray,
+    Meta,
+    StepInfo,
+    Unit,
+    axis_of,
+)
+from instruments.errors import UsageError
+
+FORMAT = "benchctl-recording/1"
+STEPS = "steps"
+"""The group of the steps in a file, and the folder of their files in a campaign."""
+RECORDING = "recording.h5"
+CAMPAIGN = "campaign.h5"
+JOURNAL = "journal.jsonl"
+FINISHED_SUFFIX = ".h5"
+PART_SUFFIX = ".h5.part"
+CHUNK = 16384
+"""Samples in a chunk of a finished dataset: 128 KiB, compressed one by one, so that reading a part is cheap."""
+GROWING_CHUNK = 4096
+
+_CHANNEL_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_SEALS = ("digest", "manifest")
+
+
+def group_name(index: int) -> str:
+    """The path of a step's group."""
+    return f"{STEPS}/{index:04d}"
+
+
+def unit_of(channel: str, meta: Meta) -> str | None:
+    """The unit of a channel: `Meta.extra["channel_units"]` has the last word, then the model; None: not known."""
+    unit: str | None = meta.extra.get("channel_units", {}).get(channel, UNITS.get(channel))
+    return unit
+
+
+def create_channels(group: h5py.Group, lengths: Mapping[str, int], meta: Meta) -> dict[str, h5py.Dataset]:
+    """Create the datasets of a finished step, channel -> number of samples: compressed, labelled, with their axes."""
+    packed = {"shuffle": True, "compression": "gzip", "compression_opts": 1}
+    datasets = {}
+    for name, length in lengths.items():
+        storage = {"chunks": (min(length, CHUNK),), **packed} if length else {}
+        datasets[name] = group.create_dataset(name, (length,), dtype="<f8", **storage)
+    describe_channels(datasets, meta)
+    return datasets
+
+
+def create_growing_channels(group: h5py.Group, names: Iterable[str], meta: Meta) -> dict[str, h5py.Dataset]:
+    """Create the datasets of a step being written: empty, uncompressed so that a chunk can grow in its place."""
+    storage = {"maxshape": (None,), "chunks": (GROWING_CHUNK,), "dtype": "<f8"}
+    datasets = {name: group.create_dataset(name, (0,), **storage) for name in names}
+    describe_channels(datasets, meta)
+    return datasets
+
+
+def describe_channels(datasets: Mapping[str, h5py.Dataset], meta: Meta) -> None:
+    """Write what tells any reader what the channels of a step are and on which axis they lie, as netCDF-4 does."""
+    for name, dataset in datasets.items():
+        unit = unit_of(name, meta)
+        if unit is not None:
+            dataset.attrs["units"] = unit
+        dataset.attrs["long_name"] = DESCRIPTIONS.get(name, name)
+        if name == axis_of(name):
+            dataset.make_scale(name)
+    attach_axes(datasets)
+
+
+def attach_axes(datasets: Mapping[str, h5py.Dataset]) -> None:
+    """Tell each channel of a step which of the datasets is its time axis."""
+    for name, dataset in datasets.items():
+        if name != axis_of(name):
+            dataset.dims[0].attach_scale(datasets[axis_of(name)])
+
+
+def check_channels(where: str, channels: Mapping[str, FloatArray]) -> None:
+    """Raise `UsageError` where channels cannot be one step: names, shapes, a missing time axis, unequal lengths."""
+    check_names(where, channels)
+    for name, samples in channels.items():
+        axis: Axis = axis_of(name)
+        if samples.ndim != 1 or samples.dtype != np.float64:
+            raise UsageError(
+                f"{where}: channel {name} must be float64 of shape (n,), it is {samples.dtype} of shape {samples.shape}"
+            )
+        if samples.size != channels[axis].size:
+            raise UsageError(
+                f"{where}: channel {name} has {samples.size} samples, its axis {axis} has {channels[axis].size}"
+            )
+
+
+def check_names(where: str, channels: Mapping[str, object] | tuple[str, ...]) -> None:
+    """Raise `UsageError` where a name cannot name a channel or the time axis of a channel is missing."""
+    for name in channels:
+        if not _CHANNEL_NAME.fullmatch(name):
+            raise UsageError(
+                f"{where}: channel {name!r} must be named with letters, digits and _, beginning with a letter"
+            )
+        if axis_of(name) not in channels:
+            raise UsageError(f"{where}: channel {name} lies on {axis_of(name)}, which is not among the channels")
+
+
+def write_info(group: h5py.Group, info: StepInfo) -> None:
+    """Write a step's description as attributes; None becomes absent, the digest is the digests' business."""
+    _write(group, {item.name: getattr(info, item.name) for item in fields(info) if item.name != "digest"})
+
+
+def read_info(group: h5py.Group) -> StepInfo:
+    """A step's description from the attributes of its group; KeyError or TypeError where they do not make one."""
+    found = {name: _plain(group.attrs[name]) for name in group.attrs if name not in _SEALS}
+    known = {item.name for item in fields(StepInfo)}
+    description = {name: value for name, value in found.items() if name in known}
+    description["whole"] = bool(description["whole"])
+    return StepInfo(**description, digest=_plain(group.attrs.get("digest", "")))
+
+
+def write_meta(root: h5py.Group, meta: Meta) -> None:
+    """Write everything about a recording that is not a sample as attributes of the root."""
+    _write(root, {"format": FORMAT, "Conventions": "CF-1.11", "status": meta.status})
+    _write(root, {f"unit_{item.name}": getattr(meta.unit, item.name) for item in fields(meta.unit)})
+    _write(root, {f"bench_{item.name}": getattr(meta.bench, item.name) for item in fields(meta.bench)})
+    _write(root, {f"provenance_{name}": text for name, text in meta.provenance.items()})
+    _write(root, {"simulation": None if meta.simulation is None else json.dumps(meta.simulation, ensure_ascii=False)})
+    _write(root, {"extra": json.dumps(meta.extra, ensure_ascii=False) if meta.extra else None})
+
+
+def read_meta(root: h5py.Group) -> Meta:
+    """The reverse of `write_meta`; raises KeyError or TypeError where the attributes do not make one."""
+    found = {name: _plain(root.attrs[name]) for name in root.attrs if name not in _SEALS}
+    return Meta(
+        status=found["status"],
+        unit=Unit(**_part(found, "unit_")),
+        bench=BenchFacts(**_part(found, "bench_")),
+        provenance=_part(found, "provenance_"),
+        simulation=json.loads(found["simulation"]) if "simulation" in found else None,
+        extra=json.loads(found.get("extra", "{}")),
+    )
+
+
+def attributes_of(thing: h5py.Group | h5py.Dataset) -> dict[str, Any]:
+    """The attributes that say something, as plain values: without seals and HDF5's own bookkeeping."""
+    own = {"CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "DIMENSION_LABELS"}
+    return {name: _plain(thing.attrs[name]) for name in sorted(thing.attrs) if name not in own and name not in _SEALS}
+
+
+def _write(thing: h5py.Group, values: Mapping[str, Any]) -> None:
+    for name, value in values.items():
+        if value is not None:
+            thing.attrs[name] = np.int64(value) if isinstance(value, bool | int) else value
+
+
+def _part(found: Mapping[str, Any], prefix: str) -> dict[str, Any]:
+    return {name.removeprefix(prefix): value for name, value in found.items() if name.startswith(prefix)}
+
+
+def _plain(value: Any) -> Any:
+    """An attribute as h5py gives it -> text, number or list."""
+    return value.tolist() if isinstance(value, np.generic | np.ndarray) else value

@@ -1,0 +1,260 @@
+"""Time stamps of foreign rows: whether they are the uniform clock that they claim to be, and how they are repaired.
+
+A logger that samples on a uniform clock still prints stamps that are rounded, writes a row twice, or loses one. Such
+stamps can be repaired: each row gets its place on the clock that all stamps together define, and places that no row has
+are gaps. A row is never moved against the other columns of the same row, so a delay between two columns survives.
+Stamps that really scatter are not repaired: where the place of a row is in doubt the answer is a refusal.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.recordings.model import FloatArray
+
+BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
+
+LONGEST_FILL = 2
+"""Missing samples in a row that a fill may bridge; longer gaps split the recording."""
+
+DOUBT = 0.35
+"""A stamp this far (in periods) from a whole number of periods after the one before has no certain place."""
+
+_SURE_UP_TO = 100.0
+"""Periods; the place after a longer pause need not be certain, because the recording is split there anyway."""
+
+_DRIFT_BLOCK = 500
+"""Samples over which rounding is averaged out to see the clock wander."""
+
+
+class StampError(Exception):
+    """Stamps that cannot be used; `row` counts samples from 0."""
+
+    def __init__(self, row: int, says: str) -> None:
+        self.row = row
+        self.says = says
+        super().__init__(f"sample {row}: {says}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gap:
+    """`missing` samples after the source's row `after_row` (from 0), stamped `stamp_s`."""
+
+    after_row: int
+    missing: int
+    stamp_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Survey:
+    """What was found in the stamps.
+
+    `repeated_rows` (from 0) hold the row before again, stamp and values. `scatter_rms_s` is what is left of stamps
+    minus the uniform clock after its slow wander, whose range is `drift_s`; rounding alone gives `rounding_rms_s`,
+    which is resolution/√12.
+    """
+
+    rows: int
+    resolution_s: float
+    period_s: float
+    repeated_rows: tuple[int, ...]
+    gaps: tuple[Gap, ...]
+    scatter_rms_s: float
+    rounding_rms_s: float
+    drift_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimeBase:
+    """The samples on their clock: `time_s`, shape (n,), from 0, and the source's row of each, -1 where it is filled in.
+
+    `starts` are the samples at which a stretch without gaps begins; the first is 0. `rate_hz` is None where the stamps
+    are not uniform.
+    """
+
+    time_s: FloatArray
+    rows: IntArray
+    starts: tuple[int, ...]
+    rate_hz: float | None
+    survey: Survey | None = None
+
+    @property
+    def filled(self) -> BoolArray:
+        """Which samples were never measured, shape (n,)."""
+        return np.asarray(self.rows < 0)
+
+    def place(self, values: FloatArray) -> FloatArray:
+        """The source's column, shape (rows,), on this clock, shape (n,); holes are filled in linearly."""
+        filled = self.filled
+        placed = values[self.rows]
+        if filled.any():
+            placed[filled] = np.interp(self.time_s[filled], self.time_s[~filled], placed[~filled])
+        return placed
+
+
+def printed_resolution(stamps_s: FloatArray) -> float:
+    """The power of ten (s) to which stamps are printed, at least 1 µs; 0 where they have more digits than that."""
+    size = float(np.max(np.abs(stamps_s), initial=1.0))
+    for decimals in range(7):
+        scaled = stamps_s * 10.0**decimals
+        if float(np.max(np.abs(scaled - np.rint(scaled)), initial=0.0)) <= 4e-16 * size * 10.0**decimals + 1e-9:
+            return float(10.0**-decimals)
+    return 0.0
+
+
+def require_increase(stamps_s: FloatArray) -> None:
+    """Every stamp is later than the one before; shape (n,), n ≥ 1.
+
+    Raises
+    ------
+    StampError
+        At the first that is not.
+    """
+    late = np.flatnonzero(np.diff(stamps_s) <= 0)
+    if late.size:
+        row = int(late[0]) + 1
+        now, before = stamps_s[row], stamps_s[row - 1]
+        said = "repeats that of the row before" if now == before else f"goes back from {before:.9g} s"
+        raise StampError(row, f"the stamp {now:.9g} s {said}: stamps must increase")
+
+
+def require_uniform(stamps_s: FloatArray, rate_hz: float, resolution_s: float) -> None:
+    """The stamps are those of a uniform clock, printed to `resolution_s`; shape (n,), n ≥ 1.
+
+    Raises
+    ------
+    StampError
+        At the first stamp that goes back, follows a gap, or is off the clock by more than the printing explains.
+    """
+    require_increase(stamps_s)
+    period = 1.0 / rate_hz
+    steps = np.diff(stamps_s)
+    gaps = np.flatnonzero(steps > 1.5 * period)
+    ideal = stamps_s[0] + np.arange(stamps_s.size) * period
+    off = np.abs(stamps_s - ideal)
+    allowed = max(1.01 * resolution_s, 1e-3 * period)
+    off_clock = np.flatnonzero(off > allowed)
+    first_gap = int(gaps[0]) + 1 if gaps.size else stamps_s.size
+    first_off = int(off_clock[0]) if off_clock.size else stamps_s.size
+    if first_gap < stamps_s.size and first_gap <= first_off:
+        missing = max(1, round(steps[first_gap - 1] / period) - 1)
+        raise StampError(
+            first_gap,
+            f"a gap: {steps[first_gap - 1]:.6g} s after the row before, where {rate_hz:.9g} Hz gives {period:.6g} s "
+            f"({missing} {'sample' if missing == 1 else 'samples'} missing)",
+        )
+    if first_off < stamps_s.size:
+        raise StampError(
+            first_off,
+            f"the stamp {stamps_s[first_off]:.9g} s is not uniform at {rate_hz:.9g} Hz: "
+            f"expected {ideal[first_off]:.9g} s",
+        )
+
+
+def as_stamped(stamps_s: FloatArray, rate_hz: float | None) -> TimeBase:
+    """The rows at their own stamps, counted from the first."""
+    rows = np.arange(stamps_s.size, dtype=np.int64)
+    return TimeBase(time_s=stamps_s - stamps_s[0], rows=rows, starts=(0,), rate_hz=rate_hz)
+
+
+def repair(stamps_s: FloatArray, repeats: BoolArray, *, fill: bool) -> TimeBase:
+    """Give each row its place on the uniform clock that all stamps together define.
+
+    Parameters
+    ----------
+    stamps_s
+        Shape (rows,), rows ≥ 3.
+    repeats
+        Shape (rows,): the row holds the values of the row before again. It is dropped where its stamp is the same, too.
+    fill
+        Fill gaps of up to `LONGEST_FILL` samples, marked as such; otherwise, and for longer ones, a new stretch begins.
+
+    Raises
+    ------
+    StampError
+        Where a stamp goes back, is given to two different rows, or leaves its row's place in doubt.
+    """
+    same = np.r_[False, np.diff(stamps_s) == 0]
+    dropped = same & repeats
+    if (odd := np.flatnonzero(same & ~repeats)).size:
+        raise StampError(int(odd[0]), "two rows with one stamp and different values: cannot tell which stamp is wrong")
+    kept = np.flatnonzero(~dropped)
+    clock = stamps_s[kept]
+    try:
+        require_increase(clock)
+    except StampError as err:
+        raise StampError(int(kept[err.row]), err.says) from None
+    if clock.size < 3:
+        raise StampError(0, "fewer than three different stamps: they define no clock")
+    places, period = _places(clock, kept)
+    survey = _survey(stamps_s, np.flatnonzero(dropped), kept, places, period)
+    return _lay_out(kept, places, period, survey, fill=fill)
+
+
+def _places(clock: FloatArray, kept: IntArray) -> tuple[IntArray, float]:
+    """The place of each stamp on the clock, in periods from the first, and the period (least squares over all)."""
+    steps = np.diff(clock)
+    period = float(np.median(steps))
+    for _ in range(2):
+        places = np.r_[0, np.cumsum(np.maximum(1.0, np.rint(steps / period)))]
+        centred = places - places.mean()
+        period = float(np.dot(centred, clock) / np.dot(centred, centred))
+    periods = steps / period
+    doubtful = np.flatnonzero((np.abs(periods - np.rint(periods)) > DOUBT) & (periods < _SURE_UP_TO))
+    if doubtful.size:
+        row = int(doubtful[0])
+        raise StampError(
+            int(kept[row + 1]),
+            f"{steps[row] * 1e3:.6g} ms after the row before, {periods[row]:.2f} periods of {period * 1e3:.6g} ms: "
+            "cannot tell how many samples are missing",
+        )
+    return places.astype(np.int64), period
+
+
+def _survey(stamps_s: FloatArray, dropped: IntArray, kept: IntArray, places: IntArray, period: float) -> Survey:
+    clock = stamps_s[kept]
+    off = clock - places * period
+    off = off - off.mean()
+    blocks = max(1, off.size // _DRIFT_BLOCK)
+    wander = np.array([part.mean() for part in np.array_split(off, blocks)])
+    centres = np.array([part.mean() for part in np.array_split(places.astype(np.float64), blocks)])
+    left = off - np.interp(places, centres, wander)
+    resolution = printed_resolution(stamps_s)
+    jumps = np.flatnonzero(np.diff(places) > 1)
+    return Survey(
+        rows=int(stamps_s.size),
+        resolution_s=resolution,
+        period_s=period,
+        repeated_rows=tuple(int(row) for row in dropped),
+        gaps=tuple(
+            Gap(after_row=int(kept[k]), missing=int(places[k + 1] - places[k] - 1), stamp_s=float(clock[k]))
+            for k in jumps
+        ),
+        scatter_rms_s=float(left.std()),
+        rounding_rms_s=resolution / 12**0.5,
+        drift_s=float(np.ptp(wander)),
+    )
+
+
+def _lay_out(kept: IntArray, places: IntArray, period: float, survey: Survey, *, fill: bool) -> TimeBase:
+    jumps = np.diff(places)
+    bridged = (jumps > 1) & (jumps <= LONGEST_FILL + 1) & fill
+    holes = np.concatenate(
+        [np.arange(places[k] + 1, places[k + 1]) for k in np.flatnonzero(bridged)] or [np.empty(0, dtype=np.int64)]
+    )
+    everywhere = np.concatenate([places, holes])
+    order = np.argsort(everywhere, kind="stable")
+    rows = np.concatenate([kept, np.full(holes.size, -1, dtype=np.int64)])[order]
+    everywhere = everywhere[order]
+    starts = np.flatnonzero(np.diff(everywhere) > 1) + 1
+    return TimeBase(
+        time_s=everywhere * period,
+        rows=rows,
+        starts=(0, *(int(start) for start in starts)),
+        rate_hz=1.0 / period,
+        survey=survey,
+    )

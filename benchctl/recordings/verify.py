@@ -1,0 +1,41 @@
+"""Holds a recording against its digests: what changed since it was written, by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from benchctl.recordings.digests import Problem, problems_of_recording
+from benchctl.recordings.hdf5_files import open_ours
+from benchctl.recordings.reader import campaign_files
+from benchctl.recordings.schema import CAMPAIGN, PART_SUFFIX, RECORDING
+from instruments.errors import UsageError
+
+
+def verify(path: Path) -> list[Problem]:
+    """Check every digest of a recording, a file of ours or a campaign's folder; an empty list: nothing changed.
+
+    A changed, added or deleted sample, attribute, channel or step is named. In a campaign that is not finished every
+    file is checked for itself, and the step being written, which has no digests yet, is a problem.
+
+    Raises `UsageError` where the recording cannot be opened at all, or is an open recording, which has no digests.
+    """
+    if not path.is_dir():
+        return _problems_of_file(path)
+    if (path / RECORDING).exists():
+        return _problems_of_file(path / RECORDING)
+    if not (path / CAMPAIGN).exists():
+        raise UsageError(
+            f"{path}: has no digests to check; only recordings of benchctl have them (benchctl import makes one)"
+        )
+    problems = _problems_of_file(path / CAMPAIGN)
+    for file in campaign_files(path):
+        if file.name.endswith(PART_SUFFIX):
+            problems.append(Problem(file.name, "was not finished: it is being written, or its program died"))
+        else:
+            problems += [Problem(f"{file.name}, {problem.where}", problem.says) for problem in _problems_of_file(file)]
+    return problems
+
+
+def _problems_of_file(path: Path) -> list[Problem]:
+    with open_ours(path) as file:
+        return list(problems_of_recording(file))

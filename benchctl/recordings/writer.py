@@ -1,0 +1,86 @@
+"""Writes a finished recording in one go: an import, a simulation, an export."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+
+from benchctl.recordings.atomic import require_room, whole_file
+from benchctl.recordings.digests import SampleDigest, blocks, seal_recording, seal_step
+from benchctl.recordings.model import FloatArray, Meta, Step, StepInfo
+from benchctl.recordings.schema import (
+    CHUNK,
+    STEPS,
+    check_channels,
+    create_channels,
+    group_name,
+    write_info,
+    write_meta,
+)
+from instruments.errors import UsageError
+
+FINISHED_LIBVER = ("v108", "v110")
+"""The oldest and newest HDF5 format features that a finished file may use."""
+
+
+def write_recording(path: Path, meta: Meta, steps: Iterable[Step]) -> None:
+    """Write a finished recording as one file; steps are taken one at a time and may be made meanwhile.
+
+    Parameters
+    ----------
+    path
+        The file to be; replaced where it exists. While it is written it has another name, so that no half of it is
+        ever found.
+    meta
+        Everything that is not a sample. `extra["channel_units"]` names the units of channels that the model does not
+        know.
+    steps
+        Each with float64 channels of shape (n,) and their time axis. `info.samples` and `info.digest` are filled in
+        here.
+
+    Raises
+    ------
+    UsageError
+        Two steps with one index, channels that do not fit together, a disk that refuses. Nothing is left behind.
+    """
+    with whole_file(path) as temporary, new_file(temporary, meta) as file:
+        for step in steps:
+            check_channels(f"step {step.info.index} {step.info.name!r}", step.channels)
+            if group_name(step.info.index) in file:
+                raise UsageError(f"{path}: two steps have the index {step.info.index}; every step needs its own")
+            write_step(file, step.info, step.channels, meta)
+        seal_recording(file)
+
+
+def new_file(path: Path, meta: Meta, libver: tuple[str, str] = FINISHED_LIBVER) -> h5py.File:
+    """A file with the root's attributes and no steps yet, open for writing; `libver` as h5py understands it."""
+    file = h5py.File(path, "w", libver=libver, track_order=True)
+    write_meta(file, meta)
+    file.create_group(STEPS, track_order=True)
+    return file
+
+
+def write_step(
+    file: h5py.File, info: StepInfo, channels: Mapping[str, FloatArray | h5py.Dataset], meta: Meta
+) -> StepInfo:
+    """Write a step, compressed and sealed, from arrays or from datasets of another file, block by block.
+
+    Returns its description with `samples` and `digest` as they were written.
+    """
+    lengths = {name: len(samples) for name, samples in channels.items()}
+    require_room(Path(file.filename), 8 * sum(lengths.values()))
+    info = replace(info, samples=len(channels["time_s"]) if "time_s" in channels else 0)
+    group = file.create_group(group_name(info.index), track_order=True)
+    write_info(group, info)
+    digests = {}
+    for name, dataset in create_channels(group, lengths, meta).items():
+        digest = SampleDigest(lengths[name])
+        for part in blocks(lengths[name], 8 * CHUNK):
+            block = channels[name][part]
+            dataset[part] = block
+            digest.update(block)
+        digests[name] = digest.hexdigest()
+    return replace(info, digest=seal_step(group, digests))

@@ -1,0 +1,120 @@
+"""A writing process is killed with SIGKILL; whatever it had finished is whole, and at most half a second is lost."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+
+from benchctl.recordings.model import Step
+from benchctl.recordings.reader import open_recording
+from benchctl.recordings.verify import verify
+from instruments.errors import UsageError
+from tests.benchctl.recordings import made
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+@contextmanager
+def _writing(folder: Path, how: str, much: float) -> Iterator[subprocess.Popen[str]]:
+    command = [sys.executable, "-m", "tests.benchctl.recordings.writing_process", str(folder), how, str(much)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def _lines(process: subprocess.Popen[str], count: int | None = None) -> list[str]:
+    """The next lines of what it prints; all that are left where no count is given."""
+    assert process.stdout is not None
+    return [process.stdout.readline() for _ in range(count)] if count else process.stdout.readlines()
+
+
+@pytest.mark.parametrize("period_s", [0.02, 0.2, 0.45])
+def test_at_most_half_a_second_is_lost(tmp_path: Path, period_s: float) -> None:
+    folder = tmp_path / "c"
+    behind = []
+    with _writing(folder, "slowly", period_s) as process:
+        printed: list[str] = []
+        for _ in range(round(1.4 / period_s)):
+            printed += _lines(process, 1)
+            in_file = _part(folder)["time_s"]
+            behind.append(float(printed[-1]) - (in_file[-1] if in_file.size else float(printed[0])))
+        process.kill()
+        printed += _lines(process)
+    part = _part(folder)
+    assert max([*behind, float(printed[-1]) - part["time_s"][-1]]) <= 0.5
+    assert not part.info.whole
+    assert part.info.samples == part["gyro_v"].size > 0
+    assert np.array_equal(part["gyro_v"], part["time_s"] + 1.0)
+
+
+def _part(folder: Path) -> Step:
+    """The step being written, as its file has it; the step before it must be whole."""
+    with open_recording(folder) as recording:
+        assert made.same(recording.step(1), made.step(1))
+        return recording.step(2)
+
+
+def test_another_process_reads_what_is_being_written(tmp_path: Path) -> None:
+    folder = tmp_path / "c"
+    seen = []
+    with _writing(folder, "slowly", 0.02) as process:
+        for _ in range(3):
+            _lines(process, 20)
+            with open_recording(folder) as recording:
+                assert recording.step(1).info.whole
+                part = recording.step(2)
+            assert np.array_equal(part["gyro_v"], part["time_s"] + 1.0)
+            seen.append(part.info.samples)
+            (file,) = (folder / "steps").glob("0002*.part")
+            with xarray.open_dataset(file, engine="h5netcdf", group="steps/0002", driver_kwds={"swmr": True}) as data:
+                assert data["gyro_v"].size >= part.info.samples
+    assert 0 < seen[0] < seen[1] < seen[2]
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.013, 0.05, 0.11, 0.2, 0.37])
+def test_killed_at_any_moment_every_finished_step_is_whole(tmp_path: Path, delay_s: float) -> None:
+    folder = tmp_path / "c"
+    with _writing(folder, "fast", 12) as process:
+        first = _lines(process, 1)
+        time.sleep(delay_s)
+        process.kill()
+        closed = [line.strip() for line in [*first, *_lines(process)]]
+    indices = {int(line) for line in closed if line != "finished"}
+    with open_recording(folder) as recording:
+        whole = {info.index for info in recording.infos if info.whole}
+        assert indices <= whole
+        for index in whole:
+            assert made.same(recording.step(index), made.step(index))
+        assert recording.meta.status == ("complete" if (folder / "recording.h5").exists() else "running")
+    assert all("was not finished" in problem.says for problem in verify(folder))
+
+
+def test_a_step_whose_writing_had_only_begun_is_left_out_and_said(tmp_path: Path) -> None:
+    folder = tmp_path / "c"
+    with _writing(folder, "slowly", 0.02) as process:
+        _lines(process, 1)
+    (folder / "steps" / "0003_next.h5.part").write_bytes(b"")
+    with open_recording(folder) as recording:
+        assert [info.index for info in recording.infos] == [1, 2]
+        assert len(recording.notes) == 1
+        assert "0003_next.h5.part" in recording.notes[0]
+
+
+def test_a_finished_step_that_was_cut_short_is_an_error_that_names_it(tmp_path: Path) -> None:
+    folder = tmp_path / "c"
+    with _writing(folder, "slowly", 0.02) as process:
+        _lines(process, 1)
+    (file,) = (folder / "steps").glob("0001*.h5")
+    file.write_bytes(file.read_bytes()[:5000])
+    with pytest.raises(UsageError, match=r"0001_rate_\+1.h5: was cut short: 5000 of"):
+        open_recording(folder)
