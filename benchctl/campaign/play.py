@@ -127,8 +127,8 @@ class StepPlayer:
                 if isinstance(step, ThermalRamp):
                     self._ramp(step, self.opened.clock.now() - begin_s)
                 self.opened.clock.sleep(recorder.next_chunk_s)
-                self.stop.heed()
                 recorder.take()
+                self.stop.heed()
                 self.gyro_c = recorder.last_gyro_c
                 self.supervisor.look_at_table()
                 if (air := self.supervisor.look_at_chamber()) is not None:

@@ -103,7 +103,14 @@ class _Run:
             if self.safe.problems and self.error is None:
                 self.error = SafetyError(f"the bench is not known to be at rest: {'; '.join(self.safe.problems)}")
             self.event("safe", status=self.status, reason=reason, **asdict(self.safe))
+            self._close(reason)
+
+    def _close(self, reason: str) -> None:
+        try:
             self.recording = self.writer.finish(self.status, reason)
+        except BenchError:
+            self.writer.release()  # the steps stay readable in the folder
+            raise
 
     def _play_steps(self) -> None:
         self._prepare()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 
 import typer
 from typer.exceptions import TyperException
@@ -34,7 +35,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-for _name, _verb in {
+_VERBS: dict[str, Callable[..., None]] = {
     "init": init.init,
     "procedures": procedures.procedures,
     "check": check.check,
@@ -46,7 +47,8 @@ for _name, _verb in {
     "simulate": simulate.simulate,
     "sim": sim.sim,
     "paper": paper.paper,
-}.items():
+}
+for _name, _verb in _VERBS.items():
     app.command(_name)(_verb)
 app.command("import", epilog=import_.map_explained())(import_.import_)
 

@@ -38,7 +38,6 @@ def run(
     from benchctl.campaign.runner import run_campaign
     from benchctl.campaign.stop import stop_on_signals
     from benchctl.cli.campaigns import new_folder, summary
-    from benchctl.cli.fit import fit_and_report
     from benchctl.cli.live import live_progress
     from benchctl.plan.find import find_procedure
 
@@ -61,6 +60,8 @@ def run(
         if outcome.error is not None:
             raise outcome.error
         if plan.calibrates:
-            fitted = fit_and_report([outcome.recording], folder)
-            result.values |= {"coefficients": fitted.coefficients, "error_percent": fitted.error_percent}
+            from benchctl.reports.fitting import fit_recordings
+
+            fitted = fit_recordings([outcome.recording], folder)
+            result.values |= {key: fitted.values[key] for key in ("coefficients", "error_percent")}
             result.say(fitted.says)

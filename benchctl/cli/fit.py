@@ -1,0 +1,32 @@
+"""`benchctl fit`: the calibration of a recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from benchctl.cli.output import JsonOption, QuietOption, result_of
+
+
+def fit(
+    recordings: Annotated[
+        list[Path], typer.Argument(help="Recordings of one unit: files, campaigns' folders, or open recordings'.")
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Where to write; default: beside the first recording.")
+    ] = None,
+    json_to: JsonOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Fit the two-stage calibration and the joint one: `coefficients.json` and `report.html`.
+
+    Example: `benchctl fit results/20261120-180000_two_stage_SIM-0001`
+    """
+    from benchctl.reports.fitting import fit_recordings
+
+    with result_of("fit", json_to, quiet) as result:
+        fitted = fit_recordings(recordings, out)
+        result.values |= fitted.values
+        result.say(fitted.says)
