@@ -18,13 +18,12 @@ from instruments.interfaces import (
     TableState,
 )
 from instruments.physics.adc import codes_from_volts, volts_from_codes
-from instruments.simulated.machines import TableMotion
+from instruments.simulated.machines import SINGLE_READING_S, TableMotion
 from instruments.simulated.world import World
 
 _REST_DPS = 0.005
 _REST_DPS2 = 0.5
 _PERIODS_OF_GROWTH = 2.0
-_SINGLE_READING_S = 0.002
 
 
 class _Direct:
@@ -192,7 +191,7 @@ class DirectDigitizer(_Direct):
         """One reading of each input now."""
         if self._stream is not None:
             raise UsageError("a single reading was asked for while the stream runs: stop it first")
-        counts, gyro_v, thermistor_v = self._inputs.sample(self._inputs.now(), _SINGLE_READING_S, 1)
+        counts, gyro_v, thermistor_v = self._inputs.sample(self._inputs.now(), SINGLE_READING_S, 1)
         return SingleScan(
             encoder_count=int(counts[0]),
             gyro_v=float(self._converted(gyro_v)[0]),

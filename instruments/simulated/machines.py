@@ -1,7 +1,7 @@
 """What a simulated server needs of the simulated bench behind it: the machines, without any wire.
 
-`instruments.simulated.world.World` provides all three. Every method is safe to call from any thread, and every answer is that
-of the bench clock's present instant.
+`instruments.simulated.world.World` provides all three. Every method is safe to call from any thread, and every answer is
+that of the bench clock's present instant.
 """
 
 from __future__ import annotations
@@ -10,6 +10,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from instruments.interfaces import FloatArray, IntArray
+
+SINGLE_READING_S = 1e-3
+"""One unhurried reading averages the gyro's white noise over this time, whichever instrument takes it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

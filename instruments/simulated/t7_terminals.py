@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from instruments.interfaces import FloatArray, IntArray
 from instruments.physics.adc import codes_from_volts, volts_from_codes
-from instruments.simulated.machines import AnalogInputs
+from instruments.simulated.machines import SINGLE_READING_S, AnalogInputs
 
 ANALOG_INPUTS = 14
 DIGITAL_LINES = 8
@@ -25,7 +25,6 @@ QUADRATURE = 10
 DATA_CAPTURE_16 = 4899
 READ_A_0 = 3000
 HIGHEST_STREAMED_CODE = 0xFFFE  # FFFFh marks skipped scans and nothing else
-SINGLE_READING_S = 1e-3
 CALIBRATION_FLASH_ADDRESS = 0x3C4000
 
 

@@ -1,0 +1,102 @@
+"""How often the truth lies inside the stated 95 % intervals: `python -m tests.benchmarks.coverage --seeds 100`.
+
+Each seed is a whole campaign on the simulated bench (without wires, smaller than the main job): its own noise, its own bias
+walk, its own mounting of the encoder. An interval that is honest holds the truth in 95 of 100 seeds; with 100 seeds 90 to
+99 are within chance.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import tempfile
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchctl.bench import load_bench
+from benchctl.calibration.calibrate import calibrate
+from benchctl.campaign.opened import open_bench, world_settings
+from benchctl.campaign.runner import run_campaign
+from benchctl.plan.find import find_procedure
+from benchctl.recordings.reader import open_recording
+
+PARAMETERS = {
+    "points": "7",
+    "top_rate_dps": "170",
+    "sweep_rates": "8",
+    "rates": "3",
+    "run_s": "10",
+    "zero_s": "20",
+    "sine_hz": "0.5,1.0",
+    "verify_hz": "0.8",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """One seed: whether each interval held the truth, its z score, and the error on runs kept aside."""
+
+    seed: int
+    held: Mapping[str, bool]
+    z: Mapping[str, float]
+    error_percent: Mapping[str, float]
+
+
+def trial(seed: int) -> Trial:
+    """Run and fit one small campaign."""
+    bench = load_bench("simulated").with_seed(seed)
+    plan = find_procedure("two_stage").expand(PARAMETERS)
+    with tempfile.TemporaryDirectory() as folder:
+        with open_bench(bench, wires=False) as opened:
+            outcome = run_campaign(plan, opened, Path(folder))
+        with open_recording(outcome.recording) as recording:
+            result = calibrate(recording.steps(), recording.meta)
+    gyro = world_settings(bench).gyro
+    truth = {
+        "K0_v_per_dps": gyro.K0_v_per_dps,
+        "U0_v": gyro.U0_v,
+        "S_rad_per_dps": gyro.S_rad_per_dps,
+        "g1": gyro.g1_per_c,
+        "g2": gyro.g2_per_c2,
+        "c1": gyro.c1_v_per_c,
+        "c2": gyro.c2_v_per_c2,
+    }
+    found = {name: result.best.parameter(name) for name in truth}
+    return Trial(
+        seed=seed,
+        held={name: found[name].ci95[0] <= value <= found[name].ci95[1] for name, value in truth.items()},
+        z={name: (found[name].value - value) / found[name].standard for name, value in truth.items()},
+        error_percent=dict(result.error_percent),
+    )
+
+
+def coverage(seeds: range, processes: int = 2) -> tuple[Counter[str], list[Trial]]:
+    """How many seeds held each coefficient, and the trials."""
+    with multiprocessing.get_context("spawn").Pool(processes) as pool:
+        trials = list(pool.imap_unordered(trial, seeds))
+    return Counter(name for each in trials for name, held in each.held.items() if held), trials
+
+
+def main() -> None:
+    """Print a table, and write it where `--json` says."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=100)
+    parser.add_argument("--json", type=Path)
+    arguments = parser.parse_args()
+    counts, trials = coverage(range(1, arguments.seeds + 1))
+    worst = {
+        level: max(each.error_percent[level] for each in trials) for level in ("raw", "stage_1", "stage_2", "joint")
+    }
+    for name in trials[0].held:
+        spread = (sum(each.z[name] ** 2 for each in trials) / len(trials)) ** 0.5
+        print(f"{name:<14} held in {counts[name]} of {len(trials)}, z rms {spread:.2f}")  # noqa: T201
+    print("largest error_percent: " + ", ".join(f"{level} {value:.3g}" for level, value in worst.items()))  # noqa: T201
+    if arguments.json:
+        arguments.json.write_text(json.dumps({"held": counts, "seeds": len(trials), "error_percent": worst}, indent=1))
+
+
+if __name__ == "__main__":
+    main()
