@@ -1,0 +1,136 @@
+"""The table's rate from its encoder: a local polynomial over a window of angles, never a difference of samples.
+
+A window of 2m+1 equidistant angles is fitted by a polynomial (Savitzky and Golay, Anal. Chem. 36 (1964) 1627), whose
+derivative at the middle, moved by a delay, is the rate. It is a linear filter; its gain at every frequency and the
+noise that it passes are known exactly, and window and order are those that together spoil a scale factor least. A delay
+is a place inside the window, so that half samples cannot get lost: a rate stands at the stamp of its middle sample,
+where a difference of two angles would stand between them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from instruments.errors import UsageError
+
+FloatArray = npt.NDArray[np.float64]
+
+_ORDERS = (4, 6, 8)
+_MAX_WINDOW_S = 0.25
+_MAX_HALF = 60
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Smoother:
+    """A window of `2*half + 1` angles, a polynomial of `order`; its gain error up to `band_hz` at `sample_rate_hz`.
+
+    `noise_gain` turns the deviation of one angle (deg, white) into that of one rate (°/s).
+    """
+
+    half: int
+    order: int
+    sample_rate_hz: float
+    band_hz: float
+    gain_error: float
+    noise_gain: float
+
+    @property
+    def window_s(self) -> float:
+        """From the first angle of the window to its last, s."""
+        return 2 * self.half / self.sample_rate_hz
+
+
+def derivative_weights(half: int, order: int, place: float = 0.0, derivative: int = 1) -> FloatArray:
+    """Weights w, shape (2*half+1,), with Σ w_k·θ_k = the fitted polynomial's derivative at `place`.
+
+    `place` is in samples from the middle; the derivative is per sample to the power of `derivative`.
+    """
+    z = place / half
+    powers = np.arange(derivative, order + 1)
+    row = np.zeros(order + 1)
+    row[derivative:] = [math.perm(int(power), derivative) * z ** (power - derivative) for power in powers]
+    weights: FloatArray = row @ _window_inverse(half, order) / half**derivative
+    return weights
+
+
+@lru_cache(maxsize=512)
+def _window_inverse(half: int, order: int) -> FloatArray:
+    """Samples of a window to coefficients of its polynomial in [-1, 1], shape (order+1, 2*half+1)."""
+    basis = np.vander(np.arange(-half, half + 1) / half, order + 1, increasing=True)
+    return np.asarray(np.linalg.pinv(basis), dtype=np.float64)
+
+
+def gain_error(half: int, order: int, frequency_hz: float, sample_rate_hz: float) -> float:
+    """Relative error of the rate of a sine of `frequency_hz`: |gain − 1| of the smoother."""
+    if frequency_hz <= 0.0:
+        return 0.0
+    phase = 2 * np.pi * frequency_hz / sample_rate_hz
+    k = np.arange(-half, half + 1)
+    gain = float(np.sum(derivative_weights(half, order) * np.sin(phase * k)) / phase)
+    return abs(gain - 1.0)
+
+
+def choose_smoother(sample_rate_hz: float, band_hz: float, noise_to_rate: float) -> Smoother:
+    """The smoother that spoils a scale factor least, for motion up to `band_hz`.
+
+    Two things do: the gain error in the band, and the noise of the rates, which as an error of the regressor attenuates
+    the scale factor by its squared ratio to the rate. `noise_to_rate` is the deviation of an angle (deg) over the rms
+    of the rate (°/s). Raises `UsageError` where the motion is beyond half the sampling rate.
+    """
+    if not 0.0 <= band_hz < sample_rate_hz / 2:
+        raise UsageError(
+            f"rate from the encoder: motion at {band_hz:g} Hz needs more than {2 * band_hz:g} samples a second, "
+            f"the recording has {sample_rate_hz:g}; record faster or leave the step out"
+        )
+    # In steps of a factor of two, so that steps alike share a smoother.
+    return _least_harm(sample_rate_hz, band_hz, round(math.log2(max(noise_to_rate, 1e-12))))
+
+
+@lru_cache(maxsize=256)
+def _least_harm(sample_rate_hz: float, band_hz: float, log2_noise_to_rate: int) -> Smoother:
+    """The best of all windows and orders."""
+    longest = min(_MAX_HALF, max(4, int(_MAX_WINDOW_S * sample_rate_hz / 2)))
+    candidates = [
+        Smoother(
+            half=half,
+            order=order,
+            sample_rate_hz=sample_rate_hz,
+            band_hz=band_hz,
+            gain_error=gain_error(half, order, band_hz, sample_rate_hz),
+            noise_gain=float(np.linalg.norm(derivative_weights(half, order))) * sample_rate_hz,
+        )
+        for order in _ORDERS
+        for half in range(order // 2, longest + 1)
+    ]
+    return min(candidates, key=lambda one: one.gain_error + (one.noise_gain * 2.0**log2_noise_to_rate) ** 2)
+
+
+def unwrap_deg(angle_deg: FloatArray) -> FloatArray:
+    """Angles without the jumps at 360°, shape (n,); right as long as less than half a turn passes between samples."""
+    return np.unwrap(angle_deg, period=360.0)
+
+
+def derivative_of(
+    angle_deg: FloatArray, smoother: Smoother, *, delay_s: float = 0.0, derivative: int = 1
+) -> tuple[FloatArray, slice]:
+    """Derivative (1: °/s, 2: °/s², 3: °/s³) of unwrapped, equidistant angles, `delay_s` before their stamps.
+
+    Returns the values and the slice of samples at which they stand; the ends, where no whole window fits, are left out.
+    A delay beyond half a sample shifts the window by whole samples, so that the place stays at its middle.
+    """
+    shift = round(delay_s * smoother.sample_rate_hz)
+    place = shift - delay_s * smoother.sample_rate_hz
+    weights = derivative_weights(smoother.half, smoother.order, place, derivative) * smoother.sample_rate_hz**derivative
+    n, half = angle_deg.size, smoother.half
+    first, last = max(half + shift, 0), min(n - half + shift, n)
+    if last - first < 1:
+        return np.empty(0), slice(0, 0)
+    reference = angle_deg[0]
+    values = np.convolve(angle_deg - reference, weights[::-1], mode="valid")
+    values = values[first - half - shift : last - half - shift]
+    return np.asarray(values, dtype=np.float64), slice(first, last)

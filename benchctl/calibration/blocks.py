@@ -1,0 +1,201 @@
+"""Block means of one unbroken span of samples: what is kept of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import CubicSpline
+
+from benchctl.calibration.angle_rate import FloatArray, Smoother, derivative_of
+
+MOTION_BLOCK_S = 0.04
+BLOCKS_PER_CYCLE = 32
+REST_BLOCK_S = 0.25
+CONSTANT_BLOCK_DEG = 15.0
+CONSTANT_BLOCK_S = 0.1
+ARCSEC_PER_DEG = 3600.0
+
+_MOVING_DPS = 0.5
+_LARGEST_DELAY_S = 0.1
+_DELAY_SAMPLES = 6000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Span:
+    """Unbroken samples, arrays of shape (n,): stamps, unwrapped angle, output, and which are not to be used."""
+
+    time_s: FloatArray
+    angle_deg: FloatArray
+    output_v: FloatArray
+    bad: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Blocks:
+    """Block means, shape (n,); `encoder_basis` has shape (n, 4). `ReducedStep` says what each is."""
+
+    count: FloatArray
+    time_s: FloatArray
+    output_v: FloatArray
+    rate_dps: FloatArray
+    rate_at_stamp_dps: FloatArray
+    rate_variance: FloatArray
+    acceleration_dps2: FloatArray
+    jerk_dps3: FloatArray
+    encoder_basis: FloatArray
+
+
+def samples_in_block(
+    kind: str, frequency_hz: float | None, rate_dps: float, span_s: float, sample_rate_hz: float
+) -> int:
+    """How many samples make a block: at most 40 ms and 1/32 of a cycle in motion, about 15° at constant rates."""
+    if kind == "static":
+        seconds = REST_BLOCK_S
+    elif kind == "constant_rate":
+        seconds = min(max(CONSTANT_BLOCK_DEG / max(rate_dps, 1e-6), CONSTANT_BLOCK_S), span_s / 8)
+    elif frequency_hz:
+        seconds = min(MOTION_BLOCK_S, 1.0 / (BLOCKS_PER_CYCLE * frequency_hz))
+    else:
+        seconds = MOTION_BLOCK_S
+    return max(1, int(seconds * sample_rate_hz))
+
+
+def delay_of(span: Span, smoother: Smoother) -> float:
+    """By how much the output follows the rate, s, from the first few thousand samples; 0 where nothing moves.
+
+    The rate is regressed on the output, its cube and its derivative, all through one smoother, and again at the delay
+    found: good to some 10 µs, which is all that is asked of a point to expand about. Not the other way round: the
+    derivative of the rate is the noisier one where the encoder is coarse.
+    """
+    few = slice(0, _DELAY_SAMPLES)
+    angle, integral = span.angle_deg[few], _integral(span.output_v[few], smoother.sample_rate_hz)
+    output, slope = np.zeros_like(angle), np.zeros_like(angle)
+    smooth, where = derivative_of(integral, smoother)
+    output[where], slope[where] = smooth, derivative_of(integral, smoother, derivative=2)[0]
+    usable = np.zeros(angle.size, dtype=np.bool_)
+    usable[where] = np.convolve(span.bad[few], np.ones(2 * smoother.half + 1), mode="valid") < 0.5
+    if not usable.any():
+        return 0.0
+    output = output - output[usable].mean()
+    peak = max(float(np.max(np.abs(output[usable]))), 1e-12)
+    delay = 0.0
+    for _ in range(4):
+        rate, there = derivative_of(angle, smoother, delay_s=delay)
+        good = usable[there]
+        if int(good.sum()) < 32 or float(rate.std()) < _MOVING_DPS:
+            return 0.0
+        out = output[there]
+        columns = np.stack([np.ones(rate.size), out, (out / peak) ** 2 * out, slope[there]], axis=1)[good]
+        fit = np.linalg.lstsq(columns, rate[good], rcond=None)[0]
+        step = float(fit[3] / fit[1]) if fit[1] else np.inf
+        if not abs(delay + step) < _LARGEST_DELAY_S:
+            return 0.0
+        delay += step
+        if abs(step) < 1e-6:
+            break
+    return delay
+
+
+def _integral(output: FloatArray, sample_rate_hz: float) -> FloatArray:
+    """Integral of equidistant samples by a spline: what a sum of samples would be late with, shape (n,)."""
+    stamps = np.arange(output.size) / sample_rate_hz
+    return np.asarray(CubicSpline(stamps, output).antiderivative()(stamps), dtype=np.float64)
+
+
+def _smoothed_alike(span: Span, smoother: Smoother) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    """The output through the filter that the rate has passed, and which samples of it are bad, (n,) each.
+
+    For motion whose band is not known: what the smoother takes from a reversal it then takes from both. The output is
+    integrated by a spline and differentiated by the smoother.
+    """
+    smooth, where = derivative_of(_integral(span.output_v, smoother.sample_rate_hz), smoother)
+    output, bad = np.zeros_like(span.output_v), np.ones_like(span.bad)
+    output[where] = smooth
+    bad[where] = np.convolve(span.bad, np.ones(2 * smoother.half + 1), mode="valid") > 0.5
+    return output, bad
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Rates:
+    """Rate, acceleration and jerk, delayed; the rate at the stamps; all over the samples `where`."""
+
+    where: slice
+    delayed: tuple[FloatArray, ...]
+    at_stamp: FloatArray
+
+
+def _derivatives(angle: FloatArray, smoother: Smoother, delay_s: float, orders: int) -> _Rates:
+    """Derivatives of the angle up to an order, where both the delayed and the undelayed windows fit."""
+    found = [derivative_of(angle, smoother, delay_s=delay_s, derivative=order + 1) for order in range(orders)]
+    now, here = derivative_of(angle, smoother)
+    there = found[0][1]
+    first, last = max(here.start, there.start), min(here.stop, there.stop)
+    return _Rates(
+        where=slice(first, max(first, last)),
+        delayed=tuple(values[first - there.start : last - there.start] for values, _ in found),
+        at_stamp=now[first - here.start : last - here.start],
+    )
+
+
+def block_means(
+    span: Span, smoother: Smoother, *, kind: str, frequency_hz: float | None, delay_s: float
+) -> Blocks | None:
+    """Cut a span into blocks and average; None where it is too short. Blocks with a bad sample are dropped."""
+    moving = kind not in ("static", "constant_rate")
+    rates = _derivatives(span.angle_deg, smoother, delay_s, 3 if moving else 1)
+    where, rate, at_stamp = rates.where, rates.delayed[0], rates.at_stamp
+    if rate.size < 8:
+        return None
+    size = samples_in_block(
+        kind,
+        frequency_hz,
+        float(np.median(np.abs(rate))),
+        rate.size / smoother.sample_rate_hz,
+        smoother.sample_rate_hz,
+    )
+    output, bad = span.output_v, span.bad
+    if moving and frequency_hz is None:
+        output, bad = _smoothed_alike(span, smoother)
+    edges = np.linspace(0, rate.size, max(1, rate.size // size) + 1).astype(np.int64)
+    lengths = np.diff(edges)
+    keep = ~np.logical_or.reduceat(bad[where], edges[:-1])
+    count = lengths.astype(np.float64)
+
+    def mean(values: FloatArray) -> FloatArray:
+        averaged: FloatArray = (np.add.reduceat(values, edges[:-1]) / count)[keep]
+        return averaged
+
+    still = np.zeros(int(keep.sum()))
+    variance, acceleration, jerk = still, still, still
+    if moving:
+        block_rate = np.add.reduceat(rate, edges[:-1]) / count
+        # Smoothed alike, the output's curvature over a block is mostly the smoother's own; what is left is noise.
+        variance = still if frequency_hz is None else mean((rate - np.repeat(block_rate, lengths)) ** 2)
+        acceleration, jerk = mean(rates.delayed[1]), mean(rates.delayed[2])
+    basis = np.zeros((still.size, 4))
+    if kind != "static":
+        angle = np.deg2rad(span.angle_deg[where] - rate * delay_s)
+        sine, cosine = np.sin(angle), np.cos(angle)
+        turning = np.deg2rad(rate) / ARCSEC_PER_DEG
+        basis = np.stack(
+            [
+                mean(turning * cosine),
+                mean(-turning * sine),
+                mean(2 * turning * (cosine**2 - sine**2)),
+                mean(-4 * turning * sine * cosine),
+            ],
+            axis=1,
+        )
+    return Blocks(
+        count=count[keep],
+        time_s=mean(span.time_s[where]),
+        output_v=mean(output[where]),
+        rate_dps=mean(rate),
+        rate_at_stamp_dps=mean(at_stamp),
+        rate_variance=variance,
+        acceleration_dps2=acceleration,
+        jerk_dps3=jerk,
+        encoder_basis=basis,
+    )

@@ -1,0 +1,257 @@
+"""The whole calibration: one pass over the steps, then two stages, the joint fits and the errors on runs kept aside."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from benchctl.calibration.angle_rate import unwrap_deg
+from benchctl.calibration.compensation import by_law, by_line, by_stages
+from benchctl.calibration.earth import earth_rate_dps
+from benchctl.calibration.errors_percent import Level, largest, measure
+from benchctl.calibration.free_motion import FreeMotionFit, fit_free_motion
+from benchctl.calibration.laws_fit import fit_laws, law_of, only_free_motion
+from benchctl.calibration.options import CalibrationOptions
+from benchctl.calibration.reduce import ReducedStep, reduce_steps
+from benchctl.calibration.result import (
+    BeforeAfter,
+    CalibrationResult,
+    JointFit,
+    SmootherFacts,
+    Stage,
+    ValidRange,
+)
+from benchctl.calibration.rows import gather
+from benchctl.calibration.stage_one import StageOne, line_in_motion, mean_points, stage_one
+from benchctl.calibration.stage_two import stage_two
+from benchctl.recordings.model import Meta, Step
+from instruments.errors import UsageError
+
+_MOVING_DPS = 2.0
+_HOLD_OUT_EVERY = 4
+_NOT_MEASURED = BeforeAfter(before=None, after=None)
+
+
+def calibrate(steps: Iterable[Step], meta: Meta, options: CalibrationOptions | None = None) -> CalibrationResult:
+    """Calibrate a recording; its steps are read once and only block means are kept.
+
+    Raises `UsageError` where nothing can be fitted: no usable step, no motion, no two rates.
+    """
+    # On small matrices the threads of BLAS wait for one another: 28 s instead of 0.8 s on a busy machine.
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _calibrate(steps, meta, options or CalibrationOptions())
+
+
+def _calibrate(steps: Iterable[Step], meta: Meta, options: CalibrationOptions) -> CalibrationResult:
+    warnings: list[str] = []
+    notes: list[str] = []
+    free: list[FreeMotionFit] = []
+    reduced = sorted(reduce_steps(_looked_at(steps, free, warnings), meta), key=lambda step: step.info.t_start)
+    _demand_motion(reduced)
+    latitude = options.latitude_deg if options.latitude_deg is not None else meta.bench.latitude_deg
+    bench = replace(meta.bench, latitude_deg=latitude)
+    earth = earth_rate_dps(latitude)
+    if latitude is None:
+        warnings.append("The latitude is not known: the Earth's rate (up to 0.0042 °/s) is part of U0.")
+    verify = _kept_aside(reduced, options, warnings, notes)
+    fitted = [step for step in reduced if step.key not in verify]
+    T0_c = _reference_temperature(fitted, meta, options)
+    moving = [step for step in fitted if step.kind == "motion"]
+    points = mean_points(reduced, verify)
+    if moving and not any(step.kind == "constant_rate" for step in fitted):
+        first = line_in_motion(gather(moving, T0_c), earth)
+    else:
+        first = stage_one(points, T0_c, earth, (*options.orders_1, options.bias_order))
+    warnings.extend(first.warnings)
+    levels = {"raw": Level(compensate=by_line(first.line), delay_s=0.0)}
+    stages = [_first_stage(first)]
+    levels["stage_1"] = Level(compensate=by_stages(stages), delay_s=0.0)
+    free_only = only_free_motion(fitted)
+    if moving:
+        orders = (options.orders_2[0], 0 if free_only else options.orders_2[1])
+        stages.append(stage_two(stages[0], gather(moving, T0_c), earth, orders))
+        levels["stage_2"] = Level(compensate=by_stages(stages), delay_s=stages[1].delay_s)
+    else:
+        warnings.append("Stage 2 is left out: the recording has no run in motion (sine) to be fitted.")
+    joint, said = fit_laws(fitted, first.line, T0_c, earth, bench, options)
+    warnings.extend(said)
+    for fit in joint:
+        levels[f"joint_{fit.law}"] = _joint_level(fit)
+    levels["joint"] = _joint_level(joint[0])
+    residuals, runs = measure(levels, reduced, verify, T0_c, earth)
+    errors, rms = largest(runs)
+    masked = sum(step.masked for step in reduced)
+    if masked:
+        warnings.append(f"{masked} clipped or non-finite samples were left out, with the blocks that hold them.")
+    unsettled = [step for step in reduced if step.unsettled]
+    if unsettled:
+        notes.append(f"{len(unsettled)} steps began with a spin-up, found by the encoder; it was left out.")
+    temperatures = [step.mean_temperature_c for step in fitted]
+    if not np.all(np.isfinite(temperatures)):
+        warnings.append("No thermistor was recorded: every term in temperature is left out.")
+    output_unit = str(meta.extra.get("gyro_output_unit", "V"))
+    return CalibrationResult(
+        unit=meta.unit.serial,
+        range_dps=meta.unit.range_dps,
+        output_unit=output_unit,
+        T0_c=T0_c,
+        latitude_deg=latitude,
+        earth_rate_dps=earth,
+        raw=first.line,
+        stages=_with_errors(stages, errors, rms),
+        joint=tuple(_in_unit(fit, output_unit) for fit in joint),
+        error_percent=errors,
+        rms_percent=rms,
+        runs=runs,
+        residuals=residuals,
+        points=points,
+        temperatures=first.temperatures,
+        valid=ValidRange(
+            rate_dps=(
+                min(float(step.rate_dps.min()) for step in fitted),
+                max(float(step.rate_dps.max()) for step in fitted),
+            ),
+            temperature_c=(float(np.min(temperatures)), float(np.max(temperatures))),
+        ),
+        smoother=_smoother(fitted, meta),
+        free_motion=max(free, key=lambda fit: fit.clusters) if free else None,
+        samples=sum(step.samples for step in reduced),
+        samples_masked=masked,
+        warnings=tuple(warnings),
+        notes=tuple(notes),
+    )
+
+
+def _in_unit(fit: JointFit, output_unit: str) -> JointFit:
+    """The fit with its units said in that of the output: a digital gyro gives rates, not volts."""
+    if output_unit == "V":
+        return fit
+    unit = f"({output_unit})".replace("deg", "°")
+    told = (
+        replace(each, unit=unit + each.unit[1:] if each.unit.startswith("V") else each.unit) for each in fit.parameters
+    )
+    return replace(fit, parameters=tuple(told))
+
+
+def _looked_at(steps: Iterable[Step], free: list[FreeMotionFit], warnings: list[str]) -> Iterator[Step]:
+    """The steps as they come; those in free motion are fitted in angle on the way, while their samples are at hand."""
+    for step in steps:
+        if step.info.kind == "motion" and step.info.role == "fit" and step["time_s"].size > 1:
+            interval = float(np.median(np.diff(step["time_s"])))
+            try:
+                free.append(fit_free_motion(unwrap_deg(step["encoder_deg"]), step["gyro_v"], 1.0 / interval))
+            except UsageError as err:
+                warnings.append(f"No fit in angle of '{step.info.name}': {err}.")
+        yield step
+
+
+def _demand_motion(steps: Sequence[ReducedStep]) -> None:
+    """Raise where nothing can be fitted at all."""
+    if not steps:
+        raise UsageError(
+            "calibration: the recording has no step that can be used (static, constant_rate or sine, settled, with "
+            "encoder and output); look at it with `benchctl show`"
+        )
+    if max(step.peak_rate_dps for step in steps) < _MOVING_DPS:
+        raise UsageError(
+            f"calibration: no motion: the largest rate in {len(steps)} steps is "
+            f"{max(step.peak_rate_dps for step in steps):.3g} °/s, expected at least {_MOVING_DPS:g}; "
+            "record a rate sweep"
+        )
+
+
+def _kept_aside(
+    steps: Sequence[ReducedStep], options: CalibrationOptions, warnings: list[str], notes: list[str]
+) -> frozenset[tuple[int, int]]:
+    """Indices of the runs that no fit may see: those marked so, or else every fourth of the fast sines."""
+    marked = frozenset(step.key for step in steps if step.info.role == "verify")
+    if marked:
+        notes.append(f"{len(marked)} runs were kept aside by the procedure; errors are measured on them alone.")
+        return marked
+    sines = [step for step in steps if step.kind == "motion"]
+    fast = [step for step in sines if step.peak_rate_dps > 0.5 * max(sine.peak_rate_dps for sine in sines)]
+    if options.hold_out and len(fast) >= _HOLD_OUT_EVERY:
+        aside = frozenset(step.key for step in fast[_HOLD_OUT_EVERY // 2 :: _HOLD_OUT_EVERY])
+        notes.append(
+            f"No run is marked for verification, so {len(aside)} of {len(fast)} fast runs in motion "
+            "(every fourth) were "
+            "kept aside by the calibration; errors are measured on them alone."
+        )
+        return aside
+    warnings.append(
+        "No runs were kept aside, so error_percent is not reported: measured on fitted runs it would flatter."
+    )
+    return frozenset()
+
+
+def _reference_temperature(steps: Sequence[ReducedStep], meta: Meta, options: CalibrationOptions) -> float:
+    """T0: as asked, as the lab has it, or the set point of the fastest constant rates."""
+    stated = (meta.simulation or {}).get("T0_c")
+    if options.T0_c is not None:
+        return options.T0_c
+    if isinstance(stated, int | float):
+        return float(stated)
+    turning = [step for step in steps if step.kind == "constant_rate"] or list(steps)
+    fastest = max(turning, key=lambda step: (round(step.peak_rate_dps), -step.info.index))
+    if np.isfinite(fastest.info.chamber_setpoint_c):
+        return fastest.info.chamber_setpoint_c
+    measured = fastest.mean_temperature_c
+    return round(measured, 1) if np.isfinite(measured) else 20.0
+
+
+def _first_stage(first: StageOne) -> Stage:
+    """Stage 1 in the words of the result."""
+    return Stage(
+        name="stage 1",
+        k_t=first.k_t,
+        k_omega=first.k_omega,
+        K0_v_per_dps=first.K0_v_per_dps,
+        U0_v=first.U0_v,
+        u0_t=first.u0_t,
+        delay_s=0.0,
+        standard={"K0_v_per_dps": first.K0_standard, "U0_v": first.U0_standard},
+        error_percent=_NOT_MEASURED,
+        rms_percent=_NOT_MEASURED,
+        runs=len(first.temperatures),
+    )
+
+
+def _joint_level(fit: JointFit) -> Level:
+    """The level of compensation that a joint fit is."""
+    delay = next((parameter.value for parameter in fit.parameters if parameter.name == "delay_s"), 0.0)
+    return Level(compensate=by_law(*law_of(fit)), delay_s=delay)
+
+
+def _with_errors(stages: Sequence[Stage], errors: dict[str, float], rms: dict[str, float]) -> tuple[Stage, ...]:
+    """The stages with the errors before and after each."""
+    names = ("raw", "stage_1", "stage_2")
+    return tuple(
+        replace(
+            stage,
+            error_percent=BeforeAfter(before=errors.get(names[i]), after=errors.get(names[i + 1])),
+            rms_percent=BeforeAfter(before=rms.get(names[i]), after=rms.get(names[i + 1])),
+        )
+        for i, stage in enumerate(stages)
+    )
+
+
+def _smoother(steps: Sequence[ReducedStep], meta: Meta) -> SmootherFacts | None:
+    """How the rate of the runs in motion was made."""
+    smoothers = [step.smoother for step in steps if step.kind == "motion"] or [step.smoother for step in steps]
+    widest = max(smoothers, key=lambda smoother: smoother.window_s)
+    worst = max(smoothers, key=lambda smoother: smoother.gain_error)
+    counts = meta.bench.encoder_counts_per_rev
+    noise = widest.noise_gain * 360.0 / counts / np.sqrt(12.0) if counts else float("nan")
+    return SmootherFacts(
+        window_s=widest.window_s,
+        attenuation=worst.gain_error,
+        rate_noise_dps=float(noise),
+        says=(
+            f"Rates are derivatives of local polynomials (order {widest.order}) over up to "
+            f"{1e3 * widest.window_s:.0f} ms of "
+            f"angle; gain error at most {worst.gain_error:.1g} in the band of the motion."
+        ),
+    )

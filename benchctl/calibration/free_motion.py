@@ -1,0 +1,106 @@
+"""Scale factor and delay from one long run in any motion, in angle: integrated gyro against encoder, within a band.
+
+Gyro g(t) = K·ω(t − τ), so that the angle is θ(t) = ∫g dt (t + τ)/K. Both angles pass the same zero-phase band-pass,
+which takes out the bias (below) and the encoder's steps and the noise (above). The integral is by a spline: a sum of
+samples is late by half a sample, and what is lost there is found again as a wrong delay; trapezoids are in time, but
+lose (ω·dt)²/12 of the amplitude. In angle the encoder's quantisation is plain white noise; differentiated it would
+attenuate the scale factor. Intervals are by blocks of time, because residuals hang together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import CubicSpline
+from scipy.signal import butter, sosfiltfilt
+from scipy.stats import t as student
+
+from benchctl.calibration.linear import clustered_covariance
+from instruments.errors import UsageError
+
+FloatArray = npt.NDArray[np.float64]
+
+BAND_HZ = (0.02, 10.0)
+CLUSTER_S = 60.0
+_LEAST_MOTION_DEG = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FreeMotionFit:
+    """Scale factor (output per °/s) and delay with 95 % intervals; rms angle residual before and after, deg.
+
+    `before_deg` is with the scale of `start_scale` and no delay. `residual_deg` has the shape of the samples (n,).
+    """
+
+    scale: float
+    scale_ci95: tuple[float, float]
+    delay_s: float
+    delay_ci95: tuple[float, float]
+    before_deg: float
+    after_deg: float
+    band_hz: tuple[float, float]
+    clusters: int
+    residual_deg: FloatArray
+
+
+def fit_free_motion(
+    angle_deg: FloatArray,
+    output: FloatArray,
+    sample_rate_hz: float,
+    *,
+    start_scale: float = 1.0,
+    band_hz: tuple[float, float] = BAND_HZ,
+) -> FreeMotionFit:
+    """Fit; `angle_deg` unwrapped and `output` are equidistant samples of one scan, shape (n,), without gaps.
+
+    `start_scale` is what the output is taken for before the fit (1 for a gyro that gives °/s).
+    """
+    low, high = band_hz
+    clusters = int(angle_deg.size / sample_rate_hz / CLUSTER_S)
+    if clusters < 5 or not 0 < low < high < sample_rate_hz / 2:
+        raise UsageError(
+            f"free motion: {angle_deg.size / sample_rate_hz:.0f} s at {sample_rate_hz:g} Hz, expected at least "
+            f"{5 * CLUSTER_S:g} s and a band inside 0 … {sample_rate_hz / 2:g} Hz (it is {low:g} … {high:g} Hz)"
+        )
+    passing = butter(2, band_hz, btype="bandpass", fs=sample_rate_hz, output="sos")
+
+    def band(values: FloatArray) -> FloatArray:
+        return np.asarray(sosfiltfilt(passing, values - values.mean()))
+
+    time = np.arange(angle_deg.size) / sample_rate_hz
+    turned = np.asarray(CubicSpline(time, output - output.mean()).antiderivative()(time))
+    angle, rate = band(angle_deg - angle_deg[0]), band(output)
+    if float(angle.std()) < _LEAST_MOTION_DEG:
+        raise UsageError(
+            f"free motion: the angle moves by {angle.std():.2g}° rms only, expected {_LEAST_MOTION_DEG:g}° or more"
+        )
+    spline, rate_spline = CubicSpline(time, band(turned)), CubicSpline(time, rate)
+    # The filter's ends ring for a few periods of its lower edge.
+    margin = int(min(2.0 / low, time[-1] / 10) * sample_rate_hz)
+    inside = slice(margin, angle.size - margin)
+    delay = 0.0
+    for _ in range(6):
+        columns = np.stack([spline(time + delay), rate_spline(time + delay)], axis=1)[inside]
+        coefficients = np.linalg.lstsq(columns, angle[inside], rcond=None)[0]
+        change = float(coefficients[1] / coefficients[0])
+        delay += change
+        if abs(change) < 1e-9:
+            break
+    residual = angle - spline(time + delay) * coefficients[0]
+    cluster = (np.arange(columns.shape[0]) * clusters // columns.shape[0]).astype(np.int64)
+    covariance = clustered_covariance(columns, residual[inside], cluster)
+    scale = 1.0 / float(coefficients[0])
+    widths = student.ppf(0.975, clusters - 2) * np.sqrt(np.diag(covariance)) * np.array([scale**2, abs(scale)])
+    return FreeMotionFit(
+        scale=scale,
+        scale_ci95=(scale - float(widths[0]), scale + float(widths[0])),
+        delay_s=delay,
+        delay_ci95=(delay - float(widths[1]), delay + float(widths[1])),
+        before_deg=float(np.std((angle - spline(time) / start_scale)[inside])),
+        after_deg=float(np.std(residual[inside])),
+        band_hz=band_hz,
+        clusters=clusters,
+        residual_deg=residual,
+    )

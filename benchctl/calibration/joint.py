@@ -1,0 +1,322 @@
+"""One joint weighted fit of every run: law, bias, delay and the encoder's own error at once, with calibrated intervals.
+
+Each step is split into its mean, which knows the bias and shares its random walk with all other steps, and the blocks
+about it, whose noise is white but for the encoder's. Gauss-Newton on both together; after every turn the noise is
+estimated anew (`noise_model`). The encoder's error at one and two periods a turn is a nuisance of four amplitudes, held
+only by what is known of its accuracy: without it a sine about one angle would put its slope into the scale factor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.calibration.model import Law
+from benchctl.calibration.noise_model import (
+    LinearMeans,
+    MeansNoise,
+    StepScores,
+    autocovariances,
+    estimate,
+    likely_noises,
+    linear_means,
+    project,
+    score_scatter,
+    walk_covariance,
+)
+from benchctl.calibration.reduce import ReducedStep
+from benchctl.calibration.rows import Rows, gather
+from benchctl.calibration.uncertainty import Mixture
+from instruments.errors import UsageError
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+ENCODER_TERMS = (
+    "encoder_sin1_arcsec",
+    "encoder_cos1_arcsec",
+    "encoder_sin2_arcsec",
+    "encoder_cos2_arcsec",
+)
+_TURNS = 25
+_UNKNOWN_ACCURACY_ARCSEC = 200.0
+_ROBUST_AT = 4.0
+_MOST_LAGS = 12
+_LEAST_STEP = 1e-3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointProblem:
+    """What is to be fitted: the law, powers of ΔT in the bias, whether the delay and the encoder's error are free.
+
+    `encoder_accuracy_arcsec` holds the encoder's amplitudes loosely (a normal prior of that deviation), 0 where
+    unknown.
+    """
+
+    law: Law
+    bias_terms: int
+    T0_c: float
+    earth_rate_dps: float = 0.0
+    delay: bool = True
+    encoder: bool = True
+    encoder_accuracy_arcsec: float = 0.0
+    robust: bool = True
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters, in order."""
+        bias = ("U0_v", *(f"c{i + 1}" for i in range(self.bias_terms)))
+        delay = ("delay_s",) if self.delay else ()
+        return (*self.law.names, *bias, *delay, *(ENCODER_TERMS if self.encoder else ()))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointSolution:
+    """What was found: estimates as a mixture over the likely noises, the noise itself, and how badly it fits.
+
+    `freedom` is how many steps in motion the scatter was measured on: degrees of freedom for intervals.
+    """
+
+    names: tuple[str, ...]
+    mixture: Mixture
+    white_v: float
+    means_noise: MeansNoise
+    rows: int
+    bic: float
+    freedom: float
+    converged: bool
+
+    @property
+    def estimate(self) -> FloatArray:
+        """Estimates, shape (p,)."""
+        return self.mixture.mean
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance of the estimates, shape (p, p)."""
+        return self.mixture.covariance
+
+
+def predict(problem: JointProblem, parameters: FloatArray, rows: Rows) -> tuple[FloatArray, FloatArray]:
+    """Mean output of each block (n,) and its derivatives by the parameters (n, p)."""
+    laws = len(problem.law.names)
+    bias_end = laws + 1 + problem.bias_terms
+    rest = parameters[bias_end:]
+    delay = float(rest[0]) if problem.delay else 0.0
+    rate = rows.true_rate(delay) + problem.earth_rate_dps
+    if problem.encoder:
+        rate = rate - rows.encoder_basis @ rest[-4:]
+    low = problem.law.volts_and_slopes(parameters[:laws], rate - rows.spread_dps, rows.dt_c)
+    high = problem.law.volts_and_slopes(parameters[:laws], rate + rows.spread_dps, rows.dt_c)
+    powers = rows.dt_c[:, None] ** np.arange(problem.bias_terms + 1)
+    output = 0.5 * (low[0] + high[0]) + powers @ parameters[laws:bias_end]
+    by_rate = 0.5 * (low[2] + high[2])
+    columns = [0.5 * (low[1] + high[1]), powers]
+    if problem.delay:
+        late = delay - rows.expanded_at_s
+        columns.append((by_rate * (late * rows.jerk_dps3 - rows.acceleration_dps2))[:, None])
+    if problem.encoder:
+        columns.append(-by_rate[:, None] * rows.encoder_basis)
+    return output, np.concatenate(columns, axis=1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Class:
+    """Blocks that share a noise: which rows, and over how many blocks the encoder's smoother correlates them."""
+
+    rows: IntArray
+    lags: int
+
+
+def _classes(steps: Sequence[ReducedStep], rows: Rows) -> list[_Class]:
+    """Blocks of equal kind, length and smoother; those at rest tell nothing but their mean."""
+    keys: dict[Hashable, list[int]] = {}
+    for i, step in enumerate(steps):
+        if step.kind == "constant_rate":
+            keys.setdefault("constant_rate", []).append(i)
+        elif step.kind == "motion":
+            keys.setdefault((round(step.block_s, 6), step.smoother), []).append(i)
+    classes = []
+    for members in keys.values():
+        first = steps[members[0]]
+        lags = 1 if first.kind == "constant_rate" else min(_MOST_LAGS, int(first.smoother.window_s / first.block_s) + 2)
+        classes.append(_Class(rows=np.flatnonzero(np.isin(rows.step, members)), lags=lags))
+    return classes
+
+
+def _white_of_means(
+    steps: Sequence[ReducedStep], rows: Rows, residual: FloatArray, classes: list[_Class]
+) -> FloatArray:
+    """White variance of the mean of each step, V², shape (m,), by the scatter of the blocks of its like."""
+    per_sample = np.zeros(rows.steps)
+    weighted = residual * np.sqrt(rows.count)
+    still = [i for i, step in enumerate(steps) if step.kind == "static"]
+    everything = [*classes, _Class(rows=np.flatnonzero(np.isin(rows.step, still)), lags=1)]
+    for group in everything:
+        if group.rows.size == 0:
+            continue
+        members = rows.step[group.rows]
+        gamma = autocovariances(weighted[group.rows], members, group.lags)
+        left = 1.0 - (2 * group.lags + 1) * np.unique(members).size / members.size  # taken out with each step's mean
+        # What is left at low frequency: the encoder's differentiated noise cancels in a mean.
+        per_sample[np.unique(members)] = max(gamma[0] + 2 * float(gamma[1:].sum()), 0.2 * gamma[0]) / max(left, 0.2)
+    floor = 1e-12 * max(float(np.median(np.abs(rows.output_v))), 1e-6) ** 2
+    return np.maximum(per_sample, floor) / np.add.reduceat(rows.count, rows.start)
+
+
+def fit_joint(problem: JointProblem, steps: Sequence[ReducedStep], start: FloatArray) -> JointSolution:
+    """Fit; `start` has the shape of `problem.names`. Steps must be in time order."""
+    rows = gather(steps, problem.T0_c)
+    classes = _classes(steps, rows)
+    wiener = walk_covariance(rows.means(rows.time_s), np.array([step.duration_s for step in steps]))
+    parameters = np.array(start, dtype=np.float64)
+    noise: MeansNoise | None = None
+    converged = False
+    for _ in range(_TURNS):
+        blocks = _linearise(problem, steps, rows, classes, wiener, parameters)
+        noise = estimate(blocks.means, noise)
+        total, gradient, deviance = blocks.means.solve(noise)
+        bread = _inverse(total)
+        change = bread @ gradient
+        if bool(np.all(np.abs(change) <= 1e-2 * np.sqrt(np.diag(bread)))):
+            converged = True
+            break
+        parameters = parameters + change * _reach(problem, parameters, change, rows)
+    # Once more from scratch: on the way a bad start may have led the noise into a corner.
+    noise = estimate(blocks.means)
+    deviance = blocks.means.solve(noise)[2]
+    moving, turning = _scores(steps, blocks)
+    estimates, covariances, weights = [], [], []
+    for likely, weight in likely_noises(blocks.means, noise):
+        total, gradient, _ = blocks.means.solve(likely)
+        bread = _inverse(total)
+        meat = total - blocks.white_information + score_scatter(moving, bread) + score_scatter(turning, bread)
+        estimates.append(parameters + bread @ gradient)
+        covariances.append(bread @ meat @ bread)
+        weights.append(weight)
+    mixture = Mixture(weights=np.array(weights), means=np.array(estimates), covariances=np.array(covariances))
+    white = np.sqrt(np.median(blocks.means.variance * np.add.reduceat(rows.count, rows.start)))
+    used = int(sum(group.rows.size for group in classes)) + rows.steps
+    return JointSolution(
+        names=problem.names,
+        mixture=mixture,
+        white_v=float(white),
+        means_noise=noise,
+        rows=used,
+        bic=blocks.chi_square + deviance + parameters.size * float(np.log(used)),
+        freedom=float(max(3, len(moving) or len(turning))),
+        converged=converged,
+    )
+
+
+def _reach(problem: JointProblem, parameters: FloatArray, change: FloatArray, rows: Rows) -> float:
+    """How much of a change the law can follow (a polynomial must not turn over); all of it, usually."""
+    laws = len(problem.law.names)
+    fastest = 1.05 * float(np.max(np.abs(rows.rate_dps) + rows.spread_dps))
+    extremes = np.array([float(rows.dt_c.min()), float(rows.dt_c.max())])
+    share = 1.0
+    while True:
+        try:
+            problem.law.volts((parameters + share * change)[:laws], np.full(2, fastest), extremes)
+        except UsageError:
+            if share < _LEAST_STEP:
+                raise
+            share /= 4
+        else:
+            return share
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Linear:
+    """Everything about the present parameters: the means, and per class the blocks about them.
+
+    `classes` holds which step each block is of, its weighted derivatives (n, p) and its weighted residual (n,).
+    """
+
+    means: LinearMeans
+    classes: list[tuple[IntArray, FloatArray, FloatArray]]
+    white_information: FloatArray
+    chi_square: float
+
+
+def _linearise(
+    problem: JointProblem,
+    steps: Sequence[ReducedStep],
+    rows: Rows,
+    classes: list[_Class],
+    wiener: FloatArray,
+    parameters: FloatArray,
+) -> _Linear:
+    """Residuals and derivatives, split into means and blocks about them, weighted by the blocks' own scatter."""
+    output, derivative = predict(problem, parameters, rows)
+    residual = rows.output_v - output
+    mean_residual, mean_derivative = rows.means(residual), rows.means(derivative)
+    centred = residual - mean_residual[rows.step]
+    prior = _prior(problem)
+    white_information = np.zeros((parameters.size, parameters.size))
+    gradient = -prior * parameters
+    weighted: list[tuple[IntArray, FloatArray, FloatArray]] = []
+    chi_square = 0.0
+    for group in classes:
+        root = np.sqrt(rows.count[group.rows])
+        e = centred[group.rows] * root
+        weight, variance = _weights(e, problem.robust)
+        root *= np.sqrt(weight / variance)
+        members = rows.step[group.rows]
+        X = (derivative[group.rows] - mean_derivative[members]) * root[:, None]
+        if steps[members[0]].kind == "constant_rate":
+            # About their mean such rates are nothing but the encoder's noise and error: they know of no scale factor.
+            X[:, : X.shape[1] - len(ENCODER_TERMS) * problem.encoder] = 0.0
+        e = centred[group.rows] * root
+        white_information += X.T @ X
+        gradient = gradient + X.T @ e
+        weighted.append((members, X, e))
+        chi_square += float(e.size * np.log(variance))
+    means = linear_means(
+        residual=mean_residual,
+        derivative=mean_derivative,
+        white=_white_of_means(steps, rows, centred, classes),
+        wiener=wiener,
+        information=white_information + np.diag(prior),
+        gradient=gradient,
+    )
+    return _Linear(means=means, classes=weighted, white_information=white_information, chi_square=chi_square)
+
+
+def _scores(steps: Sequence[ReducedStep], blocks: _Linear) -> tuple[list[StepScores], list[StepScores]]:
+    """What each step's blocks say, in motion and at constant rates."""
+    moving: list[StepScores] = []
+    turning: list[StepScores] = []
+    for members, derivative, residual in blocks.classes:
+        edges = np.flatnonzero(np.diff(members)) + 1
+        for start, stop in zip([0, *edges], [*edges, members.size], strict=True):
+            score = project(derivative[start:stop], residual[start:stop])
+            (turning if steps[members[start]].kind == "constant_rate" else moving).append(score)
+    return moving, turning
+
+
+def _prior(problem: JointProblem) -> FloatArray:
+    """Information that is there before the data, (p,): that the encoder is about as accurate as its maker says."""
+    information = np.zeros(len(problem.names))
+    if problem.encoder:
+        information[-4:] = 1.0 / (problem.encoder_accuracy_arcsec or _UNKNOWN_ACCURACY_ARCSEC) ** 2
+    return information
+
+
+def _weights(e: FloatArray, robust: bool) -> tuple[FloatArray, float]:
+    """Huber weights beyond four deviations (1 for normal noise), and the variance of what they leave."""
+    if not robust:
+        return np.ones(e.size), max(float(np.mean(e**2)), 1e-30)
+    deviation = max(1.4826 * float(np.median(np.abs(e))), 1e-15)
+    weight = np.minimum(1.0, _ROBUST_AT * deviation / np.maximum(np.abs(e), 1e-300))
+    return weight, max(float(np.mean(weight * e**2)), 1e-30)
+
+
+def _inverse(information: FloatArray) -> FloatArray:
+    """Inverse of an information matrix, scaled so that units do not spoil it."""
+    scale = 1.0 / np.sqrt(np.diag(information))
+    inverse: FloatArray = np.linalg.inv(information * np.outer(scale, scale)) * np.outer(scale, scale)
+    return inverse

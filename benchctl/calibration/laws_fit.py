@@ -1,0 +1,226 @@
+"""From reduced steps to joint fits in the words of the result: laws that the data can carry, starts, intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.calibration.budget import contributions
+from benchctl.calibration.joint import JointProblem, JointSolution, fit_joint
+from benchctl.calibration.linear import fit_linear
+from benchctl.calibration.model import Law
+from benchctl.calibration.options import CalibrationOptions
+from benchctl.calibration.orders import choose_orders
+from benchctl.calibration.reduce import ReducedStep
+from benchctl.calibration.result import JointFit, Noise, Parameter, StraightLine
+from benchctl.calibration.rows import gather
+from benchctl.calibration.stage_one import group_by_temperature
+from benchctl.recordings.model import BenchFacts
+from instruments.errors import UsageError
+
+FloatArray = npt.NDArray[np.float64]
+
+_CURVED_FROM_DPS = 60.0
+_ENCODER_FROM_RUNS = 3
+
+UNITS = {
+    "K0_v_per_dps": ("V/(°/s)", "scale factor at T0 and low rates"),
+    "S_rad_per_dps": ("rad/(°/s)", "Sagnac phase per rate: the sine's argument"),
+    "U0_v": ("V", "output at rest at T0, when the recording began"),
+    "delay_s": ("s", "by how much the output follows the rate"),
+}
+
+
+def fit_laws(
+    steps: Sequence[ReducedStep],
+    line: StraightLine,
+    T0_c: float,
+    earth_rate_dps: float,
+    bench: BenchFacts,
+    options: CalibrationOptions,
+) -> tuple[tuple[JointFit, ...], tuple[str, ...]]:
+    """Joint fits, the one that the data prefer first, and sentences on what could not be fitted."""
+    warnings: list[str] = []
+    delay = _likely_delay(steps)
+    base = _problem(steps, T0_c, earth_rate_dps, bench, options, warnings)
+    curved = max(step.peak_rate_dps for step in steps) >= _CURVED_FROM_DPS
+    if only_free_motion(steps):
+        curved = False
+        warnings.append(
+            "No term in ω is fitted: free motion alone mixes it with what the smoother takes from reversals."
+        )
+    elif not curved:
+        warnings.append(
+            f"No term in ω is fitted: no run reaches {_CURVED_FROM_DPS:g} °/s, where the output's curvature would show."
+        )
+    rate_terms = options.orders_1[1] if curved else 0
+    temperature_terms = base.law.temperature_terms
+    if options.choose_orders and curved:
+        temperature_terms, rate_terms, said = choose_orders(base, steps, _start(base, line, delay), temperature_terms)
+        warnings.append(said)
+    bend = _bend(steps, T0_c) if curved and options.law in ("auto", "sine") else 0.0
+    solved: list[tuple[JointProblem, JointSolution]] = []
+    for name in _laws(options, curved, bend, warnings):
+        terms = 1 if name == "sine" else rate_terms
+        problem = replace(base, law=Law(name=name, rate_terms=terms, temperature_terms=temperature_terms))
+        start = _start(problem, line, delay)
+        if name == "sine":
+            start[1] = np.sqrt(-6.0 * bend)
+        try:
+            solution = fit_joint(problem, steps, start)
+        except UsageError as err:
+            warnings.append(f"The law '{name}' is left out: {err}.")
+            continue
+        if not solution.converged:
+            warnings.append(f"The joint fit by the law '{name}' has not settled: judge its numbers with care.")
+        solved.append((problem, solution))
+    if not solved:
+        raise UsageError(f"calibration: no law could be fitted jointly: {warnings[-1]}")
+    solved.sort(key=lambda pair: pair[1].bic)
+    fits = tuple(_named(problem, solution, steps, bench, options) for problem, solution in solved)
+    return fits, tuple(warnings)
+
+
+def only_free_motion(steps: Sequence[ReducedStep]) -> bool:
+    """Whether nothing but motion of unknown band was recorded: no constant rate, no sine of a stated frequency."""
+    return not any(step.kind == "constant_rate" or step.info.frequency_hz is not None for step in steps)
+
+
+def _laws(options: CalibrationOptions, curved: bool, bend: float, warnings: list[str]) -> tuple[str, ...]:
+    """The laws to be fitted: a sine only where the output falls short of the line, as an interferometer's does."""
+    if options.law in ("polynomial", "response"):
+        return (options.law,)
+    if not curved:
+        return ("polynomial",)
+    if bend < 0.0:
+        return ("sine",) if options.law == "sine" else ("sine", "polynomial")
+    warnings.append("The sine law is left out: the output does not fall short of a line at high rates.")
+    return ("response", "polynomial")
+
+
+def law_of(fit: JointFit) -> tuple[Law, FloatArray, float, tuple[float, ...]]:
+    """A fit's law, the law's own parameters, U0 and the coefficients of the bias."""
+    names = [parameter.name for parameter in fit.parameters]
+    law = Law(
+        name=fit.law,
+        rate_terms=1 if fit.law == "sine" else sum(name[0] == "b" for name in names),
+        temperature_terms=sum(name[0] in "ga" for name in names),
+    )
+    own = np.array([fit.value(name) for name in law.names])
+    bias = tuple(p.value for p in fit.parameters if p.name[0] == "c")
+    return law, own, fit.value("U0_v"), bias
+
+
+def _problem(
+    steps: Sequence[ReducedStep],
+    T0_c: float,
+    earth: float,
+    bench: BenchFacts,
+    options: CalibrationOptions,
+    warnings: list[str],
+) -> JointProblem:
+    """What the recording can carry: terms in temperature need temperatures, the delay needs motion."""
+    temperatures = len(group_by_temperature(np.array([step.mean_temperature_c for step in steps])))
+    turned = np.array([step.peak_rate_dps > 1.0 for step in steps])
+    warm = len(group_by_temperature(np.array([s.mean_temperature_c for s, t in zip(steps, turned, strict=True) if t])))
+    terms = min(options.orders_1[0], warm - 1)
+    if terms < options.orders_1[0]:
+        warnings.append(f"The joint fit has {terms} term(s) in temperature: the table turned at {warm} temperature(s).")
+    moving = any(step.kind == "motion" for step in steps)
+    if not moving:
+        warnings.append("No delay is fitted: the recording has no run in motion, only rest and constant rates.")
+    return JointProblem(
+        law=Law(name="response", rate_terms=0, temperature_terms=terms),
+        bias_terms=min(options.bias_order, temperatures - 1),
+        T0_c=T0_c,
+        earth_rate_dps=earth,
+        delay=moving,
+        encoder=options.encoder_errors and int(turned.sum()) >= _ENCODER_FROM_RUNS,
+        encoder_accuracy_arcsec=bench.encoder_accuracy_arcsec,
+        robust=options.robust,
+    )
+
+
+def _likely_delay(steps: Sequence[ReducedStep]) -> float:
+    """Median of the delays found within the runs in motion."""
+    delays = [step.delay_s for step in steps if step.kind == "motion"]
+    return float(np.median(delays)) if delays else 0.0
+
+
+def _start(problem: JointProblem, line: StraightLine, delay_s: float) -> FloatArray:
+    start = np.zeros(len(problem.names))
+    own = problem.law.start(line.K0_v_per_dps)
+    start[: own.size] = own
+    start[own.size] = line.U0_v
+    if problem.delay:
+        start[own.size + 1 + problem.bias_terms] = delay_s
+    return start
+
+
+def _bend(steps: Sequence[ReducedStep], T0_c: float) -> float:
+    """b2 of the response, (°/s)⁻², by plain least squares: −S²/6 for an interferometer, a start for its fit."""
+    rows = gather([step for step in steps if step.kind != "static"], T0_c)
+    rate, dt = rows.rate_dps, rows.dt_c
+    columns = np.stack([np.ones(rate.size), rate, rate**3, dt, dt**2, dt * rate, dt**2 * rate], axis=1)
+    fit = fit_linear(columns, rows.output_v)
+    return float(fit.coefficients[2] / fit.coefficients[1])
+
+
+def _named(
+    problem: JointProblem,
+    solution: JointSolution,
+    steps: Sequence[ReducedStep],
+    bench: BenchFacts,
+    options: CalibrationOptions,
+) -> JointFit:
+    """The solution in the words of the result, with intervals and budgets."""
+    low, high = solution.mixture.interval(0.95, solution.freedom)
+    standard = np.sqrt(np.diag(solution.covariance))
+    values = dict(zip(solution.names, map(float, solution.estimate), strict=True))
+    parameters = []
+    for i, name in enumerate(solution.names):
+        unit, says = UNITS.get(name) or _unit_of(name, problem.law.name)
+        budget = contributions(
+            name, values, float(standard[i]), steps, bench, problem.earth_rate_dps, options.assumptions
+        )
+        parameters.append(
+            Parameter(
+                name=name,
+                value=values[name],
+                unit=unit,
+                standard=float(standard[i]),
+                ci95=(float(low[i]), float(high[i])),
+                says=says,
+                expanded=2.0 * float(np.sqrt(sum(part.standard**2 for part in budget))),
+                budget=budget,
+            )
+        )
+    return JointFit(
+        law=problem.law.name,
+        convention=problem.law.convention,
+        argument=problem.law.argument,
+        parameters=tuple(parameters),
+        covariance=solution.covariance,
+        noise=Noise(
+            white_v=solution.white_v,
+            random_walk_v_per_sqrt_s=float(np.sqrt(solution.means_noise.walk)),
+            mean_excess=solution.means_noise.excess,
+        ),
+        rows=solution.rows,
+        bic=solution.bic,
+    )
+
+
+def _unit_of(name: str, law: str) -> tuple[str, str]:
+    """Unit and words of a coefficient."""
+    if name.endswith("arcsec"):
+        return "″", f"the encoder's error, {name.split('_')[1]}"
+    power = int(name[1:])
+    if name[0] == "b":
+        return f"(°/s)^-{power}", f"k(ω), coefficient of {'x' if law == 'polynomial' else 'ω'}^{power}"
+    if name[0] == "c":
+        return f"V/°C^{power}", f"bias over temperature, coefficient of (T − T0)^{power}"
+    return f"°C^-{power}", f"k(T), coefficient of (T − T0)^{power}"

@@ -1,0 +1,54 @@
+"""Linear least squares, with the covariance of the coefficients from the scatter about the fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinearFit:
+    """Coefficients (p,), their covariance (p, p) and the residuals (n,)."""
+
+    coefficients: FloatArray
+    covariance: FloatArray
+    residual: FloatArray
+
+
+def fit_linear(columns: FloatArray, values: FloatArray) -> LinearFit:
+    """Minimise Σ (values − columns·c)²; columns (n, p). Without freedom left the variance is taken as 1."""
+    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    basis, triangle = np.linalg.qr(columns / scale)
+    inverse = np.linalg.pinv(triangle)
+    coefficients = inverse @ (basis.T @ values) / scale
+    residual = values - columns @ coefficients
+    freedom = values.size - columns.shape[1]
+    variance = float(residual @ residual) / freedom if freedom > 0 else 1.0
+    covariance = variance * (inverse @ inverse.T) / np.outer(scale, scale)
+    return LinearFit(coefficients=coefficients, covariance=covariance, residual=residual)
+
+
+def clustered_covariance(columns: FloatArray, residual: FloatArray, cluster: npt.NDArray[np.int64]) -> FloatArray:
+    """Covariance of unweighted coefficients where residuals of one cluster (a step) hang together, (p, p).
+
+    Liang and Zeger, Biometrika 73 (1986) 13, with the usual correction for the number of clusters. With fewer than
+    twice as many clusters as coefficients the plain covariance, times the blocks a cluster holds, stands in: an upper
+    bound.
+    """
+    p = columns.shape[1]
+    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    scaled = columns / scale
+    bread = np.linalg.pinv(scaled.T @ scaled)
+    names = np.unique(cluster)
+    if names.size < 2 * p:
+        size = columns.shape[0] / names.size
+        covariance = bread * float(residual @ residual) / max(residual.size - p, 1) * size
+    else:
+        scores = np.stack([scaled[cluster == name].T @ residual[cluster == name] for name in names])
+        covariance = bread @ (scores.T @ scores) @ bread * names.size / (names.size - p)
+    result: FloatArray = covariance / np.outer(scale, scale)
+    return result

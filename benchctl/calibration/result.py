@@ -1,0 +1,287 @@
+"""What a calibration found: the frozen records that `coefficients.json` and the report are written from.
+
+Rates in °/s, volts, °C, seconds. Rates are *sensed* rates: the table's plus the vertical part of the Earth's where the
+latitude is known. `error` mappings have the keys of `LEVELS` that were reached, in that order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.calibration.free_motion import FreeMotionFit
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+Convention = Literal["correction", "response"]
+Argument = Literal["indicated", "true"]
+
+LEVELS: Mapping[str, str] = {
+    "raw": "one straight line: K0 and U0",
+    "stage_1": "stage 1: k(T) and k(ω) from constant rates",
+    "stage_2": "stage 2: what is left in sinusoidal motion, with K0, U0 and the delay",
+    "joint_polynomial": "joint fit, polynomials",
+    "joint_response": "joint fit, polynomials of the true rate (where the output does not fall short of a line)",
+    "joint_sine": "joint fit, the interferometer's sine",
+    "joint": "joint fit, the law that the fitted runs prefer",
+}
+"""The levels of compensation, in the order in which the error goes down, in words."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contribution:
+    """One contributor to an uncertainty: a standard uncertainty (k = 1) in the parameter's own unit, and its ground."""
+
+    source: str
+    standard: float
+    kind: Literal["A", "B"]
+    says: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """An estimated parameter.
+
+    `standard` is the standard uncertainty by the scatter of the data (type A, k = 1) and `ci95` its interval: what a
+    repetition on the same bench would show. `expanded` (k = 2) adds what it would not show; `budget` says what.
+    """
+
+    name: str
+    value: float
+    unit: str
+    standard: float
+    ci95: tuple[float, float]
+    says: str
+    expanded: float | None = None
+    budget: tuple[Contribution, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StraightLine:
+    """What an uncalibrated gyro would be read with: U = U0 + K0·ω, fitted at T0 over |ω| ≤ `rate_limit_dps`."""
+
+    K0_v_per_dps: float
+    U0_v: float
+    rate_limit_dps: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PolynomialFactor:
+    """A factor k = 1 + Σ c_i·b_i, with b = ΔT, ΔT², … or ω², ω⁴, …; `covariance` of the coefficients, shape (n, n)."""
+
+    basis: tuple[str, ...]
+    coefficients: tuple[float, ...]
+    covariance: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BeforeAfter:
+    """An error before and after a stage, percent; None where no run was kept aside."""
+
+    before: float | None
+    after: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Share:
+    """How much of a stage's improvement one of its parts brought: `share` of the drop in squared residuals, 0 to 1.
+
+    The parts are not orthogonal: the share is the mean over all orders in which they may enter (Shapley), so that they
+    add up to 1. `alone` is the drop that this part would have brought by itself.
+    """
+
+    part: str
+    share: float
+    alone: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stage:
+    """One stage of the two-stage calibration, convention `correction`, argument `indicated`.
+
+    With x = (U − U0 − Σ U0_T·ΔT^i)/K0 the stage's input rate is x (stage 1) or what the stage before gave, and its
+    output that times k_T(ΔT)·k_ω(input). `u0_t` are the coefficients of ΔT, ΔT², … of the bias, V/°C^i.
+    """
+
+    name: str
+    k_t: PolynomialFactor
+    k_omega: PolynomialFactor
+    K0_v_per_dps: float
+    U0_v: float
+    u0_t: tuple[float, ...]
+    delay_s: float
+    standard: Mapping[str, float] = field(default_factory=dict)
+    """Standard uncertainties (k = 1) of `K0_v_per_dps`, `U0_v`, `delay_s` where the stage fits them."""
+    error_percent: BeforeAfter
+    rms_percent: BeforeAfter
+    shares: tuple[Share, ...] = ()
+    runs: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Noise:
+    """The noise that the joint fit found in the data.
+
+    `white_v` is the deviation of one sample, V, within steps; `random_walk_v_per_sqrt_s` that of the bias across steps;
+    `mean_excess` by how much the means of steps scatter beyond what their samples and the walk say (1 is ideal).
+    """
+
+    white_v: float
+    random_walk_v_per_sqrt_s: float
+    mean_excess: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointFit:
+    """One joint weighted fit of every fitted run.
+
+    law `sine`: U = U0 + c1ΔT + c2ΔT² + (K0/S)(1 + g1ΔT + g2ΔT²)·sin(S·ω); convention `response`, argument `true`.
+    law `polynomial`: ω = x·(1 + a1ΔT + …)(1 + b2x² + b4x⁴ + …), x = (U − U0(T))/K0; convention `correction`, argument
+    `indicated`. `covariance` is that of `parameters`, in their order, shape (p, p), type A. Nuisances (`delay_s`, the
+    encoder's `encoder_cos1_arcsec`, …) are parameters like the others.
+    """
+
+    law: str
+    convention: Convention
+    argument: Argument
+    parameters: tuple[Parameter, ...]
+    covariance: FloatArray
+    noise: Noise
+    rows: int
+    bic: float
+    """Badness for choosing between laws on the fitted runs: χ² + p·ln(rows); lower is better."""
+
+    def value(self, name: str) -> float:
+        """The value of a parameter; `KeyError` where the law has none of this name."""
+        return self.parameter(name).value
+
+    def parameter(self, name: str) -> Parameter:
+        """A parameter by name."""
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        raise KeyError(name)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunErrors:
+    """What is left of one run, per level: largest and rms residual rate over the run's largest rate, percent."""
+
+    step: int
+    name: str
+    kind: str
+    role: str
+    temperature_c: float
+    peak_rate_dps: float
+    error_percent: Mapping[str, float]
+    rms_percent: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Residuals:
+    """Block means of every run with motion or at rest, fitted or kept aside; all arrays of shape (n,).
+
+    `residual_dps` has one array per level: compensated minus true rate, both averaged over the same block of at most
+    `block_s` seconds, with the fitted delay where the level has one.
+    """
+
+    step: IntArray
+    verify: BoolArray
+    time_s: FloatArray
+    rate_dps: FloatArray
+    acceleration_dps2: FloatArray
+    temperature_c: FloatArray
+    block_s: FloatArray
+    residual_dps: Mapping[str, FloatArray]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeanPoints:
+    """Means of the static and constant-rate steps, shape (n,): the paper's points behind k(ω), k(T) and U0(T)."""
+
+    step: IntArray
+    time_s: FloatArray
+    rate_dps: FloatArray
+    temperature_c: FloatArray
+    setpoint_c: FloatArray
+    output_v: FloatArray
+    output_se_v: FloatArray
+    samples: IntArray
+    revolutions: FloatArray
+    verify: BoolArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TemperaturePoint:
+    """Slope (over |ω| ≤ `rate_limit_dps`) and bias at one temperature: a point of k(T) and of U0(T)."""
+
+    temperature_c: float
+    slope_v_per_dps: float
+    slope_standard: float
+    bias_v: float
+    bias_standard: float
+    rates: int
+    rate_limit_dps: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ValidRange:
+    """Where the coefficients were measured: outside it they are an extrapolation."""
+
+    rate_dps: tuple[float, float]
+    temperature_c: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SmootherFacts:
+    """How the encoder's rate was made: widest window, largest attenuation in the motion band, noise of one value."""
+
+    window_s: float
+    attenuation: float
+    rate_noise_dps: float
+    says: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrationResult:
+    """Everything that a calibration found.
+
+    `stages` holds stage 1 and, where there are runs in motion, stage 2. `joint` holds the joint fits, the preferred law
+    first. `error_percent` and `rms_percent` are the largest over the runs that were kept aside, per level, empty where
+    there are none. `warnings` say in plain words what could not be done, and `notes` what was done.
+    """
+
+    unit: str
+    range_dps: float
+    output_unit: str
+    T0_c: float
+    latitude_deg: float | None
+    earth_rate_dps: float
+    raw: StraightLine
+    stages: tuple[Stage, ...]
+    joint: tuple[JointFit, ...]
+    error_percent: Mapping[str, float]
+    rms_percent: Mapping[str, float]
+    runs: tuple[RunErrors, ...]
+    residuals: Residuals
+    points: MeanPoints
+    temperatures: tuple[TemperaturePoint, ...]
+    valid: ValidRange
+    smoother: SmootherFacts | None
+    free_motion: FreeMotionFit | None = None
+    """Fit in angle of the longest run in free motion (no stated frequency), where there is one."""
+    samples: int
+    samples_masked: int
+    warnings: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def best(self) -> JointFit:
+        """The joint fit by the law that the fitted runs prefer."""
+        return self.joint[0]

@@ -1,0 +1,279 @@
+"""Stage 1 of the paper: constant rates at T0 give K0 and k(ω), slopes at every temperature give k(T), rest gives U0(T).
+
+Convention `correction`, argument `indicated` (facts: the paper's k grows with ω while an interferometer falls short).
+K0 is the slope over |ω| ≤ 40 °/s, at T0; k(T) is 1 at T0 by construction; every temperature's slope is over |ω| ≤ 50
+°/s, so that the curvature cancels where all temperatures have the same rates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.calibration.linear import LinearFit, fit_linear
+from benchctl.calibration.model import factor
+from benchctl.calibration.reduce import ReducedStep
+from benchctl.calibration.result import MeanPoints, PolynomialFactor, StraightLine, TemperaturePoint
+from benchctl.calibration.rows import Rows
+from instruments.errors import UsageError
+
+FloatArray = npt.NDArray[np.float64]
+
+K0_LIMIT_DPS = 40.0
+SLOPE_LIMIT_DPS = 50.0
+SAME_TEMPERATURE_C = 2.0
+_CURVED_FROM_DPS = 60.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StageOne:
+    """What stage 1 found; `u0_t` are the coefficients of the bias over ΔT, V/°C^i."""
+
+    line: StraightLine
+    K0_v_per_dps: float
+    K0_standard: float
+    U0_v: float
+    U0_standard: float
+    u0_t: tuple[float, ...]
+    k_t: PolynomialFactor
+    k_omega: PolynomialFactor
+    temperatures: tuple[TemperaturePoint, ...]
+    warnings: tuple[str, ...]
+
+
+def mean_points(steps: Sequence[ReducedStep], verify: frozenset[tuple[int, int]]) -> MeanPoints:
+    """Means of the steps at rest and at constant rate, in time order."""
+    quiet = [step for step in steps if step.kind in ("static", "constant_rate")]
+
+    def mean(step: ReducedStep, values: FloatArray) -> float:
+        return float(np.average(values, weights=step.count))
+
+    def standard_error(step: ReducedStep) -> float:
+        return float(np.std(step.output_v, ddof=1) / np.sqrt(step.count.size))
+
+    return MeanPoints(
+        step=np.array([step.info.index for step in quiet], dtype=np.int64),
+        time_s=np.array([mean(step, step.time_s) for step in quiet]),
+        rate_dps=np.array([mean(step, step.rate_dps) for step in quiet]),
+        temperature_c=np.array([step.mean_temperature_c for step in quiet]),
+        setpoint_c=np.array([step.info.chamber_setpoint_c for step in quiet]),
+        output_v=np.array([mean(step, step.output_v) for step in quiet]),
+        output_se_v=np.array([standard_error(step) for step in quiet]),
+        samples=np.array([step.samples for step in quiet], dtype=np.int64),
+        revolutions=np.array([step.revolutions for step in quiet]),
+        verify=np.array([step.key in verify for step in quiet], dtype=np.bool_),
+    )
+
+
+def group_by_temperature(temperature_c: FloatArray) -> list[npt.NDArray[np.int64]]:
+    """Indices of points that lie within `SAME_TEMPERATURE_C` of their neighbours, coldest group first."""
+    if not np.all(np.isfinite(temperature_c)):
+        return [np.arange(temperature_c.size)]
+    order = np.argsort(temperature_c, kind="stable")
+    breaks = np.flatnonzero(np.diff(temperature_c[order]) > SAME_TEMPERATURE_C) + 1
+    return [np.sort(group) for group in np.split(order, breaks)]
+
+
+def stage_one(
+    points: MeanPoints, T0_c: float, earth_rate_dps: float, orders: tuple[int, int, int] = (2, 2, 2)
+) -> StageOne:
+    """Fit stage 1 to the points that were not kept aside; `orders` of k(T), k(ω) and the bias over temperature.
+
+    Raises `UsageError` where no two rates differ at any temperature: nothing can be fitted without motion.
+    """
+    use = np.flatnonzero(~points.verify)
+    warnings: list[str] = []
+    groups = [use[group] for group in group_by_temperature(points.temperature_c[use])] if use.size else []
+    lines = [(group, _slope(points, group, earth_rate_dps, SLOPE_LIMIT_DPS)) for group in groups]
+    usable = [(group, line) for group, line in lines if line is not None]
+    if not usable:
+        raise UsageError(
+            "calibration: stage 1 needs steps at two constant rates (or a rate and rest) at one temperature, the "
+            f"recording has {use.size} such steps and no two rates among them; record a rate sweep"
+        )
+    dt = np.nan_to_num(np.array([float(np.mean(points.temperature_c[group])) - T0_c for group, _ in usable]))
+    room = int(np.argmin(np.abs(dt)))
+    k_t = _k_of_temperature(dt, [line for _, line in usable], orders[0], warnings)
+    u0, u0_standard, u0_t = _bias(dt, [line for _, line in usable], orders[2], warnings)
+    room_group = usable[room][0]
+    narrow = _slope(points, room_group, earth_rate_dps, K0_LIMIT_DPS)
+    if narrow is None:
+        narrow = usable[room][1]
+        warnings.append(
+            f"K0 is a slope over rates up to {narrow.limit:g} °/s: there are none below {K0_LIMIT_DPS:g} °/s."
+        )
+    warm = float(factor(k_t.coefficients, dt[[room]])[0])
+    k0 = narrow.slope * warm
+    offset = u0 + float(factor(u0_t, dt[[room]])[0]) - 1.0
+    k_omega = _k_of_rate(points, room_group, k0 / warm, offset, earth_rate_dps, orders[1], warnings)
+    return StageOne(
+        line=StraightLine(K0_v_per_dps=narrow.slope, U0_v=narrow.bias, rate_limit_dps=narrow.limit),
+        K0_v_per_dps=k0,
+        K0_standard=narrow.slope_standard,
+        U0_v=u0,
+        U0_standard=u0_standard,
+        u0_t=u0_t,
+        k_t=k_t,
+        k_omega=k_omega,
+        temperatures=tuple(
+            TemperaturePoint(
+                temperature_c=T0_c + float(shift),
+                slope_v_per_dps=line.slope,
+                slope_standard=line.slope_standard,
+                bias_v=line.bias,
+                bias_standard=line.bias_standard,
+                rates=group.size,
+                rate_limit_dps=line.limit,
+            )
+            for shift, (group, line) in zip(dt, usable, strict=True)
+        ),
+        warnings=tuple(warnings),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Line:
+    """A straight line through the slow points of one temperature."""
+
+    slope: float
+    slope_standard: float
+    bias: float
+    bias_standard: float
+    limit: float
+
+
+def line_in_motion(rows: Rows, earth_rate_dps: float) -> StageOne:
+    """What stands in for stage 1 where there are no constant rates: a line through the runs in motion, no terms.
+
+    The line is over |ω| ≤ 40 °/s where the motion passes there, regressed together with the acceleration, so that a
+    delay does not tilt it.
+    """
+    slow = np.abs(rows.rate_dps) <= max(K0_LIMIT_DPS, 0.25 * float(np.max(np.abs(rows.rate_dps))))
+    rate = rows.true_rate(0.0)[slow] + earth_rate_dps
+    fit = fit_linear(np.stack([np.ones(rate.size), rate, rows.acceleration_dps2[slow]], axis=1), rows.output_v[slow])
+    standard = np.sqrt(np.diag(fit.covariance))
+    none = _factor_of((), np.empty(0), np.empty((0, 0)))
+    offset, gain = float(fit.coefficients[0]), float(fit.coefficients[1])
+    return StageOne(
+        line=StraightLine(K0_v_per_dps=gain, U0_v=offset, rate_limit_dps=float(np.max(np.abs(rate)))),
+        K0_v_per_dps=gain,
+        K0_standard=float(standard[1]),
+        U0_v=offset,
+        U0_standard=float(standard[0]),
+        u0_t=(),
+        k_t=none,
+        k_omega=none,
+        temperatures=(),
+        warnings=(
+            "Stage 1 is a straight line through the runs in motion: the recording has no two constant rates at one "
+            "temperature.",
+        ),
+    )
+
+
+def _slope(points: MeanPoints, group: npt.NDArray[np.int64], earth: float, limit: float) -> _Line | None:
+    """Line over |ω| ≤ limit, less the drift between the readings at rest; over the slowest pair at least."""
+    rate = points.rate_dps[group]
+    if np.ptp(rate) < 1.0:
+        return None
+    magnitudes = np.unique(np.round(np.abs(rate), 1))
+    turning = magnitudes[magnitudes > 0.5]
+    reach = max(limit * 1.01, float(turning[0]) * 1.01)
+    slow = np.abs(rate) <= reach
+    if np.ptp(rate[slow]) < 1.0:
+        return None
+    output = points.output_v[group] - _drift(points, group)
+    fit = fit_linear(np.stack([np.ones(int(slow.sum())), rate[slow] + earth], axis=1), output[slow])
+    standard = np.sqrt(np.diag(fit.covariance)) if slow.sum() > 2 else np.full(2, np.nan)
+    return _Line(
+        slope=float(fit.coefficients[1]),
+        slope_standard=float(standard[1]),
+        bias=float(fit.coefficients[0]),
+        bias_standard=float(standard[0]),
+        limit=float(np.max(np.abs(rate[slow]))),
+    )
+
+
+def _drift(points: MeanPoints, group: npt.NDArray[np.int64]) -> FloatArray:
+    """How far the bias had moved at each point, V: interpolated between the readings at rest, 0 on average."""
+    rest = group[np.abs(points.rate_dps[group]) < 0.5]
+    if rest.size < 2:
+        return np.zeros(group.size)
+    zeros = points.output_v[rest]
+    return np.asarray(np.interp(points.time_s[group], points.time_s[rest], zeros) - zeros.mean())
+
+
+def _powers(order: int) -> tuple[str, ...]:
+    return tuple("ΔT" if i == 1 else f"ΔT^{i}" for i in range(1, order + 1))
+
+
+def _k_of_temperature(dt: FloatArray, lines: list[_Line], order: int, warnings: list[str]) -> PolynomialFactor:
+    """k(T) from the reciprocal slopes, 1 at T0."""
+    order = _supported(dt, order, "k(T)", warnings)
+    reciprocal = np.array([1.0 / line.slope for line in lines])
+    fit = fit_linear(dt[:, None] ** np.arange(order + 1), reciprocal)
+    centre = fit.coefficients[0]
+    # c_i = a_i/a_0, to first order in the errors
+    change = np.concatenate([-fit.coefficients[1:, None] / centre**2, np.eye(order) / centre], axis=1)
+    return _factor_of(_powers(order), fit.coefficients[1:] / centre, change @ fit.covariance @ change.T)
+
+
+def _bias(
+    dt: FloatArray, lines: list[_Line], order: int, warnings: list[str]
+) -> tuple[float, float, tuple[float, ...]]:
+    """Bias at T0, its standard uncertainty, and its coefficients over ΔT."""
+    order = _supported(dt, order, "U0(T)", warnings)
+    fit = fit_linear(dt[:, None] ** np.arange(order + 1), np.array([line.bias for line in lines]))
+    free = dt.size > order + 1
+    standard = float(np.sqrt(fit.covariance[0, 0])) if free else lines[int(np.argmin(np.abs(dt)))].bias_standard
+    return float(fit.coefficients[0]), standard, tuple(map(float, fit.coefficients[1:]))
+
+
+def _supported(dt: FloatArray, order: int, what: str, warnings: list[str]) -> int:
+    """The order that the number of temperatures supports, with a sentence where it is less than asked."""
+    possible = min(order, dt.size - 1)
+    if possible < order:
+        temperatures = "one temperature" if dt.size == 1 else f"{dt.size} temperatures"
+        left = "is left out" if possible == 0 else f"has {possible} term{'s' * (possible > 1)} instead of {order}"
+        warnings.append(f"{what} {left}: the recording has constant rates at {temperatures} only.")
+    return possible
+
+
+def _k_of_rate(
+    points: MeanPoints,
+    group: npt.NDArray[np.int64],
+    gain: float,
+    offset: float,
+    earth: float,
+    order: int,
+    warnings: list[str],
+) -> PolynomialFactor:
+    """k(ω) by least squares of ω − x·(1 + b2x² + b4x⁴), in the rate so that slow points do not weigh too much."""
+    rate = points.rate_dps[group] + earth
+    x = (points.output_v[group] - _drift(points, group) - offset) / gain
+    fast = np.unique(np.round(np.abs(rate[np.abs(rate) > SLOPE_LIMIT_DPS]), 0)).size
+    if np.max(np.abs(rate)) < _CURVED_FROM_DPS or fast == 0:
+        warnings.append(
+            f"k(ω) is left out: no constant rate beyond {_CURVED_FROM_DPS:g} °/s at T0, where curvature would show."
+        )
+        order = 0
+    elif fast < order:
+        warnings.append(
+            f"k(ω) has {fast} term{'s' * (fast > 1)} instead of {order}: too few rates beyond 50 °/s at T0."
+        )
+        order = fast
+    if order == 0:
+        return _factor_of((), np.empty(0), np.empty((0, 0)))
+    fit: LinearFit = fit_linear(x[:, None] ** (2 * np.arange(order) + 3), rate - x)
+    return _factor_of(tuple(f"x^{2 * i + 2}" for i in range(order)), fit.coefficients, fit.covariance)
+
+
+def _factor_of(basis: tuple[str, ...], coefficients: FloatArray, covariance: FloatArray) -> PolynomialFactor:
+    return PolynomialFactor(
+        basis=basis,
+        coefficients=tuple(map(float, coefficients)),
+        covariance=tuple(tuple(map(float, row)) for row in covariance),
+    )

@@ -1,0 +1,176 @@
+"""Stage 2 of the paper: what stage 1 leaves in motion, against the encoder's rate.
+
+The residual ratio is fitted by k(T)·k(ω̂₁) of lower order *together with* K0, U0 and the delay: the polynomials alone
+cannot take 3–4 % to 0.7 % (`benchctl paper`, point 5), so each one's share of the improvement is reported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from math import factorial
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.calibration.compensation import by_stages, mean_rate
+from benchctl.calibration.linear import clustered_covariance
+from benchctl.calibration.result import BeforeAfter, PolynomialFactor, Share, Stage
+from benchctl.calibration.rows import Rows
+
+FloatArray = npt.NDArray[np.float64]
+
+_TURNS = 12
+_CURVED_FROM_DPS = 60.0
+_NOT_MEASURED = BeforeAfter(before=None, after=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Layout:
+    """Where each part lies in the vector of parameters: K0 (relative), U0, delay, then k(T) and k(ω)."""
+
+    temperature_terms: int
+    rate_terms: int
+
+    @property
+    def parts(self) -> dict[str, list[int]]:
+        start = 3 + self.temperature_terms
+        parts = {
+            "K0": [0],
+            "U0": [1],
+            "delay": [2],
+            "k(T)": list(range(3, start)),
+            "k(ω)": list(range(start, start + self.rate_terms)),
+        }
+        return {name: places for name, places in parts.items() if places}
+
+    @property
+    def nudges(self) -> FloatArray:
+        """Steps for the derivatives, each worth some 0.01 °/s."""
+        temperature = [1e-4 * 30.0**-i for i in range(1, self.temperature_terms + 1)]
+        rate = [1e-4 * 100.0 ** -(2 * i) for i in range(1, self.rate_terms + 1)]
+        return np.array([1e-4, 1e-6, 1e-6, *temperature, *rate])
+
+
+def stage_two(first: Stage, rows: Rows, earth_rate_dps: float, orders: tuple[int, int] = (1, 1)) -> Stage:
+    """Fit stage 2 to the blocks of the runs in motion; `orders` of k(T) and k(ω), fewer where unsupported."""
+    temperatures = rows.means(rows.dt_c)
+    distinct = 1 + int(np.sum(np.diff(np.sort(temperatures)) > 2.0))
+    fast = float(np.max(np.abs(rows.rate_dps))) >= _CURVED_FROM_DPS
+    layout = _Layout(temperature_terms=min(orders[0], distinct - 1), rate_terms=orders[1] if fast else 0)
+    parameters = np.zeros(layout.nudges.size)
+    parameters[1] = first.U0_v
+    before = mean_rate(by_stages((first,)), rows) - rows.true_rate(0.0) - earth_rate_dps
+    parameters[2] = rows.likely_delay_s
+    for _ in range(_TURNS):
+        residual, slopes = _residual_and_slopes(first, layout, parameters, rows, earth_rate_dps)
+        change = _solve(slopes, residual)
+        parameters = parameters - change
+        if np.all(np.abs(change) <= 1e-3 * layout.nudges):
+            break
+    covariance = clustered_covariance(slopes, residual, rows.step)
+    standard = np.sqrt(np.diag(covariance))
+    stage = _stage(first, layout, parameters, covariance)
+    return Stage(
+        name=stage.name,
+        k_t=stage.k_t,
+        k_omega=stage.k_omega,
+        K0_v_per_dps=stage.K0_v_per_dps,
+        U0_v=stage.U0_v,
+        u0_t=stage.u0_t,
+        delay_s=stage.delay_s,
+        standard={
+            "K0_v_per_dps": abs(first.K0_v_per_dps) * float(standard[0]),
+            "U0_v": float(standard[1]),
+            "delay_s": float(standard[2]),
+        },
+        error_percent=_NOT_MEASURED,
+        rms_percent=_NOT_MEASURED,
+        shares=_shares(_secant(slopes, rows, stage.delay_s), before, layout.parts),
+        runs=rows.steps,
+    )
+
+
+def _stage(first: Stage, layout: _Layout, parameters: FloatArray, covariance: FloatArray | None = None) -> Stage:
+    """The stage that a vector of parameters means."""
+    parts = layout.parts
+
+    def polynomial(name: str, basis: Sequence[str]) -> PolynomialFactor:
+        places = parts.get(name, [])
+        block = np.zeros((len(places),) * 2) if covariance is None else covariance[np.ix_(places, places)]
+        return PolynomialFactor(
+            basis=tuple(basis),
+            coefficients=tuple(float(parameters[i]) for i in places),
+            covariance=tuple(tuple(map(float, row)) for row in block),
+        )
+
+    return Stage(
+        name="stage 2",
+        k_t=polynomial("k(T)", ["ΔT" if i == 0 else f"ΔT^{i + 1}" for i in range(layout.temperature_terms)]),
+        k_omega=polynomial("k(ω)", [f"x^{2 * i + 2}" for i in range(layout.rate_terms)]),
+        K0_v_per_dps=first.K0_v_per_dps * (1 + float(parameters[0])),
+        U0_v=float(parameters[1]),
+        u0_t=first.u0_t,
+        delay_s=float(parameters[2]),
+        error_percent=_NOT_MEASURED,
+        rms_percent=_NOT_MEASURED,
+    )
+
+
+def _residual_and_slopes(
+    first: Stage, layout: _Layout, parameters: FloatArray, rows: Rows, earth: float
+) -> tuple[FloatArray, FloatArray]:
+    """Compensated less true rate of each block (n,), and its derivatives (n, p)."""
+
+    def residual(at: FloatArray) -> FloatArray:
+        stage = _stage(first, layout, at)
+        return mean_rate(by_stages((first, stage)), rows) - rows.true_rate(stage.delay_s) - earth
+
+    slopes = np.empty((rows.step.size, parameters.size))
+    for i, nudge in enumerate(layout.nudges):
+        step = np.zeros(parameters.size)
+        step[i] = nudge
+        slopes[:, i] = (residual(parameters + step) - residual(parameters - step)) / (2 * nudge)
+    return residual(parameters), slopes
+
+
+def _secant(slopes: FloatArray, rows: Rows, delay_s: float) -> FloatArray:
+    """The slopes with that of the delay taken over all of it, from none to what was found."""
+    if delay_s == 0.0:
+        return slopes
+    whole = slopes.copy()
+    whole[:, 2] = (rows.true_rate(0.0) - rows.true_rate(delay_s)) / delay_s
+    return whole
+
+
+def _solve(slopes: FloatArray, residual: FloatArray) -> FloatArray:
+    scale = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
+    return np.asarray(np.linalg.lstsq(slopes / scale, residual, rcond=1e-10)[0] / scale)
+
+
+def _shares(slopes: FloatArray, residual: FloatArray, parts: dict[str, list[int]]) -> tuple[Share, ...]:
+    """Shapley shares of the drop in squared residuals, of the linearised problem (Lindeman, Merenda, Gold 1980)."""
+    scale = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
+    gram = (slopes / scale).T @ (slopes / scale)
+    moment = (slopes / scale).T @ residual
+
+    def drop(names: tuple[str, ...]) -> float:
+        places = [place for name in names for place in parts[name]]
+        if not places:
+            return 0.0
+        inside = np.ix_(places, places)
+        return float(moment[places] @ np.linalg.lstsq(gram[inside], moment[places], rcond=1e-12)[0])
+
+    names = tuple(parts)
+    whole = max(drop(names), 1e-300)
+    shares = []
+    for name in names:
+        others = [other for other in names if other != name]
+        share = 0.0
+        for size in range(len(others) + 1):
+            weight = factorial(size) * factorial(len(names) - size - 1) / factorial(len(names))
+            for before in combinations(others, size):
+                share += weight * (drop((*before, name)) - drop(before))
+        shares.append(Share(part=name, share=share / whole, alone=drop((name,)) / whole))
+    return tuple(shares)
