@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from benchctl.cli.output import JsonOption, QuietOption, SeedOption, result_of
 
+if TYPE_CHECKING:
+    from benchctl.calibration.paper_audit import PaperAudit
+
 
 def paper(
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Keep the recording and the report here.")
+        Path | None, typer.Option("--out", metavar="DIR", help="Keep the recording, coefficients and report here.")
     ] = None,
     seed: SeedOption = None,
     json_to: JsonOption = None,
@@ -20,7 +23,58 @@ def paper(
 ) -> None:
     """Redo the paper's experiment on a simulated VG910Q, print its table beside ours, and audit its numbers.
 
+    The simulated unit follows the interferometer's sine law with the S that the paper's polynomial implies.
+
     Example: `benchctl paper --out paper`
     """
-    with result_of("paper", json_to, quiet) as result:
-        result.say("")
+    import tempfile
+    from dataclasses import asdict
+
+    from benchctl.bench import load_bench
+    from benchctl.calibration.paper_audit import audit, implied_sine
+    from benchctl.campaign.opened import open_bench
+    from benchctl.campaign.runner import run_campaign
+    from benchctl.campaign.stop import stop_on_signals
+    from benchctl.cli.live import live_progress
+    from benchctl.plan.find import find_procedure
+    from benchctl.recordings.reader import open_recording
+    from benchctl.reports.fitting import fit_recordings
+
+    with result_of("paper", json_to, quiet) as result, tempfile.TemporaryDirectory() as scratch:
+        S_rad_per_dps = implied_sine()[0]
+        stands = load_bench("simulated")
+        physics = {**stands.physics, "gyro": {"S_rad_per_dps": S_rad_per_dps}}
+        stands = stands.model_copy(update={"physics": physics}).with_seed(seed)
+        folder = out or Path(scratch) / "paper"
+        with (
+            stop_on_signals() as stop,
+            open_bench(stands, wires=False) as opened,
+            live_progress(quiet) as progress,
+        ):
+            outcome = run_campaign(find_procedure("two_stage").expand(), opened, folder, stop=stop, progress=progress)
+        if outcome.error is not None:
+            raise outcome.error
+        with open_recording(outcome.recording) as recording:
+            found = audit(recording.steps(), recording.meta)
+        result.values |= {
+            "S_rad_per_dps": S_rad_per_dps,
+            "points": [asdict(point) for point in found.points],
+            "table": [asdict(row) for row in found.rows],
+        }
+        result.say(_table(found))
+        if out is not None:
+            fitted = fit_recordings([outcome.recording], folder)
+            result.values |= {"recording": outcome.recording, "report": fitted.values["report"]}
+            result.say(f"recording: {outcome.recording}\nreport: {fitted.values['report']}")
+
+
+def _table(found: PaperAudit) -> str:
+    lines = [f"{'quantity':<58}{'paper':>22}{'ours':>14}  unit"]
+    for row in found.rows:
+        ours = "not measured" if row.ours is None else f"{row.ours:.5g}"
+        lines.append(f"{row.quantity:<58}{row.paper:>22}{ours:>14}  {row.unit}")
+    for point in found.points:
+        lines.append(f"\n{point.number}. {point.claim}")
+        lines += [f"   {name} = {value:.5g}" for name, value in point.computed.items()]
+        lines.append(f"   {point.verdict}")
+    return "\n".join(lines)

@@ -1,0 +1,166 @@
+"""The coefficients with their uncertainties, the budget behind them, and what each part of a stage brought, in rows."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from benchctl.calibration.result import CalibrationResult, JointFit, Parameter, PolynomialFactor, Stage
+from benchctl.reports import text
+from benchctl.reports.law_curves import Z95
+
+_SYMBOLS: Mapping[str, str] = {
+    "K0_v_per_dps": "K0",
+    "S_rad_per_dps": "S",
+    "U0_v": "U0",
+    "delay_s": "τ",
+}
+_SUPERSCRIPT = "⁰¹²³⁴⁵⁶⁷⁸⁹"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Coefficient:
+    """One line of a table of coefficients; `value` is unrounded, the rest is text."""
+
+    symbol: str
+    value: float
+    stated: str
+    interval: str
+    says: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BudgetLine:
+    """The contributions to one coefficient's uncertainty, in the order of the budget's sources; None for none."""
+
+    symbol: str
+    unit: str
+    standards: tuple[float | None, ...]
+    expanded: float
+    largest: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BudgetSource:
+    """A contributor, of kind A or B, and on what ground; the ground may differ from coefficient to coefficient."""
+
+    name: str
+    kind: str
+    says: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Budget:
+    """Every contributor and what it brings to each coefficient."""
+
+    sources: tuple[BudgetSource, ...]
+    lines: tuple[BudgetLine, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StageTable:
+    """A stage of the two-stage calibration, ready to print."""
+
+    stage: Stage
+    coefficients: tuple[Coefficient, ...]
+
+
+def joint_coefficients(joint: JointFit) -> list[Coefficient]:
+    """The parameters of a joint fit, those of the encoder last; ± is the expanded uncertainty (k = 2)."""
+    ordered = sorted(joint.parameters, key=lambda parameter: parameter.name.startswith("encoder"))
+    return [
+        Coefficient(
+            symbol=symbol(parameter.name),
+            value=parameter.value,
+            stated=text.with_uncertainty(parameter.value, _expanded(parameter), text.unit_text(parameter.unit)),
+            interval=text.interval(*parameter.ci95),
+            says=text.raised(parameter.says),
+        )
+        for parameter in ordered
+    ]
+
+
+def budget(joint: JointFit) -> Budget | None:
+    """The budget of those parameters that more than the scatter of the data contributes to; None without any."""
+    stated = [parameter for parameter in joint.parameters if parameter.expanded and len(parameter.budget) > 1]
+    sources: dict[str, BudgetSource] = {}
+    for part in (part for parameter in stated for part in parameter.budget):
+        known = sources.get(part.source)
+        says = {**dict.fromkeys(known.says if known else ()), text.raised(part.says): None}
+        sources[part.source] = BudgetSource(name=part.source, kind=part.kind, says=tuple(says))
+    lines = []
+    for parameter in stated:
+        by_source = {part.source: part.standard for part in parameter.budget}
+        standards = tuple(by_source.get(source) for source in sources)
+        lines.append(
+            BudgetLine(
+                symbol=symbol(parameter.name),
+                unit=text.unit_text(parameter.unit),
+                standards=standards,
+                expanded=parameter.expanded or 0.0,
+                largest=max(range(len(standards)), key=lambda i: standards[i] or 0.0),
+            )
+        )
+    return Budget(sources=tuple(sources.values()), lines=tuple(lines)) if lines else None
+
+
+def stage_tables(result: CalibrationResult) -> list[StageTable]:
+    """The stages; ± is twice the standard uncertainty by the scatter of the data."""
+    return [
+        StageTable(stage=stage, coefficients=tuple(_of_stage(stage, result.output_unit))) for stage in result.stages
+    ]
+
+
+def symbol(name: str) -> str:
+    """A parameter's name as it stands in the formulas: `K0_v_per_dps` is K0, `encoder_cos1_arcsec` encoder cos 1θ."""
+    encoder = re.fullmatch(r"encoder_(sin|cos)(\d)_arcsec", name)
+    return f"encoder, {encoder[1]} {encoder[2]}θ".replace(" 1θ", " θ") if encoder else _SYMBOLS.get(name, name)
+
+
+def _expanded(parameter: Parameter) -> float:
+    return parameter.expanded or 2 * parameter.standard
+
+
+def _of_stage(stage: Stage, output_unit: str) -> list[Coefficient]:
+    volts = text.unit_text(output_unit)
+    known = stage.standard
+    rows = [
+        _row("K0", stage.K0_v_per_dps, known.get("K0_v_per_dps"), text.scale_unit(volts), "scale factor at T0"),
+        _row("U0", stage.U0_v, known.get("U0_v"), volts, "output at rest at T0"),
+    ]
+    rows += [
+        _row(f"U0(T), {_power('ΔT', i)}", c, None, f"{volts}/{_power('°C', i)}", "bias over temperature")
+        for i, c in enumerate(stage.u0_t, 1)
+    ]
+    rows += _of_factor("k(T)", stage.k_t, [(_power("ΔT", i), f"1/{_power('°C', i)}") for i in range(1, 9)])
+    rows += _of_factor("k(ω)", stage.k_omega, [(_power("x", i), f"1/{_power('(°/s)', i)}") for i in range(2, 10, 2)])
+    if stage.delay_s or "delay_s" in known:
+        rows.append(_row("τ", stage.delay_s, known.get("delay_s"), "s", "delay of the gyro behind the encoder"))
+    return rows
+
+
+def _of_factor(name: str, factor: PolynomialFactor, terms: Sequence[tuple[str, str]]) -> list[Coefficient]:
+    rows = []
+    for i, coefficient in enumerate(factor.coefficients):
+        standard = float(factor.covariance[i][i]) ** 0.5 if factor.covariance else None
+        rows.append(
+            _row(
+                f"{name}, {terms[i][0]}", coefficient, standard, terms[i][1], f"coefficient of {terms[i][0]} in {name}"
+            )
+        )
+    return rows
+
+
+def _row(name: str, value: float, standard: float | None, unit: str, says: str) -> Coefficient:
+    return Coefficient(
+        symbol=name,
+        value=value,
+        stated=text.with_uncertainty(value, 2 * standard if standard else None, unit),
+        interval=text.interval(value - Z95 * standard, value + Z95 * standard) if standard else text.NOT_KNOWN,
+        says=says,
+    )
+
+
+def _power(base: str, exponent: int) -> str:
+    return base if exponent == 1 else base + _SUPERSCRIPT[exponent]

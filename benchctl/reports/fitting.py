@@ -1,0 +1,187 @@
+"""From recordings to `coefficients.json` and `report.html` beside them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from benchctl.calibration.calibrate import calibrate
+from benchctl.calibration.coefficients import coefficients, write_coefficients
+from benchctl.calibration.points_coefficients import points_coefficients
+from benchctl.calibration.result import CalibrationResult
+from benchctl.calibration.static_points_fit import StaticPointsResult, fit_static_points
+from benchctl.recordings.model import Step, StepInfo
+from benchctl.recordings.reader import Recording, open_recording
+from benchctl.recordings.static_points import KIND, StaticPoints
+from benchctl.reports.calibration_page import write_calibration_report
+from benchctl.reports.points_page import write_static_points_report
+from instruments.errors import UsageError
+
+_APART_S = 86400.0
+"""Recordings that are fitted together are put a day apart: the bias has walked freely in between."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fitted:
+    """What a fit left behind: `values` as `--json` gives them, `says` for the terminal."""
+
+    values: Mapping[str, Any]
+    says: str
+
+
+def fit_recordings(paths: Sequence[Path], out: Path | None = None) -> Fitted:
+    """Calibrate on one recording, or on several of one unit, and write `coefficients.json` and `report.html`.
+
+    They land in `out`, by default beside the first recording: in its folder where it is one.
+
+    Raises
+    ------
+    UsageError
+        Where a recording cannot be read or fitted, the recordings are of different units, or nothing can be written.
+    """
+    with ExitStack() as stack:
+        recordings = [stack.enter_context(open_recording(path)) for path in paths]
+        serials = {recording.meta.unit.serial for recording in recordings}
+        if len(serials) > 1:
+            raise UsageError(
+                f"these recordings are of different units: {', '.join(sorted(serials))}; fit each by itself"
+            )
+        folder = out if out is not None else _beside(paths[0])
+        _make(folder)
+        if any(info.kind == KIND for recording in recordings for info in recording.infos):
+            return _fit_points(recordings, folder)
+        return _fit_runs(recordings, folder)
+
+
+def _fit_runs(recordings: Sequence[Recording], folder: Path) -> Fitted:
+    first = recordings[0]
+    infos: list[StepInfo] = []
+    result = calibrate(_chained(recordings, infos), first.meta)
+    where = folder / "coefficients.json"
+    report = folder / "report.html"
+    digest = ", ".join(_digest(recording) for recording in recordings)
+    content = coefficients(result, _sources(recordings))
+    write_coefficients(where, content)
+    write_calibration_report(report, result, first.meta, infos, digest=digest)
+    values = {
+        "coefficients": where,
+        "report": report,
+        "error_percent": dict(result.error_percent),
+        "rms_percent": dict(result.rms_percent),
+        "free_motion": content["free_motion"],
+        "K0_v_per_dps": result.stages[-1].K0_v_per_dps,
+        "U0_v": result.stages[-1].U0_v,
+        "warnings": list(result.warnings),
+    }
+    return Fitted(values=values, says=_in_words(result, where, report))
+
+
+def _fit_points(recordings: Sequence[Recording], folder: Path) -> Fitted:
+    if len(recordings) > 1:
+        raise UsageError("a table of static points is fitted by itself; name one recording")
+    recording = recordings[0]
+    points = StaticPoints.from_step(next(recording.steps(kinds=[KIND])))
+    result = fit_static_points(points.rate_dps, points.mean_v, points.std_v)
+    where, report = folder / "coefficients.json", folder / "report.html"
+    celsius = None if points.temperature_c is None else float(points.temperature_c.mean())
+    content = points_coefficients(
+        result, unit=recording.meta.unit.serial, temperature_c=celsius, source=_sources(recordings)
+    )
+    write_coefficients(where, content)
+    write_static_points_report(report, result, points, recording.meta, digest=_digest(recording))
+    values = {
+        "coefficients": where,
+        "report": report,
+        "error_percent": {},
+        "K0_v_per_dps": result.rotating.K0_v_per_dps,
+        "U0_v": result.rotating.U0_v,
+        "S_rad_per_dps": {"value": result.rotating.S_rad_per_dps, "ci95": list(result.rotating.S_ci95)},
+        "misfit_percent_of_full_scale": content["misfit_percent_of_full_scale"],
+        "points_at_rest": {"offset_dps": result.rest_offset_dps, "count": result.rest_points},
+    }
+    return Fitted(values=values, says=_points_in_words(result, where, report))
+
+
+def _chained(recordings: Sequence[Recording], seen: list[StepInfo]) -> Iterator[Step]:
+    """The steps of all recordings, numbered on, on one time axis; what each is goes into `seen`."""
+    shift_s, count = 0.0, 0
+    for recording in recordings:
+        for step in recording.steps():
+            count += 1
+            moved = _moved(step, count, shift_s) if shift_s else step
+            seen.append(moved.info)
+            yield moved
+        shift_s = max(info.t_end for info in seen) + _APART_S if seen else 0.0
+
+
+def _moved(step: Step, index: int, shift_s: float) -> Step:
+    info = step.info
+    channels = {
+        name: samples + shift_s if name in ("time_s", "poll_time_s") else samples
+        for name, samples in step.channels.items()
+    }
+    return Step(replace(info, index=index, t_start=info.t_start + shift_s, t_end=info.t_end + shift_s), channels)
+
+
+def _sources(recordings: Sequence[Recording]) -> dict[str, str]:
+    return {str(recording.path): _digest(recording) for recording in recordings}
+
+
+def _digest(recording: Recording) -> str:
+    """Our own digest, or those of the files that a foreign recording came in."""
+    if recording.digest:
+        return recording.digest
+    sources = json.loads(recording.meta.provenance.get("sources", "{}"))
+    return " ".join(source["sha256"] for source in sources.values())
+
+
+def _beside(path: Path) -> Path:
+    return path if path.is_dir() else path.parent
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as err:
+        raise UsageError(f"--out {folder}: cannot be made: {err.strerror or err}") from err
+
+
+def _in_words(result: CalibrationResult, where: Path, report: Path) -> str:
+    levels = [name for name in ("raw", "stage_1", "stage_2", "joint") if name in result.error_percent]
+    errors = ", ".join(f"{name.replace('_', ' ')} {result.error_percent[name]:.3g} %" for name in levels)
+    lines = [f"error on runs kept aside: {errors}"] if levels else []
+    if (free := result.free_motion) is not None:
+        lines += [
+            f"free motion, in angle: scale factor {free.scale:.5f}, 95 % {free.scale_ci95[0]:.5f} to "
+            f"{free.scale_ci95[1]:.5f}; delay {1e3 * free.delay_s:.2f} ms, 95 % {1e3 * free.delay_ci95[0]:.2f} to "
+            f"{1e3 * free.delay_ci95[1]:.2f}",
+            f"free motion, in angle: residual {free.before_deg:.3f}° before, {free.after_deg:.3f}° after, rms in "
+            f"{free.band_hz[0]:g} to {free.band_hz[1]:g} Hz",
+        ]
+    for p in result.best.parameters:
+        lines.append(f"{p.name} = {p.value:.9g} {p.unit}, 95 % {p.ci95[0]:.9g} to {p.ci95[1]:.9g}")
+    lines += [f"note: {warning}" for warning in result.warnings]
+    return "\n".join([*lines, f"coefficients: {where}", f"report: {report}"])
+
+
+def _points_in_words(result: StaticPointsResult, where: Path, report: Path) -> str:
+    fit = result.rotating
+    misfits = (("straight line", fit.line), ("sine law", fit.sine))
+    lines = [
+        f"{name}: misfit {misfit.rms_dps:.3g} deg/s rms, {misfit.largest_percent_fs:.3g} % of full scale at most"
+        for name, misfit in misfits
+    ]
+    return "\n".join(
+        [
+            *lines,
+            f"S = {fit.S_rad_per_dps:.6f} rad/(deg/s), 95 % {fit.S_ci95[0]:.6f} to {fit.S_ci95[1]:.6f}",
+            f"K0 = {fit.K0_v_per_dps:.6f} V/(deg/s), 95 % {fit.K0_ci95[0]:.6f} to {fit.K0_ci95[1]:.6f}",
+            result.says,
+            f"coefficients: {where}",
+            f"report: {report}",
+        ]
+    )

@@ -1,0 +1,44 @@
+"""A report as one HTML file that needs nothing else: templates and style of this package, everything escaped."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from benchctl.recordings.atomic import whole_file
+from benchctl.reports import text
+from benchctl.reports.figures import Drawing
+
+
+def render(template: str, **values: object) -> str:
+    """A page from a template of this package; text is escaped, only figures are taken as they are."""
+    environment = Environment(
+        loader=PackageLoader("benchctl.reports", ""),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {
+        "percent": text.percent,
+        "number": text.number,
+        "plain": text.plain,
+        "count": text.count,
+        "svg": svg,
+    }
+    style = Markup(files("benchctl.reports").joinpath("report.css").read_text(encoding="utf-8"))  # noqa: S704  # our own
+    return environment.get_template(template).render(style=style, **values)
+
+
+def svg(drawing: Drawing) -> Markup:
+    """The figure's own SVG; its labels were escaped when matplotlib wrote it."""
+    return Markup(drawing.svg)  # noqa: S704
+
+
+def write_page(path: Path, page: str) -> None:
+    """Write a page whole or not at all; `UsageError` where the disk refuses."""
+    with whole_file(path) as temporary:
+        temporary.write_text(page, encoding="utf-8", newline="\n")

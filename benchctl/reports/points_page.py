@@ -1,0 +1,116 @@
+"""The report on a table of static points: what a line and a sine make of it, and what the points at rest do."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchctl.calibration.static_points_fit import PointsFit, StaticPointsResult
+from benchctl.recordings.model import Meta
+from benchctl.recordings.static_points import StaticPoints
+from benchctl.reports import setup_section, text, verdict
+from benchctl.reports.coefficient_tables import Coefficient
+from benchctl.reports.figures import Drawing, inline_svg, style
+from benchctl.reports.html import render, write_page
+from benchctl.reports.points_figures import points_figure
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FitLine:
+    """How well both laws fit one choice of points."""
+
+    points: str
+    count: int
+    fit: PointsFit
+
+
+def write_static_points_report(
+    path: Path, result: StaticPointsResult, points: StaticPoints, meta: Meta, *, digest: str
+) -> None:
+    """Write the page, whole or not at all; `digest` is the recording's. Raises `UsageError` where the disk refuses."""
+    write_page(path, static_points_page(result, points, meta, digest=digest))
+
+
+def static_points_page(result: StaticPointsResult, points: StaticPoints, meta: Meta, *, digest: str) -> str:
+    """The page as text; the same input gives the same bytes."""
+    output_unit = text.unit_text(str(meta.extra.get("gyro_output_unit", "V")))
+    return render(
+        "points.html.j2",
+        meta=meta,
+        status=verdict.status_text(meta),
+        result=result,
+        fit=result.rotating,
+        verdict=_sentence(result),
+        setup=_facts(points, meta),
+        drawing=_drawing(result, points, output_unit),
+        coefficients=_coefficients(result.rotating, output_unit),
+        fits=_fits(result),
+        output_unit=output_unit,
+        scale_unit=text.scale_unit(output_unit),
+        spreads=_spreads(result, output_unit),
+        provenance_rows=setup_section.provenance(meta, digest),
+    )
+
+
+def _sentence(result: StaticPointsResult) -> str:
+    fit = result.rotating
+    return (
+        f"Over ±{text.plain(fit.full_scale_dps, '°/s')} a straight line misses the {fit.points} rotating points by "
+        f"{text.percent(fit.line.rms_percent_fs)} of full scale (rms), the sine of an open-loop interferometer by "
+        f"{text.percent(fit.sine.rms_percent_fs)}."
+    )
+
+
+def _facts(points: StaticPoints, meta: Meta) -> list[tuple[str, str]]:
+    told = [("Points", text.count(points.rate_dps.size))]
+    if points.run is not None:
+        told.append(("Runs", text.count(len(set(points.run.tolist())))))
+    if points.temperature_c is not None:
+        ends = float(points.temperature_c.min()), float(points.temperature_c.max())
+        told.append(("Temperature", text.span(*ends, "°C")))
+    if points.duration_s is not None:
+        told.append(("Each mean over", text.span(float(points.duration_s.min()), float(points.duration_s.max()), "s")))
+    left_out = ("Samples", "Duration", "Sample rate")  # a table of means has none
+    return [(name, value) for name, value in setup_section.facts(meta, []) if name not in left_out] + told
+
+
+def _drawing(result: StaticPointsResult, points: StaticPoints, output_unit: str) -> Drawing:
+    with style():
+        svg = inline_svg(points_figure(result, points, output_unit), "points")
+    return Drawing(
+        svg=svg,
+        alt=f"Output against rate, and what a straight line and a sine leave of it. {_sentence(result)}",
+        caption="Left: means of the output against commanded rate, with both laws through the rotating points. "
+        "Right: the rate that each law reads from the means, less the commanded one.",
+    )
+
+
+def _coefficients(fit: PointsFit, output_unit: str) -> list[Coefficient]:
+    return [
+        _row("K0", fit.K0_v_per_dps, fit.K0_ci95, text.scale_unit(output_unit), "scale factor at low rates"),
+        _row("U0", fit.U0_v, fit.U0_ci95, output_unit, "output at rest, by the rotating points"),
+        _row("S", fit.S_rad_per_dps, fit.S_ci95, "rad/(°/s)", "interferometer's phase per rate: the sine's argument"),
+    ]
+
+
+def _row(symbol: str, value: float, ends: tuple[float, float], unit: str, says: str) -> Coefficient:
+    stated = text.with_uncertainty(value, (ends[1] - ends[0]) / 2, unit)
+    return Coefficient(symbol=symbol, value=value, stated=stated, interval=text.interval(*ends), says=says)
+
+
+def _fits(result: StaticPointsResult) -> list[FitLine]:
+    lines = [FitLine(points="rotating points", count=result.rotating.points, fit=result.rotating)]
+    if result.rest_points:
+        lines.append(FitLine(points="all, with rest", count=result.all_points.points, fit=result.all_points))
+    return lines
+
+
+def _spreads(result: StaticPointsResult, output_unit: str) -> str:
+    """How much the samples behind the means scatter, at rest and in rotation; empty where nobody stated it."""
+    if not (math.isfinite(result.rest_std_v) and math.isfinite(result.rotating_std_v)):
+        return ""
+    rest, rotating = (
+        text.with_unit(text.number(std, 2), output_unit) for std in (result.rest_std_v, result.rotating_std_v)
+    )
+    return f"The samples behind a mean scatter by {rest} at rest and by {rotating} in rotation (standard deviations)."

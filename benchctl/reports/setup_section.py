@@ -1,0 +1,168 @@
+"""Where, when and how a recording was made, in rows that a page prints."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from benchctl.recordings.model import Meta, StepInfo
+from benchctl.reports import text
+
+_KIND_NAMES: Mapping[str, str] = {
+    "soak": "soak",
+    "static": "at rest",
+    "constant_rate": "constant rate",
+    "sine": "sine",
+    "thermal_ramp": "thermal ramp",
+    "motion": "other motion",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepGroup:
+    """Steps of one kind and use, summed up in words."""
+
+    kind: str
+    use: str
+    steps: int
+    rates: str
+    frequencies: str
+    temperatures: str
+    samples: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Instrument:
+    """An instrument of the bench: what it is, who it says that it is, until when it is calibrated."""
+
+    role: str
+    model: str
+    serial: str
+    firmware: str
+    calibrated_until: str
+
+
+def kind_name(kind: str) -> str:
+    """A kind of step in words."""
+    return _KIND_NAMES.get(kind, kind.replace("_", " "))
+
+
+def facts(meta: Meta, infos: Sequence[StepInfo]) -> list[tuple[str, str]]:
+    """Names and values of what describes the set-up; what is not known is left out."""
+    told, bench = meta.provenance, meta.bench
+    recorded = [info for info in infos if info.samples]
+    rows = [
+        ("Gyro", " ".join(part for part in (meta.unit.model, f"serial {meta.unit.serial}") if part)),
+        ("Rated range", f"±{text.plain(meta.unit.range_dps, '°/s')}" if meta.unit.range_dps else ""),
+        ("Bench", told.get("bench", "")),
+        ("Operator", told.get("operator", "")),
+        ("Started", _utc(told.get("started_utc", ""))),
+        ("Procedure", told.get("procedure", "")),
+        ("Parameters", ", ".join(f"{name} = {_listed(value)}" for name, value in parameters(meta).items())),
+        ("Duration", text.duration(max(i.t_end for i in infos) - min(i.t_start for i in infos)) if infos else ""),
+        ("Samples", f"{text.count(sum(i.samples for i in infos))} in {len(recorded)} recorded steps of {len(infos)}"),
+        ("Sample rate", text.plain(bench.sample_rate_hz, "Hz", 3)),
+        ("Encoder", _encoder(meta)),
+        ("Converter", f"{bench.adc_bits} bits over ±{text.plain(bench.adc_range_v, 'V')}" if bench.adc_bits else ""),
+        ("Latitude", text.plain(bench.latitude_deg, "°", 3) if bench.latitude_deg is not None else ""),
+        ("Treatment of the import", told.get("treatment", "")),
+    ]
+    return [(name, value) for name, value in rows if value]
+
+
+def parameters(meta: Meta) -> dict[str, object]:
+    """The procedure's parameters by name."""
+    return _mapping(meta.provenance.get("parameters", ""))
+
+
+def instruments(meta: Meta) -> list[Instrument]:
+    """The instruments that the recording names."""
+    found = []
+    for role, told in _mapping(meta.provenance.get("instruments", "")).items():
+        told = told if isinstance(told, dict) else {}
+        maker, model = (str(told.get(key) or "") for key in ("manufacturer", "model"))
+        found.append(
+            Instrument(
+                role=role.replace("_", " "),
+                model=" ".join(part for part in (maker, model or str(told.get("driver") or "")) if part)
+                or text.NOT_KNOWN,
+                serial=str(told.get("bench_serial") or told.get("serial") or text.NOT_KNOWN),
+                firmware=str(told.get("firmware") or text.NOT_KNOWN),
+                calibrated_until=str(told.get("calibrated_until") or "not stated"),
+            )
+        )
+    return found
+
+
+def provenance(meta: Meta, digest: str) -> list[tuple[str, str]]:
+    """Digests, and programs with their versions."""
+    rows = [
+        ("Recording, SHA-256", digest),
+        ("Procedure, SHA-256", meta.provenance.get("procedure_sha256", "")),
+        *((name, str(version)) for name, version in _mapping(meta.provenance.get("software", "")).items()),
+    ]
+    return [(name, value) for name, value in rows if value]
+
+
+def step_groups(infos: Sequence[StepInfo], uses: Mapping[int, str]) -> list[StepGroup]:
+    """The steps summed up by kind and use, in the order in which they first come; `uses` says what became of each."""
+    groups: dict[tuple[str, str], list[StepInfo]] = {}
+    for info in infos:
+        groups.setdefault((info.kind, uses.get(info.index, "not used")), []).append(info)
+    return [
+        StepGroup(
+            kind=kind_name(kind),
+            use=use,
+            steps=len(members),
+            rates=_span([info.amplitude_dps or info.rate_dps for info in members], "°/s"),
+            frequencies=_levels([info.frequency_hz for info in members], "Hz"),
+            temperatures=_span([info.chamber_setpoint_c for info in members], "°C"),
+            samples=sum(info.samples for info in members),
+        )
+        for (kind, use), members in groups.items()
+    ]
+
+
+def cut_steps(infos: Sequence[StepInfo]) -> list[str]:
+    """Steps that are not whole, and steps whose stream has gaps, in words."""
+    cut = [f"step {info.index} ({info.name}) is not whole" for info in infos if not info.whole]
+    gaps = [f"step {i.index} ({i.name}): {i.gaps} gaps in the stream" for i in infos if i.gaps]
+    return cut + gaps
+
+
+def _encoder(meta: Meta) -> str:
+    bench = meta.bench
+    counts = f"{text.count(bench.encoder_counts_per_rev)} counts a revolution" if bench.encoder_counts_per_rev else ""
+    accuracy = f"accurate to {text.plain(bench.encoder_accuracy_arcsec, '″')}" if bench.encoder_accuracy_arcsec else ""
+    return ", ".join(part for part in (counts, accuracy) if part)
+
+
+def _span(values: Sequence[float | None], unit: str) -> str:
+    known = [value for value in values if value is not None and math.isfinite(value)]
+    return text.span(min(known), max(known), unit) if known else ""
+
+
+def _levels(values: Sequence[float | None], unit: str) -> str:
+    known = sorted({value for value in values if value})
+    if not known:
+        return ""
+    return text.with_unit(", ".join(text.plain(value, "", 3) for value in known), unit)
+
+
+def _utc(stamp: str) -> str:
+    return stamp.replace("T", " ").replace("+00:00", " UTC")
+
+
+def _listed(value: object) -> str:
+    return "(" + ", ".join(str(item) for item in value) + ")" if isinstance(value, list) else str(value)
+
+
+def _mapping(told: str) -> dict[str, object]:
+    """A JSON object of the provenance; one that cannot be read is shown as it is, rather than lost."""
+    try:
+        found = json.loads(told) if told else {}
+    except json.JSONDecodeError:
+        return {"as recorded": told}
+    return found if isinstance(found, dict) else {"as recorded": told}

@@ -1,0 +1,141 @@
+"""Numbers, units and durations as a reader of a report expects them.
+
+A value with an uncertainty is rounded to two significant digits of the uncertainty (GUM 7.2.6), with a power of ten
+that is a multiple of three where it is small or large. The minus sign is U+2212; no line breaks before a unit.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TypeGuard
+
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_NO_SPACE_BEFORE = ("°", "″")
+_SMALLEST_PLAIN, _SMALLEST_PLAIN_STATED, _LARGEST_PLAIN = 1e-3, 0.1, 1e5
+_MOST_DECIMALS = 12
+
+NOT_KNOWN = "–"
+"""What stands where a number is not known."""
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """A number to so many significant digits; a power of ten where it is very small or very large."""
+    if value is None or not math.isfinite(value):
+        return NOT_KNOWN
+    order = _order(abs(value), digits)
+    exponent = 0 if value == 0 or _SMALLEST_PLAIN <= 10.0**order < _LARGEST_PLAIN else order
+    scaled = value / 10.0**exponent
+    decimals = digits - 1 - _order(abs(scaled), digits)
+    return _minus(f"{scaled:.{min(max(decimals, 0), _MOST_DECIMALS)}f}") + _times_ten_to(exponent)
+
+
+def with_uncertainty(value: float, expanded: float | None, unit: str = "") -> str:
+    """`(50.0012 ± 0.0034) × 10⁻³ V`; without an uncertainty the value to six significant digits."""
+    if not _is_uncertainty(expanded):
+        return with_unit(number(value, 6), unit)
+    exponent, decimals = _rounding(value, expanded)
+    parts = [_fixed(part / 10.0**exponent, decimals) for part in (value, expanded)]
+    text = f"{parts[0]} ± {parts[1]}"
+    if exponent or unit:
+        text = f"({text}){_times_ten_to(exponent)}"
+    return with_unit(text, unit)
+
+
+def interval(low: float, high: float) -> str:
+    """`[3.008, 3.032] × 10⁻⁶`, rounded as a value with half its width for uncertainty."""
+    half = (high - low) / 2
+    if not _is_uncertainty(half):
+        return f"[{number(low, 6)}, {number(high, 6)}]"
+    exponent, decimals = _rounding((low + high) / 2, half)
+    ends = [_fixed(end / 10.0**exponent, decimals) for end in (low, high)]
+    return f"[{ends[0]}, {ends[1]}]{_times_ten_to(exponent)}"
+
+
+def percent(value: float | None) -> str:
+    """Two significant digits and the sign: `0.046 %`."""
+    return NOT_KNOWN if value is None or not math.isfinite(value) else with_unit(number(value, 2), "%")
+
+
+def count(value: int) -> str:
+    """A count, its thousands apart by narrow spaces."""
+    return f"{value:,}".replace(",", "\u202f")
+
+
+def plain(value: float | None, unit: str = "", decimals: int = 1) -> str:
+    """A number with at most so many decimals, zeros at its end left out, and its unit."""
+    if value is None or not math.isfinite(value):
+        return NOT_KNOWN
+    rounded = f"{value:.{decimals}f}"
+    text = rounded.rstrip("0").rstrip(".") if decimals else rounded
+    return with_unit(_minus("0" if text == "-0" else text), unit)
+
+
+def span(low: float, high: float, unit: str, decimals: int = 1) -> str:
+    """`−40 to 60 °C`, or one number where both ends print alike."""
+    ends = [plain(end, "", decimals) for end in (low, high)]
+    return with_unit(ends[0] if ends[0] == ends[1] else f"{ends[0]} to {ends[1]}", unit)
+
+
+def duration(seconds: float) -> str:
+    """`32 h 14 min`, `3 min 20 s`, `12 s`."""
+    whole = round(seconds)
+    if whole >= 3600:
+        return f"{whole // 3600}\u00a0h {whole % 3600 // 60:02d}\u00a0min"
+    if whole >= 60:
+        return f"{whole // 60}\u00a0min {whole % 60:02d}\u00a0s"
+    return f"{whole}\u00a0s"
+
+
+def with_unit(text: str, unit: str) -> str:
+    """A number's text and its unit, kept on one line; degrees and seconds of arc stand without a space."""
+    space = "" if not unit or unit in _NO_SPACE_BEFORE else "\u00a0"
+    return f"{text}{space}{unit}"
+
+
+def unit_text(unit: str) -> str:
+    """A unit as it is printed: `V/(deg/s)` becomes `V/(°/s)`, `°C^-2` becomes `°C⁻²`."""
+    return raised(unit.replace("degC", "°C").replace("arcsec", "″").replace("deg", "°").replace("**", "^"))
+
+
+def scale_unit(output_unit: str) -> str:
+    """The unit of a scale factor: output over rate; none where the output is a rate itself."""
+    return "" if output_unit == "°/s" else f"{output_unit}/(°/s)"
+
+
+def raised(plain_text: str) -> str:
+    """A sentence with its powers raised: `x^2` becomes x², `x^1` x, `5e-08` 5 × 10⁻⁸."""
+    powers = re.sub(
+        r"\^(-?\d+)", lambda found: "" if found[1] == "1" else found[1].translate(_SUPERSCRIPTS), plain_text
+    )
+    return re.sub(r"(?<=\d)e([-+]\d+)\b", lambda found: _times_ten_to(int(found[1])), powers)
+
+
+def _is_uncertainty(value: float | None) -> TypeGuard[float]:
+    return value is not None and math.isfinite(value) and value > 0
+
+
+def _rounding(value: float, uncertainty: float) -> tuple[int, int]:
+    """The power of ten to take out, and the decimals that leave two significant digits of the uncertainty."""
+    size = max(abs(value), uncertainty)
+    exponent = 0 if _SMALLEST_PLAIN_STATED <= size < _LARGEST_PLAIN else 3 * math.floor(math.log10(size) / 3)
+    decimals = 1 - _order(uncertainty / 10.0**exponent, 2)
+    return exponent, min(decimals, _MOST_DECIMALS)
+
+
+def _fixed(value: float, decimals: int) -> str:
+    """A number with so many decimals; fewer than none round to tens, hundreds, …."""
+    return _minus(f"{round(value, decimals) + 0.0:.{max(decimals, 0)}f}")
+
+
+def _order(size: float, digits: int) -> int:
+    """The order of magnitude once rounded to so many digits: 0.0996 to two digits is 0.10."""
+    return int(f"{size:.{digits - 1}e}".partition("e")[2]) if size else 0
+
+
+def _times_ten_to(exponent: int) -> str:
+    return f"\u00a0×\u00a010{str(exponent).translate(_SUPERSCRIPTS)}" if exponent else ""
+
+
+def _minus(text: str) -> str:
+    return text.replace("-", "−")
