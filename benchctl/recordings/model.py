@@ -34,7 +34,7 @@ UNITS: Mapping[str, str] = {
     "poll_gyro_temp_c": "degC",
     "poll_gyro_v": "V",
 }
-"""The channels that benchctl itself records or imports, with their CF units; names that begin with `poll_` are polled."""
+"""The channels that benchctl itself records or imports, with their CF units; `poll_` begins those that are polled."""
 
 DESCRIPTIONS: Mapping[str, str] = {
     "time_s": "time of the scan since the start of the recording",
@@ -59,9 +59,10 @@ def axis_of(channel: str) -> Axis:
 class StepInfo:
     """What was asked of a step and what became of it; the HDF5 attributes of its group.
 
-    `kind` is `soak`, `static`, `constant_rate`, `sine` or `thermal_ramp`. `role` is `fit`, `verify` (kept aside: no fit may
-    see it) or `none` (soaks). `t_start` and `t_end` are seconds since the start of the recording. `gaps` counts the gaps in
-    the stream. `digest` is empty until the step is closed.
+    `kind` is `soak`, `static`, `constant_rate`, `sine` or `thermal_ramp`; of imports also `motion` (any movement),
+    `static_points` or `unassigned`. `role` is `fit`, `verify` (kept aside: no fit may see it) or `none` (soaks).
+    `t_start` and `t_end` are seconds since the start of the recording. `gaps` counts the gaps in the stream. `digest`
+    is empty until the step is closed.
     """
 
     index: int
@@ -106,9 +107,10 @@ class BenchFacts:
 class Meta:
     """Everything about a recording that is not a sample; the HDF5 attributes of the root.
 
-    `provenance` holds text: procedure's name, source and parameters (JSON), bench.toml, identities and calibration dates of
-    the instruments (JSON), software versions (JSON), operator, start (ISO 8601, UTC), source files and their digests of an
-    import (JSON). `simulation` is the model that the lab believes in (`open-recording` key `simulation`), or None.
+    `provenance` holds text: procedure's name, source and parameters (JSON), bench.toml, identities and calibration
+    dates of the instruments (JSON), software versions (JSON), operator, start (ISO 8601, UTC), source files and their
+    digests of an import (JSON). `simulation` is the model that the lab believes in (`open-recording` key
+    `simulation`), or None.
     `extra` keeps what a foreign recording brought and we have no name for, so that an export gives it back.
     """
 

@@ -1,7 +1,7 @@
 """What a simulated server needs of the simulated bench behind it: the machines, without any wire.
 
-`instruments.simulated.world.World` provides all three. Every method is safe to call from any thread, and every answer is
-that of the bench clock's present instant.
+`instruments.simulated.world.World` provides all three. Every method is safe to call from any thread, and every
+answer is that of the bench clock's present instant.
 """
 
 from __future__ import annotations

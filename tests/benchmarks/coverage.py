@@ -1,8 +1,8 @@
 """How often the truth lies inside the stated 95 % intervals: `python -m tests.benchmarks.coverage --seeds 100`.
 
-Each seed is a whole campaign on the simulated bench (without wires, smaller than the main job): its own noise, its own bias
-walk, its own mounting of the encoder. An interval that is honest holds the truth in 95 of 100 seeds; with 100 seeds 90 to
-99 are within chance.
+Each seed is a whole campaign on the simulated bench (without wires, smaller than the main job): its own noise, its own
+bias walk, its own mounting of the encoder. An interval that is honest holds the truth in 95 of 100 seeds; with 100
+seeds 90 to 99 are within chance.
 """
 
 from __future__ import annotations
