@@ -30,6 +30,7 @@ from benchctl.calibration.compensation import bias
 from benchctl.calibration.free_motion import FreeMotionFit
 from benchctl.calibration.model import LAWS, Law, factor
 from benchctl.calibration.result import CalibrationResult, JointFit, Parameter, PolynomialFactor, Stage
+from benchctl.recordings.atomic import whole_file
 from instruments.errors import UsageError
 
 FloatArray = npt.NDArray[np.float64]
@@ -38,8 +39,8 @@ SCHEMA = "benchctl-coefficients/1"
 _KEYS = ("convention", "argument", "K0_v_per_dps", "U0_v", "T0_c", "stages")
 
 
-def coefficients(result: CalibrationResult, source: Mapping[str, str]) -> dict[str, Any]:
-    """The content of `coefficients.json`; `source` maps the name of each recording to its digest."""
+def coefficients(result: CalibrationResult, source: Sequence[tuple[str, str]]) -> dict[str, Any]:
+    """The content of `coefficients.json`; `source` is the name and the digest of each recording."""
     last, best = result.stages[-1], result.best
     content: dict[str, Any] = {
         "schema": SCHEMA,
@@ -57,7 +58,7 @@ def coefficients(result: CalibrationResult, source: Mapping[str, str]) -> dict[s
             "of": f"joint fit, law {best.law}",
             "parameters": {parameter.name: _uncertainty(parameter) for parameter in best.parameters},
         },
-        "source": dict(source),
+        "source": [{"recording": name, "digest": digest} for name, digest in source],
         "error_percent": dict(result.error_percent),
         "rms_percent": dict(result.rms_percent),
         "joint": _joint(best),
@@ -73,15 +74,11 @@ def coefficients(result: CalibrationResult, source: Mapping[str, str]) -> dict[s
 
 
 def write_coefficients(path: Path, content: Mapping[str, Any]) -> None:
-    """Write the file whole or not at all."""
-    beside = path.with_name(path.name + ".part")
-    try:
-        beside.write_text(json.dumps(content, ensure_ascii=False, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-        beside.replace(path)
-    except OSError as err:
-        raise UsageError(
-            f"{path}: the coefficients cannot be written here: {err.strerror}; choose another place"
-        ) from err
+    """Write the file whole or not at all; `UsageError` where the disk refuses."""
+    with whole_file(path) as temporary:
+        temporary.write_text(
+            json.dumps(content, ensure_ascii=False, indent=1, allow_nan=False) + "\n", encoding="utf-8"
+        )
 
 
 def read_coefficients(path: Path) -> dict[str, Any]:
@@ -223,6 +220,7 @@ def _uncertainty(parameter: Parameter) -> dict[str, Any]:
     return {
         "value": parameter.value,
         "unit": parameter.unit,
+        "ci95": list(parameter.ci95),
         "expanded": parameter.expanded,
         "budget": [
             {"source": part.source, "kind": part.kind, "standard": part.standard, "says": part.says}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from typing import Any
 
 from benchctl.calibration.coefficients import SCHEMA
@@ -12,7 +12,7 @@ _NINETY_FIVE = 1.959964
 
 
 def points_coefficients(
-    result: StaticPointsResult, *, unit: str, temperature_c: float | None, source: Mapping[str, str]
+    result: StaticPointsResult, *, unit: str, temperature_c: float | None, source: Sequence[tuple[str, str]]
 ) -> dict[str, Any]:
     """The content of `coefficients.json`: U = U0 + K0·k(ω)·ω, with k(ω) the series of sin(Sω)/(Sω) to ω⁴.
 
@@ -60,7 +60,7 @@ def points_coefficients(
                 "S_rad_per_dps": _expanded(S, fit.S_ci95),
             },
         },
-        "source": dict(source),
+        "source": [{"recording": name, "digest": digest} for name, digest in source],
         "error_percent": {},
         "rms_percent": {},
         "misfit_percent_of_full_scale": {

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -85,14 +84,10 @@ def _write(verb: str, json_to: str, result: Result) -> None:
     if json_to == "-":
         sys.stdout.write(text)
         return
-    path = Path(json_to)
-    part = path.with_name(path.name + ".part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        os.replace(part, path)
-    except OSError as err:
-        part.unlink(missing_ok=True)
-        raise UsageError(f"--json {path}: cannot be written: {err.strerror or err}") from err
+    from benchctl.recordings.atomic import whole_file
+
+    with whole_file(Path(json_to)) as temporary:
+        temporary.write_text(text, encoding="utf-8")
 
 
 def _plain(value: Any) -> Any:

@@ -127,8 +127,8 @@ def _moved(step: Step, index: int, shift_s: float) -> Step:
     return Step(replace(info, index=index, t_start=info.t_start + shift_s, t_end=info.t_end + shift_s), channels)
 
 
-def _sources(recordings: Sequence[Recording]) -> dict[str, str]:
-    return {str(recording.path): _digest(recording) for recording in recordings}
+def _sources(recordings: Sequence[Recording]) -> list[tuple[str, str]]:
+    return [(str(recording.path), _digest(recording)) for recording in recordings]
 
 
 def _digest(recording: Recording) -> str:

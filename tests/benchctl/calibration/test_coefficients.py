@@ -17,7 +17,7 @@ from tests.benchctl.calibration.synthetic import gyro
 
 @pytest.fixture
 def content() -> dict[str, Any]:
-    return coefficients(calibrated(), {"recording.h5": "sha256:12"})
+    return coefficients(calibrated(), [("recording.h5", "sha256:12")])
 
 
 def test_every_key_of_the_specification_is_there(content: dict[str, Any]) -> None:
@@ -34,7 +34,7 @@ def test_every_key_of_the_specification_is_there(content: dict[str, Any]) -> Non
     assert content["valid"]["rate_dps"] == pytest.approx([-160, 160], abs=0.5)
     assert content["valid"]["temperature_c"] == pytest.approx([-40, 60], abs=0.01)
     assert content["uncertainty"]["k"] == 2
-    assert content["source"] == {"recording.h5": "sha256:12"}
+    assert content["source"] == [{"recording": "recording.h5", "digest": "sha256:12"}]
     assert {"raw", "stage_1", "stage_2", "joint"} <= set(content["error_percent"]) == set(content["rms_percent"])
     assert content["joint"]["law"] == "sine"
     size = len(content["joint"]["parameters"])

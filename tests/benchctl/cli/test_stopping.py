@@ -24,7 +24,7 @@ def swing():
     yield Soak(setpoint_c=26.0, hold_s=30.0, tolerance_c=0.5, drift_c_per_min=5.0)
     yield Sine(amplitude_dps=150.0, frequency_hz=0.5, cycles=100000)
 """
-SPEED = "100"
+SPEED = "200"
 F4T_SET_POINT = 2782
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGTERM to send to another process")
