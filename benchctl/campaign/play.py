@@ -33,7 +33,10 @@ class Span:
 
 @dataclass(slots=True)
 class StepPlayer:
-    """Plays the steps of one campaign, in order, into one writer; `notify` is told what is being done."""
+    """Plays the steps of one campaign, in order, into one writer; `notify` is told what is being done.
+
+    `setpoint_c`, `gyro_c` and `streamed` are where it is: set point, thermistor, scans of this step so far.
+    """
 
     opened: OpenBench
     writer: CampaignWriter
@@ -42,6 +45,7 @@ class StepPlayer:
     notify: Notify
     setpoint_c: float
     gyro_c: float = math.nan
+    streamed: int = 0
 
     def play(self, index: int, step: Step) -> StepInfo:
         """Play a step and return what became of it; a step that is torn is closed and marked as cut."""
@@ -129,12 +133,13 @@ class StepPlayer:
                 self.opened.clock.sleep(recorder.next_chunk_s)
                 recorder.take()
                 self.stop.heed()
-                self.gyro_c = recorder.last_gyro_c
+                self.gyro_c, self.streamed = recorder.last_gyro_c, recorder.samples
                 self.supervisor.look_at_table()
                 if (air := self.supervisor.look_at_chamber()) is not None:
                     into.append(_one_poll(self._now_s(), air, {}))
                 self.notify("recording")
         finally:
+            self.streamed = 0
             self.opened.digitizer.stop_stream()
         if isinstance(step, ThermalRamp):
             self.setpoint_c = step.to_c

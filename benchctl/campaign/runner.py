@@ -152,6 +152,6 @@ class _Run:
                 gyro_c=self._player.gyro_c,
                 rate_dps=motion.rate_dps if motion else 0.0,
                 left_s=self._ends_s[-1] - self._ends_s[self._index - 1] + step_left_s,
-                samples=self.samples,
+                samples=self.samples + self._player.streamed,
             )
         )

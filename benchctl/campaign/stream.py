@@ -31,7 +31,7 @@ class StreamRecorder:
         self._next_index = 0
         self._degrees_per_count = entry.encoder_sign * 360.0 / entry.encoder_counts_per_rev
         self._thermistor = (entry.thermistor_c_at_0v, entry.thermistor_c_per_v)
-        self.gaps = 0
+        self.gaps = self.samples = 0
         self.last_gyro_c = math.nan
 
     @property
@@ -79,6 +79,7 @@ class StreamRecorder:
         gyro_c: FloatArray = self._thermistor[0] + self._thermistor[1] * block.thermistor_v[:keep]
         self.last_gyro_c = float(gyro_c[-1])
         self._next_index = min(self._next_index, self._wanted)
+        self.samples += keep
         self._into.append(
             {
                 "time_s": self._start.start_s + index / self._start.rate_hz,

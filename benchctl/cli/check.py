@@ -29,6 +29,7 @@ def check(
     from benchctl.campaign.check import bench_time_s, problems
     from benchctl.campaign.opened import open_bench
     from benchctl.campaign.timing import disk_bytes
+    from benchctl.cli.timeline import timeline_lines
     from benchctl.cli.words import duration, size
     from benchctl.plan.find import find_procedure
     from instruments.errors import UsageError
@@ -56,6 +57,8 @@ def check(
             f"{plan.procedure} on {stands.name}: {len(plan.steps)} steps, {duration(takes_s or 0)}, "
             f"{size(needs or 0)} on disk"
         )
+        for line in timeline_lines(plan, stands.limits, stands.safe.chamber_c):
+            result.say(line)
         if picture is not None:
             from benchctl.reports.timeline import draw_timeline
 
