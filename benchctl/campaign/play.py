@@ -35,7 +35,8 @@ class Span:
 class StepPlayer:
     """Plays the steps of one campaign, in order, into one writer; `notify` is told what is being done.
 
-    `setpoint_c`, `gyro_c` and `streamed` are where it is: set point, thermistor, scans of this step so far.
+    `setpoint_c`, `gyro_c` and `streamed` are where it is: set point, thermistor, scans of this step so far. `cut`
+    is the step that was torn, once one was.
     """
 
     opened: OpenBench
@@ -46,6 +47,7 @@ class StepPlayer:
     setpoint_c: float
     gyro_c: float = math.nan
     streamed: int = 0
+    cut: StepInfo | None = None
 
     def play(self, index: int, step: Step) -> StepInfo:
         """Play a step and return what became of it; a step that is torn is closed and marked as cut."""
@@ -77,7 +79,7 @@ class StepPlayer:
         try:
             span = act(into)
         except BaseException:
-            into.cut(replace(info, t_end=self._now_s(), whole=False))
+            self.cut = into.cut(replace(info, t_end=self._now_s(), whole=False))
             raise
         return into.close(replace(info, t_start=span.t_start, t_end=span.t_end, gaps=span.gaps, whole=True))
 

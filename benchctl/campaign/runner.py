@@ -120,7 +120,10 @@ class _Run:
             self._index = index
             self._step_began_s = self.opened.clock.now()
             self.event("step", index=index, name=step.label)
-            info = player.play(index, step)
+            try:
+                info = player.play(index, step)
+            finally:
+                self.samples += player.cut.samples if player.cut else 0
             self.whole += 1
             self.samples += info.samples
         player.notify("coming to rest")

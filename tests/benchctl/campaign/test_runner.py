@@ -87,6 +87,7 @@ def test_a_wish_to_stop_in_a_sine_brings_the_bench_to_rest_and_closes_the_record
     with open_recording(outcome.recording) as recording:
         assert recording.meta.status == "interrupted"
         assert [info.whole for info in recording.infos] == [True, False]
+        assert outcome.samples == recording.infos[1].samples > 0
     safe = [event for event in _events(tmp_path / "c") if event["kind"] == "safe"]
     assert safe[0]["reason"] == "stopped by Ctrl-C"
 
