@@ -40,9 +40,13 @@ def run(
     from benchctl.cli.campaigns import new_folder, summary
     from benchctl.cli.live import live_progress
     from benchctl.plan.find import find_procedure
+    from instruments.errors import UsageError
 
     with result_of("run", json_to, quiet) as result:
-        stands = load_bench(bench).with_seed(seed)
+        stands = load_bench(bench)
+        if seed is not None and not stands.simulated:
+            raise UsageError(f"--seed {seed}: only a bench with simulated = true has a seed; {stands.name} is none")
+        stands = stands.with_seed(seed)
         plan = find_procedure(procedure).expand(parameters(parameter))
         folder = out or new_folder(plan.procedure, stands.unit.serial)
         with stop_on_signals() as stop, open_bench(stands) as opened, live_progress(quiet) as progress:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -148,6 +149,8 @@ def _make(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as err:
         raise UsageError(f"--out {folder}: cannot be made: {err.strerror or err}") from err
+    if not os.access(folder, os.W_OK):
+        raise UsageError(f"{folder}: may not be written to; name another place for the results with --out DIR")
 
 
 def _in_words(result: CalibrationResult, where: Path, report: Path) -> str:

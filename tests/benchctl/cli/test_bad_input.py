@@ -154,3 +154,15 @@ def test_a_campaigns_folder_that_holds_something_is_not_written_into(refused: Re
     line = refused("run", "static", "--bench", "simulated", "--out", "full", "--quiet")
     assert "full" in line
     assert [path.name for path in (tmp_path / "full").iterdir()] == ["precious"]
+
+
+def test_a_place_for_results_that_cannot_be_made_is_named(refused: Refused, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("mine")
+    line = refused("fit", _a_recording(tmp_path / "r.h5"), "--out", "file/deeper")
+    assert "--out file/deeper: cannot be made" in line
+
+
+def test_a_recording_without_motion_cannot_be_fitted_and_says_so(refused: Refused, tmp_path: Path) -> None:
+    line = refused("fit", _a_recording(tmp_path / "r.h5"))
+    assert "motion" in line or "rate" in line
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["r.h5"]
