@@ -44,8 +44,8 @@ def main() -> None:
         took_s = wall_s(python, "-m", "benchctl", *job)
         told = json.loads(result.read_text())
     print(  # noqa: T201
-        f"main job {took_s:.1f} s with the fit, {told['samples']:,} samples, {told['bench_time_s'] / 3600:.1f} bench hours: "
-        f"{took_s / WALL_LIMIT_S:.2f} of {WALL_LIMIT_S:g} s"
+        f"main job {took_s:.1f} s with the fit, {told['samples']:,} samples, "
+        f"{told['bench_time_s'] / 3600:.1f} bench hours: {took_s / WALL_LIMIT_S:.2f} of {WALL_LIMIT_S:g} s"
     )
     if (peak := children_peak_bytes()) is not None:
         print(f"peak memory {peak / 2**20:.0f} MiB: {peak / MEMORY_LIMIT_BYTES:.2f} of 1 GiB")  # noqa: T201
