@@ -186,8 +186,12 @@ def _slope(points: MeanPoints, group: npt.NDArray[np.int64], earth: float, limit
     if np.ptp(rate[slow]) < 1.0:
         return None
     output = points.output_v[group] - _drift(points, group)
-    fit = fit_linear(np.stack([np.ones(int(slow.sum())), rate[slow] + earth], axis=1), output[slow])
-    standard = np.sqrt(np.diag(fit.covariance)) if slow.sum() > 2 else np.full(2, np.nan)
+    sensed = rate[slow] + earth
+    columns = np.stack([np.ones(sensed.size), sensed], axis=1)
+    fit = fit_linear(columns, output[slow])
+    standard = np.full(2, np.nan)
+    if sensed.size > 2:
+        standard = np.sqrt(np.diag(fit.covariance)) * _share_of_scatter(columns, output[slow], fit.residual)
     return _Line(
         slope=float(fit.coefficients[1]),
         slope_standard=float(standard[1]),
@@ -195,6 +199,17 @@ def _slope(points: MeanPoints, group: npt.NDArray[np.int64], earth: float, limit
         bias_standard=float(standard[0]),
         limit=float(np.max(np.abs(rate[slow]))),
     )
+
+
+def _share_of_scatter(columns: FloatArray, output: FloatArray, residual: FloatArray) -> float:
+    """How much of the misfit of a line is scatter: what also a cubic leaves. The law's curvature is no scatter."""
+    rates = np.unique(np.round(columns[:, 1], 1)).size
+    freedom = output.size - 3
+    if rates < 5 or freedom < 1:
+        return 1.0
+    bent = fit_linear(np.column_stack([columns, columns[:, 1] ** 3]), output).residual
+    line = float(residual @ residual) / (freedom + 1)
+    return min(1.0, float(np.sqrt(bent @ bent / freedom / line))) if line > 0.0 else 1.0
 
 
 def _drift(points: MeanPoints, group: npt.NDArray[np.int64]) -> FloatArray:
