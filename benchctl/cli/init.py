@@ -26,6 +26,9 @@ def init(
         path = folder / "bench.toml"
         try:
             folder.mkdir(parents=True, exist_ok=True)
+        except OSError as err:
+            raise UsageError(f"{folder}: cannot be made into a folder: {err.strerror or err}") from err
+        try:
             with path.open("x", encoding="utf-8") as file:
                 file.write(template())
         except FileExistsError as err:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -45,6 +46,8 @@ class Result:
 @contextmanager
 def result_of(verb: str, json_to: str | None, quiet: bool) -> Iterator[Result]:
     """A `Result` that is written to `json_to` however the verb ends, as long as it ends in words."""
+    if json_to not in (None, "-") and not os.access(Path(str(json_to)).absolute().parent, os.W_OK):
+        raise UsageError(f"--json {json_to}: its folder is not there or may not be written to")  # before any work
     result = Result(quiet or json_to == "-")
     try:
         yield result

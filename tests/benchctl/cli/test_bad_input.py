@@ -166,3 +166,14 @@ def test_a_recording_without_motion_cannot_be_fitted_and_says_so(refused: Refuse
     line = refused("fit", _a_recording(tmp_path / "r.h5"))
     assert "motion" in line or "rate" in line
     assert sorted(path.name for path in tmp_path.iterdir()) == ["r.h5"]
+
+
+def test_a_result_file_that_cannot_be_written_is_refused_before_any_work(refused: Refused, tmp_path: Path) -> None:
+    line = refused("run", "two_stage", "--bench", "simulated", "--json", "absent/out.json")
+    assert "--json absent/out.json: its folder is not there" in line
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_init_needs_a_folder(refused: Refused, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("mine")
+    assert "file: cannot be made into a folder" in refused("init", "file")
