@@ -82,8 +82,8 @@ class ModbusChamber(ABC):
 
     def go_to(self, setpoint_c: float) -> None:
         """A new set point within the controller's limits, confirmed; the air follows within the chamber's ramp."""
-        low_c, high_c = self._limits()
-        if not (math.isfinite(setpoint_c) and low_c <= setpoint_c <= high_c):
+        low_c, high_c = self._limits()  # as its registers keep them: 85.1 °C may be 85.0999985, or 85
+        if not (math.isfinite(setpoint_c) and low_c <= self._table.kept(self._setpoint, setpoint_c) <= high_c):
             raise UsageError(
                 f"{self._link.who}: set point {setpoint_c:g} °C lies outside"
                 f" the controller's limits {low_c:g} to {high_c:g} °C"

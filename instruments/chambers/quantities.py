@@ -97,7 +97,11 @@ class QuantityTable:
     def put(self, quantity: Quantity, value: float) -> None:
         """Write, then read back until it is there; a value between two steps of the register goes to the nearer one."""
         self.write(quantity, value)
-        self.confirm(quantity, self._value(quantity, self._words(quantity, value)))
+        self.confirm(quantity, self.kept(quantity, value))
+
+    def kept(self, quantity: Quantity, value: float) -> float:
+        """What the register will hold of a value: the nearest that it can state."""
+        return self._decoded(quantity, self._words(quantity, value))
 
     def confirm(self, quantity: Quantity, value: float) -> None:
         """Wait a little, in bench time, until a quantity has a value; else `InstrumentError` says which it has."""
@@ -128,18 +132,22 @@ class QuantityTable:
         return [round(value)]
 
     def _value(self, quantity: Quantity, words: list[int]) -> float:
-        if quantity.kind == "code":
-            return words[0]
-        if quantity.kind == "signed":
-            return signed_from_word(words[0]) / 10.0 ** self._digits(quantity)
-        value = f32_from_words(words, self._word_order)
-        if quantity.unit == "°C" and value != 0 and not PLAUSIBLE_C[0] <= abs(value) <= PLAUSIBLE_C[1]:
+        value = self._decoded(quantity, words)
+        implausible = value != 0 and not PLAUSIBLE_C[0] <= abs(value) <= PLAUSIBLE_C[1]
+        if quantity.kind == "f32" and quantity.unit == "°C" and implausible:
             other = "high_first" if self._word_order == "low_first" else "low_first"
             raise InstrumentError(
                 f"{self._link.who}: {quantity.name} (register {quantity.address}) reads {value:.3g} {quantity.unit},"
                 f" which makes no sense; its words may come in the other order, try word_order = {other!r}"
             )
         return value
+
+    def _decoded(self, quantity: Quantity, words: list[int]) -> float:
+        if quantity.kind == "code":
+            return words[0]
+        if quantity.kind == "signed":
+            return signed_from_word(words[0]) / 10.0 ** self._digits(quantity)
+        return f32_from_words(words, self._word_order)
 
     def _digits(self, quantity: Quantity) -> int:
         return self.decimals if quantity.decimals is None else quantity.decimals

@@ -7,6 +7,7 @@ handler of that name: a serial-to-Ethernet box, or a simulated instrument.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 from urllib.parse import SplitResult, parse_qs, urlsplit
@@ -54,6 +55,12 @@ def parse_address(text: str) -> Address:
     raise UsageError(
         f"address {text!r}: {f'unknown scheme {parts.scheme!r}' if parts.scheme else 'no scheme'}; {_EXPECTED}"
     )
+
+
+def refuse_timeout(address: Address, timeout_s: float) -> None:
+    """Raise `UsageError` for a time for which nobody can wait."""
+    if not 0.0 < timeout_s < math.inf:
+        raise UsageError(f"address {str(address)!r}: a time-out of {timeout_s} s: give a finite one above 0")
 
 
 def _host(parts: SplitResult) -> str:

@@ -17,7 +17,7 @@ from pymodbus.pdu import ExceptionResponse, ModbusPDU
 
 from instruments.errors import InstrumentError, LinkError, UsageError
 from instruments.interfaces import Clock
-from instruments.links.address import parse_address
+from instruments.links.address import parse_address, refuse_timeout
 from instruments.links.modbus_clients import ModbusClient, connected_client
 from instruments.links.wirelog import WireLog
 from instruments.protocols.modbus import READ_HOLDING, WRITE_ONE, WRITE_SEVERAL, exception_words
@@ -78,6 +78,7 @@ class ModbusLink:
         self.wire_log = wire_log if wire_log is not None else WireLog()
         self.who = f"{name} at {self.address}, unit {unit_id}"
         self._unit_id = unit_id
+        refuse_timeout(self.address, timeout_s)
         self._timeout_s = timeout_s
         self._retry = retry if retry is not None else Retry()
         self._pause_s = pause_s

@@ -14,7 +14,7 @@ import time
 from dataclasses import dataclass
 
 from instruments.errors import LinkError, UsageError
-from instruments.links.address import parse_address
+from instruments.links.address import parse_address, refuse_timeout
 from instruments.links.wirelog import WireLog
 
 
@@ -47,6 +47,7 @@ class TcpLink:
 
     def open(self, timeout_s: float) -> None:
         """Connect; each attempt, now and later, may take `timeout_s` of wall time."""
+        refuse_timeout(self.address, timeout_s)
         self.close()
         self._connect_timeout_s = timeout_s
         try:

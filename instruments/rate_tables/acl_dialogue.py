@@ -72,13 +72,15 @@ class AclDialogue:
     def open(self) -> None:
         """Connect."""
         try:
-            self._link.open(self._timeout_s)
+            with self._lock:
+                self._link.open(self._timeout_s)
         except LinkError as err:
             raise LinkError(f"{self._name}: {err}") from err
 
     def close(self) -> None:
-        """Let go of the link; safe to call twice, and never raises."""
-        self._link.close()
+        """Let go of the link once no exchange is under way; safe to call twice, and never raises."""
+        with self._lock:
+            self._link.close()
 
     def ask(self, query: str) -> str:
         """What is said in reply to a query."""

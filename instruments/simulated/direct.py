@@ -82,6 +82,8 @@ class DirectRateTable(_Direct):
     def go_to_angle(self, angle_deg: float) -> None:
         """Turn to an angle, the short way round, and hold it."""
         self._refuse_disabled()
+        if not math.isfinite(angle_deg):
+            raise UsageError(f"an angle of {angle_deg} deg: give a finite one")
         here_deg = self._table.motion().angle_deg
         self._table.demand_angle(here_deg + math.remainder(angle_deg - here_deg, 360.0))
 
@@ -121,7 +123,7 @@ class DirectRateTable(_Direct):
 
     def _refuse_beyond(self, value: float, what: str, limit: float, unit: str) -> None:
         self._refuse_disabled()
-        if value > limit:
+        if not value <= limit:  # nor what is no number
             raise InstrumentError(
                 f"the rate table was asked for {what} of {value:g} {unit}, its limit is {limit:g} {unit}"
             )
@@ -211,9 +213,10 @@ class DirectDigitizer(_Direct):
         return self._stream
 
     def read_stream(self, scans: int, timeout_s: float) -> ScanBlock:
-        """All scans that are due, at least `scans`."""
+        """All scans that are due, at least `scans`, and at least one."""
         if self._stream is None:
             raise UsageError("scans were asked for while no stream runs: start one first")
+        scans = max(scans, 1)
         first_s, interval_s = self._opened_s + self._stream.start_s, 1.0 / self._stream.rate_hz
         enough_s = first_s + (self._scanned + scans - 1) * interval_s
         came = self._inputs.wait_until(enough_s, timeout_s)

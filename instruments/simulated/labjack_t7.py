@@ -12,6 +12,7 @@ import struct
 from collections.abc import Callable
 from typing import Self, TypeVar
 
+from instruments.errors import UsageError
 from instruments.protocols.modbus import DEVICE_FAILURE, ModbusRefusal
 from instruments.protocols.t7_stream import MOST_SAMPLES
 from instruments.simulated.machines import AnalogInputs
@@ -82,7 +83,11 @@ class SimulatedLabJackT7:
     def start(self) -> None:
         """Serve; when it returns, a driver can connect."""
         self._stream.start()
-        self._modbus.start()
+        try:
+            self._modbus.start()
+        except UsageError:  # its port is taken
+            self._stream.stop()
+            raise
 
     def stop(self) -> None:
         """Close everything; safe to call twice."""

@@ -17,6 +17,9 @@ from instruments.physics.table import TableParameters
 
 _Settings = TypeVar("_Settings")
 
+_LOWEST_CUTOFF_HZ = 0.2
+"""Electronics that are slower would remember more of the motion than the simulated bench does."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorldSettings:
@@ -38,12 +41,20 @@ class WorldSettings:
     seed: int = 1
 
     def __post_init__(self) -> None:
+        if self.gyro.cutoff_hz < _LOWEST_CUTOFF_HZ:
+            raise UsageError(
+                f"the gyro's cutoff_hz is {self.gyro.cutoff_hz}: the simulated bench needs {_LOWEST_CUTOFF_HZ} or more"
+            )
         if self.grid_hz < 4.0 * self.gyro.cutoff_hz:
             raise UsageError(
                 f"grid_hz is {self.grid_hz}: give at least four times the gyro's cutoff_hz, {self.gyro.cutoff_hz}"
             )
         if not -90.0 <= self.latitude_deg <= 90.0:
             raise UsageError(f"latitude_deg is {self.latitude_deg}: give -90 to 90")
+        if self.seed < 0:
+            raise UsageError(f"seed is {self.seed}: give a whole number, 0 or more")
+        if self.seed < 0:
+            raise UsageError(f"seed is {self.seed}: give a whole number, 0 or more")
 
     @classmethod
     def from_mapping(cls, mapping: Mapping[str, Any], *, where: str = "simulated") -> WorldSettings:

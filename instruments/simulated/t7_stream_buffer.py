@@ -102,6 +102,12 @@ class StreamBuffer:
             self._taken += scans
         return self._full_packets(due)
 
+    def finish(self, now_s: float) -> None:
+        """Take the scans that are due and fit: how many are sampled must not depend on how far the sender had come."""
+        self.fill(now_s, in_transit=self._taken)
+        while not self.over and self._taken < self.due(now_s):
+            self.packets(now_s)
+
     def _end_recovery(self, due: int) -> None:
         skipped = max(1, due - self._taken)  # the dummy scan stands for the first of them
         self._kept_until = None

@@ -81,8 +81,10 @@ class T7StreamServer:
             self._changed.notify_all()
 
     def end(self) -> None:
-        """End the stream; nothing is sampled once this has returned."""
+        """End the stream once every scan that is due was taken; nothing is sampled after this has returned."""
         with self._changed:
+            if self._stream is not None:
+                self._stream.finish(self._inputs.now())
             self._stream = None
             self._inputs.hold_history(None)
 

@@ -96,6 +96,15 @@ def test_a_set_point_beyond_the_controllers_limits_is_refused_before_anything_is
     assert machine.setpoint == 60.0
 
 
+def test_a_set_point_may_lie_on_a_limit_between_two_steps_of_the_register(
+    chamber: WatlowF4, machine: FakeChamber
+) -> None:
+    chamber.set_limits(-10.04, 60.04)
+    for setpoint_c, arrives_c in ((60.04, 60.0), (-10.04, -10.0)):
+        chamber.go_to(setpoint_c)
+        assert machine.setpoint == arrives_c
+
+
 @pytest.mark.parametrize(("low_c", "high_c"), [(-60.0, -50.0), (100.5, 120.0), (-70.0, 180.0)])
 def test_new_limits_arrive_whatever_the_present_ones_are(chamber: WatlowF4, low_c: float, high_c: float) -> None:
     for low, high in ((0.0, 50.0), (low_c, high_c), (0.0, 50.0)):

@@ -90,6 +90,16 @@ def test_every_loop_and_word_order_sets_and_reads(machine: FakeChamber, loop: in
             chamber.go_to(121.0)
 
 
+@pytest.mark.parametrize("limit_c", [85.1, 70.2, 22.3])
+def test_a_set_point_may_lie_on_a_limit_that_no_single_states_exactly(
+    chamber: WatlowF4T, machine: FakeChamber, limit_c: float
+) -> None:
+    chamber.set_limits(-limit_c, limit_c)
+    for setpoint_c in (limit_c, -limit_c):
+        chamber.go_to(setpoint_c)
+        assert machine.setpoint == pytest.approx(setpoint_c)
+
+
 @pytest.mark.parametrize(("set_to", "other"), [("low_first", "high_first"), ("high_first", "low_first")])
 def test_the_wrong_word_order_is_found_when_it_is_opened_and_the_other_one_named(
     machine: FakeChamber, set_to: WordOrder, other: WordOrder

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from instruments.errors import LinkError, UsageError
+from instruments.links.modbus import ModbusLink
 from instruments.links.tcp import LinkCutError, Reconnect, TcpLink
 from instruments.simulated.tcp_server import TcpServer
 
@@ -142,3 +143,11 @@ def test_a_link_that_is_not_open_is_the_callers_fault(server: TcpServer) -> None
 def test_only_tcp_addresses_are_taken() -> None:
     with pytest.raises(UsageError, match="tcp://HOST:PORT"):
         TcpLink("serial://COM3?baud=9600")
+
+
+@pytest.mark.parametrize("timeout_s", [0.0, -1.0, float("inf"), float("nan")])
+def test_a_time_for_which_nobody_can_wait_is_refused(server: TcpServer, timeout_s: float) -> None:
+    with pytest.raises(UsageError, match=f"{server.address}': a time-out of {timeout_s} s: give a finite one above 0"):
+        TcpLink(server.address).open(timeout_s)
+    with pytest.raises(UsageError, match=f"a time-out of {timeout_s} s"):
+        ModbusLink(server.address, timeout_s=timeout_s)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
 
@@ -212,3 +213,23 @@ def test_angles_are_read_within_one_turn() -> None:
 def test_a_controller_that_does_not_introduce_itself_remains_unknown() -> None:
     with scripted(**{"*idn?": "ERROR"}) as server, connected(server) as driver:
         assert driver.identify() == Identity()
+
+
+def test_closing_waits_for_the_exchange_that_is_under_way() -> None:
+    asked = threading.Event()
+
+    class Slow(Scripted):
+        def feed(self, data: bytes) -> bytes:
+            if data.startswith(b":read"):
+                asked.set()
+                time.sleep(0.2)
+            return super().feed(data)
+
+    rates_dps: list[float] = []
+    with TcpServer(Slow) as server, connected(server) as driver:
+        asking = threading.Thread(target=lambda: rates_dps.append(driver.read().rate_dps))
+        asking.start()
+        asked.wait(5.0)
+        driver.close()
+        asking.join()
+    assert rates_dps == [10.0]

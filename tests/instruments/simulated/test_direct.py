@@ -82,6 +82,10 @@ def test_a_table_refuses_what_it_cannot_do(clock: VirtualClock, table: RateTable
         table.oscillate(90.0, 1.0)
     with pytest.raises(UsageError, match="above 0"):
         table.oscillate(90.0, 0.0)
+    with pytest.raises(InstrumentError, match="a rate of nan deg/s"):
+        table.go_to_rate(math.nan)
+    with pytest.raises(UsageError, match="an angle of nan deg"):
+        table.go_to_angle(math.nan)
     table.go_to_rate(10.0)
     clock.sleep(1.0)
     with pytest.raises(InstrumentError, match="stop it first"):
@@ -128,6 +132,10 @@ def test_a_stream_gives_all_scans_that_are_due(clock: VirtualClock, digitizer: D
     assert (first.first_index, first.gyro_v.size) == (0, 501)
     assert (second.first_index, second.gyro_v.size) == (501, 500)
     assert second.backlog == 0
+    clock.sleep(0.002)
+    assert digitizer.read_stream(0, 0.0).first_index == 1001
+    with pytest.raises(LinkError, match="1 scans were asked for, 0 came"):
+        digitizer.read_stream(0, 0.0)
 
 
 def test_volts_fall_on_steps_of_the_converter(clock: VirtualClock) -> None:

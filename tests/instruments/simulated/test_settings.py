@@ -34,6 +34,8 @@ def test_what_is_not_named_keeps_its_default() -> None:
         ({"seed": True}, r"^\[simulated\] seed: expected a whole number, got True"),
         ({"grid_hz": 500}, "at least four times the gyro's cutoff_hz"),
         ({"latitude_deg": 91}, "latitude_deg is 91"),
+        ({"seed": -1}, "seed is -1: give a whole number, 0 or more"),
+        ({"gyro": {"cutoff_hz": 0.05}}, "the gyro's cutoff_hz is 0.05: the simulated bench needs 0.2 or more"),
     ],
 )
 def test_a_wrong_field_is_named(mapping: dict[str, Any], message: str) -> None:

@@ -1,13 +1,14 @@
 from __future__ import annotations
 
 import socket
+import threading
 import time
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
-from instruments.errors import InstrumentError
+from instruments.errors import InstrumentError, UsageError
 from instruments.links.address import parse_address
 from instruments.links.modbus import ModbusLink
 from instruments.protocols.t7_stream import ScanRun, StreamReader
@@ -171,6 +172,18 @@ def test_a_jump_of_bench_time_brings_all_scans_of_it(
     assert samples[:, 2] * 20.0 / 65536 - 10.0 == pytest.approx(inputs.gyro_v(times_s), abs=2e-4)
 
 
+def test_as_many_scans_are_taken_as_were_due_when_it_was_stopped_however_far_the_sender_had_come(
+    link: ModbusLink, inputs: FakeInputs
+) -> None:
+    set_up(link)
+    for _ in range(20):
+        inputs.calls.clear()
+        enable(link)
+        inputs.clock.sleep(0.1035)
+        enable(link, 0)
+        assert sum(scans for _, _, scans in inputs.calls) == 104
+
+
 def test_a_client_that_connects_late_still_gets_the_first_scan(
     twin: SimulatedLabJackT7, link: ModbusLink, inputs: FakeInputs
 ) -> None:
@@ -250,6 +263,14 @@ def test_history_is_held_from_the_next_scan_on_while_a_stream_runs(
     assert inputs.held_since_s == pytest.approx(5.0, abs=0.02)
     enable(link, 0)
     assert inputs.held_since_s is None
+
+
+def test_a_port_that_is_taken_leaves_no_thread_behind(twin: SimulatedLabJackT7, inputs: FakeInputs) -> None:
+    before = threading.active_count()
+    other = SimulatedLabJackT7(inputs, port=parse_address(twin.address).port)
+    with pytest.raises(UsageError, match="choose another port"):
+        other.start()
+    assert threading.active_count() == before
 
 
 def test_it_can_be_stopped_twice_and_started_again_at_the_same_place(inputs: FakeInputs) -> None:

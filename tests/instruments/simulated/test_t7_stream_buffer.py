@@ -94,6 +94,13 @@ def test_a_full_buffer_keeps_the_oldest_scans_and_counts_what_it_skips() -> None
     assert reader.skipped_scans == stated[ROOM] - (100 + ROOM)
 
 
+def test_an_unread_stream_of_hours_ends_with_what_the_buffer_holds() -> None:
+    stream = buffer()
+    stream.finish(2.0 + 36_000.0)
+    assert stream.packets(2.0 + 36_000.0) == b""
+    assert stream.next_scan_s >= 2.0 + 36_000.0
+
+
 def test_more_skipped_scans_than_can_be_counted_end_the_stream() -> None:
     stream, reader = buffer(), StreamReader(4)
     stream.fill(2.0 + 100.0, in_transit=0)

@@ -17,7 +17,7 @@ from instruments.physics.gyro import earth_rate_dps
 from instruments.simulated.clock import VirtualClock
 from instruments.simulated.settings import WorldSettings
 from instruments.simulated.world import World
-from tests.instruments.simulated.quiet import quiet
+from tests.instruments.simulated.quiet import QUIET, quiet
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -285,3 +285,17 @@ def test_whoever_waits_for_an_instant_is_woken_by_the_clock() -> None:
     assert world.inputs.now() == clock.now()
     assert world.inputs.wait_until(clock.now(), 0.0) is True
     assert world.inputs.wait_until(clock.now() + 1.0, 0.01) is False
+
+
+def test_the_slowest_electronics_that_are_allowed_find_enough_history() -> None:
+    clock = VirtualClock()
+    world = World(clock, quiet(gyro=QUIET["gyro"] | {"cutoff_hz": 0.2}))
+    world.table.close_loop()
+    for _ in range(3):
+        world.inputs.sample(clock.now(), 0.001, 1)
+        clock.sleep(1000.0)
+        world.table.demand_rate(10.0)
+        clock.sleep(100.0)
+        world.table.demand_rate(0.0)
+    _, gyro_v, _ = world.inputs.sample(clock.now(), 0.001, 1)
+    assert gyro_v[0] == pytest.approx(0.012 + 10.0 * 0.05, rel=1e-3)  # it has turned until this very instant
