@@ -7,7 +7,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from benchctl.toml_file import parse_toml, read_text
 from instruments.errors import UsageError
@@ -79,6 +79,13 @@ class DigitizerEntry(InstrumentEntry):
     encoder_accuracy_arcsec: float = Field(default=0.0, ge=0)
     thermistor_c_per_v: float
     thermistor_c_at_0v: float = 0.0
+
+    @field_validator("thermistor_c_per_v")
+    @classmethod
+    def _tells_temperature(cls, value: float) -> float:
+        if value == 0:
+            raise ValueError("expected another number than 0, which would make every voltage one temperature")
+        return value
 
 
 class Bench(_Table):

@@ -23,4 +23,4 @@ def temperature_sweep(
         yield Soak(setpoint_c=setpoint_c, hold_s=soak_s)
         yield from rates_between_zeros(levels(rate_dps, rates), at_least_s=run_s, zero_s=zero_s)
     if return_c_per_min > 0:
-        yield ThermalRamp(from_c=hottest_c, to_c=coldest_c, ramp_c_per_min=return_c_per_min)
+        yield ThermalRamp(from_c=setpoint_c, to_c=coldest_c, ramp_c_per_min=return_c_per_min)

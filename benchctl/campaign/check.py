@@ -25,7 +25,7 @@ def problems(plan: Plan, bench: Bench) -> list[Problem]:
     return [
         Problem(step=number, says=f"{step.label}: {says}")
         for number, step in enumerate(plan.steps, 1)
-        for says in (*faults(step), *_beyond(step, bench))
+        for says in tuple(faults(step)) or tuple(_beyond(step, bench))
     ]
 
 
@@ -54,6 +54,9 @@ def _beyond(step: Step, bench: Bench) -> Iterator[str]:
     for celsius in _temperatures(step):
         if not limits.coldest_c <= celsius <= limits.hottest_c:
             yield f"goes to {celsius:g} °C, the bench's limits are {limits.coldest_c:g} to {limits.hottest_c:g} °C"
+    rate_hz = bench.digitizer.sample_rate_hz
+    if not isinstance(step, Soak) and round(step.streamed_s * rate_hz) == 0:
+        yield f"is too short for a single sample at {rate_hz:g} Hz"
     if isinstance(step, ThermalRamp) and step.ramp_c_per_min > limits.ramp_c_per_min:
         yield f"ramps at {step.ramp_c_per_min:g} °C/min, the bench's limit is {limits.ramp_c_per_min:g} °C/min"
 

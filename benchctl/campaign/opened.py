@@ -66,7 +66,7 @@ def open_bench(bench: Bench, *, wires: bool = True) -> Iterator[OpenBench]:
                 "chamber": DirectChamber(world),
                 "digitizer": DirectDigitizer(world, adc_range_v=bench.digitizer.adc_range_v),
             }
-        identities = _open_all(stack, instruments)
+        identities = _open_all(stack, instruments, bench)
         yield OpenBench(
             bench=bench,
             table=instruments["rate_table"],
@@ -122,11 +122,11 @@ def _driver(
     make: Callable[..., Any] = driver(kind, entry.model)
     try:
         return make(addresses.get(kind, entry.address), clock=clock, **more, **entry.options)
-    except TypeError as err:
+    except (AttributeError, TypeError, ValueError) as err:
         raise UsageError(f"{kind}.options: {entry.model} cannot be made with them: {err}") from err
 
 
-def _open_all(stack: ExitStack, instruments: Mapping[str, Instrument]) -> dict[str, Identity]:
+def _open_all(stack: ExitStack, instruments: Mapping[str, Instrument], bench: Bench) -> dict[str, Identity]:
     failures: dict[str, BenchError] = {}
     identities: dict[str, Identity] = {}
     for name, instrument in instruments.items():
@@ -135,6 +135,11 @@ def _open_all(stack: ExitStack, instruments: Mapping[str, Instrument]) -> dict[s
             identities[name] = instrument.identify()
         except BenchError as err:
             failures[name] = err
+        except (AttributeError, TypeError, ValueError) as err:
+            entry: InstrumentEntry = getattr(bench, name)
+            if not entry.options:
+                raise
+            failures[name] = UsageError(f"{entry.model} cannot be opened with {name}.options {entry.options}: {err}")
     if failures:
         raise BenchNotReadyError(failures)
     return identities

@@ -35,8 +35,8 @@ class Span:
 class StepPlayer:
     """Plays the steps of one campaign, in order, into one writer; `notify` is told what is being done.
 
-    `setpoint_c`, `gyro_c` and `streamed` are where it is: set point, thermistor, scans of this step so far. `cut`
-    is the step that was torn, once one was.
+    `setpoint_c`, `gyro_c`, `streamed` and `gaps` are where it is: set point, thermistor, scans of this step so far and
+    gaps in them.
     """
 
     opened: OpenBench
@@ -47,10 +47,11 @@ class StepPlayer:
     setpoint_c: float
     gyro_c: float = math.nan
     streamed: int = 0
-    cut: StepInfo | None = None
+    gaps: int = 0
+    _torn: tuple[StepWriter, StepInfo] | None = None
 
     def play(self, index: int, step: Step) -> StepInfo:
-        """Play a step and return what became of it; a step that is torn is closed and marked as cut."""
+        """Play a step and return what became of it; one that is torn stays open until `close_torn`."""
         match step:
             case Soak():
                 return self._record(index, step, SOAK_CHANNELS, lambda into: self._soak(step, into))
@@ -64,6 +65,16 @@ class StepPlayer:
                 self._turn(step.rate_dps, step.settle_s)
         return self._record(index, step, STREAM_CHANNELS, lambda into: self._stream(step, into))
 
+    def close_torn(self) -> int:
+        """Close the step that was torn, if one was, marked as cut; returns the samples in it.
+
+        That takes a while, for its file is written once more: the bench comes to rest before.
+        """
+        if self._torn is None:
+            return 0
+        into, info = self._torn
+        return into.cut(info).samples
+
     def wait(self, seconds: float) -> None:
         """Let bench time pass, looking at the table and heeding a wish to stop at least every chunk."""
         clock = self.opened.clock
@@ -76,10 +87,11 @@ class StepPlayer:
     def _record(self, index: int, step: Step, channels: Sequence[str], act: Callable[[StepWriter], Span]) -> StepInfo:
         info = self._describe(index, step)
         into = self.writer.begin_step(info, channels)
+        self.gaps = 0
         try:
             span = act(into)
         except BaseException:
-            self.cut = into.cut(replace(info, t_end=self._now_s(), whole=False))
+            self._torn = into, replace(info, t_end=self._now_s(), gaps=self.gaps)
             raise
         return into.close(replace(info, t_start=span.t_start, t_end=span.t_end, gaps=span.gaps, whole=True))
 
@@ -128,21 +140,21 @@ class StepPlayer:
         self.notify("recording")
         recorder = StreamRecorder(self.opened, self.writer.event, into, step.streamed_s)
         begin_s = self.opened.clock.now()
-        try:
-            while recorder.wants_more:
-                if isinstance(step, ThermalRamp):
-                    self._ramp(step, self.opened.clock.now() - begin_s)
-                self.opened.clock.sleep(recorder.next_chunk_s)
-                recorder.take()
-                self.stop.heed()
-                self.gyro_c, self.streamed = recorder.last_gyro_c, recorder.samples
-                self.supervisor.look_at_table()
-                if (air := self.supervisor.look_at_chamber()) is not None:
-                    into.append(_one_poll(self._now_s(), air, {}))
-                self.notify("recording")
-        finally:
-            self.streamed = 0
-            self.opened.digitizer.stop_stream()
+        while recorder.wants_more:
+            if isinstance(step, ThermalRamp):
+                self._ramp(step, self.opened.clock.now() - begin_s)
+            self.opened.clock.sleep(recorder.next_chunk_s)
+            recorder.take()
+            self.gyro_c, self.streamed, self.gaps = recorder.last_gyro_c, recorder.samples, recorder.gaps
+            self.stop.heed()
+            self.supervisor.check_state()
+            self.supervisor.look_at_table()
+            if (air := self.supervisor.look_at_chamber()) is not None:
+                into.append(_one_poll(self._now_s(), air, {}))
+            self.notify("recording")
+        # Where an error left the loop, the table comes before the stream: `bring_to_rest` stops both.
+        self.opened.digitizer.stop_stream()
+        self.streamed = 0
         if isinstance(step, ThermalRamp):
             self.setpoint_c = step.to_c
         return Span(t_start=recorder.t_start, t_end=recorder.t_end, gaps=recorder.gaps)

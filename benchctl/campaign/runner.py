@@ -17,13 +17,17 @@ from benchctl.campaign.timing import timeline
 from benchctl.plan import Plan
 from benchctl.recordings.campaign_folder import CampaignWriter
 from benchctl.recordings.model import Status
-from instruments.errors import BenchError, SafetyError
+from instruments.errors import BenchError, SafetyError, UsageError
 from instruments.interfaces import TableLimits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """What became of a campaign; `error` is what ended it early, or None."""
+    """What became of a campaign.
+
+    `recording` is the file with all steps, or the campaign's folder where that file could not be made. `error` is what
+    ended the campaign early or keeps it from being known to be safe, or None; it is never a `UsageError`.
+    """
 
     campaign: Path
     recording: Path
@@ -69,18 +73,23 @@ def run_campaign(
     )
 
 
+class AbortedError(BenchError):
+    """A run that had begun came to its end early by no failure of the bench: a full disk, a demand out of range."""
+
+
 class _Run:
     """The mutable side of one run."""
 
     def __init__(self, plan: Plan, opened: OpenBench, folder: Path, stop: StopRequest, progress: Progress) -> None:
         self.plan, self.opened, self.stop, self.progress = plan, opened, stop, progress
         self.writer = CampaignWriter(folder, describe(opened, plan, "running"))
-        self.recording = folder / "recording.h5"
+        self.recording = folder
         self.status: Status = "aborted"
         self.error: BenchError | None = None
         self.whole = self.samples = 0
         self.safe = SafeState(rate_dps=None, chamber_setpoint_c=None, problems=("not brought to rest yet",))
         self._supervisor = Supervisor(opened, self.event)
+        self._player = StepPlayer(opened, self.writer, self._supervisor, stop, self._notify, self._start_c())
         self._index, self._ends_s = 0, [end_s for _, end_s, _ in timeline(plan, opened.bench.limits, self._start_c())]
         self._step_began_s = opened.clock.now()
 
@@ -100,39 +109,44 @@ class _Run:
             self.status, self.error, reason = "aborted", err, str(err)
         finally:
             self.safe = bring_to_rest(self.opened)
-            if self.safe.problems and self.error is None:
-                self.error = SafetyError(f"the bench is not known to be at rest: {'; '.join(self.safe.problems)}")
-            self.event("safe", status=self.status, reason=reason, **asdict(self.safe))
             self._close(reason)
+            self._conclude()
 
     def _close(self, reason: str) -> None:
         try:
+            self.event("safe", status=self.status, reason=reason, **asdict(self.safe))
+            self.samples += self._player.close_torn()
             self.recording = self.writer.finish(self.status, reason)
-        except BenchError:
+        except BenchError as err:
             self.writer.release()  # the steps stay readable in the folder
-            raise
+            self.status = "aborted" if self.status == "complete" else self.status
+            self.error = AbortedError(f"{self.error}; {err}" if self.error else str(err))
+
+    def _conclude(self) -> None:
+        if self.safe.problems:
+            ended = f"{self.error}; " if self.error else ""
+            self.error = SafetyError(f"{ended}the bench is not known to be at rest: {'; '.join(self.safe.problems)}")
+        elif isinstance(self.error, UsageError):
+            self.error = AbortedError(str(self.error))
 
     def _play_steps(self) -> None:
+        self.stop.heed()
         self._prepare()
-        player = StepPlayer(self.opened, self.writer, self._supervisor, self.stop, self._notify, self._start_c())
-        self._player = player
         for index, step in enumerate(self.plan.steps, 1):
             self._index = index
             self._step_began_s = self.opened.clock.now()
             self.event("step", index=index, name=step.label)
-            try:
-                info = player.play(index, step)
-            finally:
-                self.samples += player.cut.samples if player.cut else 0
+            info = self._player.play(index, step)
             self.whole += 1
             self.samples += info.samples
-        player.notify("coming to rest")
+        self._notify("coming to rest")
 
     def _prepare(self) -> None:
         limits, opened = self.opened.bench.limits, self.opened
         opened.table.set_limits(TableLimits(rate_dps=limits.rate_dps, acceleration_dps2=limits.acceleration_dps2))
         opened.chamber.set_limits(limits.coldest_c, limits.hottest_c)
         opened.table.enable()
+        opened.chamber.go_to(self._start_c())  # whatever set point was left there, the plan begins from this one
         opened.chamber.start()
         self.event("prepared", instruments={name: asdict(who) for name, who in opened.identities.items()})
 

@@ -31,7 +31,7 @@ class Supervisor:
     event: Event
     air: ChamberReading | None = None
     motion: TableReading | None = None
-    _last_news_s: dict[str, float] = field(default_factory=dict)
+    _silent_since_s: dict[str, float] = field(default_factory=dict)
 
     def look_at_table(self) -> TableReading | None:
         """The motion now, or the last one known while the table is silent for a moment."""
@@ -79,12 +79,12 @@ class Supervisor:
         try:
             answer = question()
         except LinkError as err:
-            silent_s = now_s - self._last_news_s.setdefault(name, now_s)
+            silent_s = now_s - self._silent_since_s.setdefault(name, now_s)
             if silent_s > self.opened.bench.limits.silence_s:
                 raise SafetyError(f"{name}: no news for {silent_s:.0f} s: {err}") from err
             self.event("silence", instrument=name, says=str(err))
             return None
-        self._last_news_s[name] = now_s
+        self._silent_since_s.pop(name, None)
         return answer
 
 
@@ -121,16 +121,15 @@ def wait_for_rest(opened: OpenBench) -> float:
     deadline_s = opened.clock.now() + 5.0 + 4 * limits.rate_dps / limits.acceleration_dps2
     while abs(rate_dps := opened.table.read().rate_dps) > AT_REST_DPS:
         if opened.clock.now() > deadline_s:
-            raise SafetyError(f"rate_table: told to stop, but still turns at {rate_dps:+.3f} deg/s")
+            raise SafetyError(f"rate_table: should have come to rest, but still turns at {rate_dps:+.3f} deg/s")
         opened.clock.sleep(0.05)
     return rate_dps
 
 
 def _stop_table(opened: OpenBench) -> float:
-    if opened.table.state() in (TableState.DISABLED, TableState.FAULT):
-        return opened.table.read().rate_dps
-    opened.table.stop()
-    return wait_for_rest(opened)
+    if opened.table.state() not in (TableState.DISABLED, TableState.FAULT):
+        opened.table.stop()
+    return wait_for_rest(opened)  # a table whose servo is off is stopped by its controller, or runs out
 
 
 def _send_home(opened: OpenBench) -> float:
@@ -140,7 +139,11 @@ def _send_home(opened: OpenBench) -> float:
 
 def _guarded(problems: list[str], name: str, act: Callable[[], Answer]) -> Answer | None:
     try:
-        return act()
-    except (BenchError, OSError) as err:
-        problems.append(f"{name}: {err}")
+        try:
+            return act()
+        except LinkError:
+            return act()  # one lost reply must not leave the bench in motion
+    except Exception as err:
+        # Whatever it is, the other instruments are brought to rest all the same.
+        problems.append(f"{name}: {err if isinstance(err, BenchError) else repr(err)}")
         return None

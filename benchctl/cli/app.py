@@ -22,6 +22,7 @@ from benchctl.cli import (
     simulate,
     verify,
 )
+from benchctl.cli.output import tell
 from instruments.errors import BenchError
 
 app = typer.Typer(
@@ -64,9 +65,9 @@ def run_verb(arguments: list[str]) -> int:
         status = app(arguments, standalone_mode=False)
     except (BenchError, TyperException) as err:
         message = err.format_message() if isinstance(err, TyperException) else str(err)
-        typer.echo(f"benchctl: {' '.join(message.split())}", err=True)
+        tell(f"benchctl: {' '.join(message.split())}", err=True)
         return 2 if isinstance(err, TyperException) else err.exit_status
     except typer.Abort:
-        typer.echo("benchctl: stopped", err=True)
+        tell("benchctl: stopped", err=True)
         return 130
     return status if isinstance(status, int) else 0

@@ -26,7 +26,7 @@ def summary(outcome: Outcome) -> str:
     lines = [
         f"{outcome.status}: {outcome.whole} of {outcome.planned} steps whole, {outcome.samples:,} samples, "
         f"{duration(outcome.bench_time_s)} of bench time in {duration(outcome.wall_time_s)}",
-        f"recording: {outcome.recording} ({size(outcome.recording.stat().st_size)})",
+        f"recording: {outcome.recording} ({size(_bytes(outcome.recording))})",
     ]
     if outcome.status != "complete":
         confirmed = "confirmed by reading back" if not outcome.safe.problems else "NOT ALL CONFIRMED"
@@ -34,5 +34,8 @@ def summary(outcome: Outcome) -> str:
             f"bench: table at {outcome.safe.rate_dps} deg/s, chamber set to {outcome.safe.chamber_setpoint_c} °C, "
             f"{confirmed}"
         )
-    lines += [f"bench: {problem}" for problem in outcome.safe.problems]
     return "\n".join(lines)
+
+
+def _bytes(path: Path) -> int:
+    return sum(file.stat().st_size for file in (path, *path.rglob("*")) if file.is_file())

@@ -2,15 +2,48 @@
 
 from __future__ import annotations
 
+import io
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import IO, cast
 
 from benchctl.campaign.progress import Moment, Progress, nobody
+from benchctl.cli.output import let_go
 from benchctl.cli.words import duration
 
 REDRAW_S = 0.1
+
+
+class _Terminal(io.TextIOBase):
+    """A terminal on stderr that may go away, its window closed or its connection lost, without ending the run."""
+
+    def __init__(self) -> None:
+        self._stream = sys.stderr  # as it is now: while bars are drawn, rich puts itself in its place
+
+    @property
+    def encoding(self) -> str:  # type: ignore[override]
+        return self._stream.encoding
+
+    def write(self, text: str) -> int:
+        try:
+            return self._stream.write(text)
+        except OSError:
+            let_go(self._stream)
+            return len(text)
+
+    def flush(self) -> None:
+        try:
+            self._stream.flush()
+        except OSError:
+            let_go(self._stream)
+
+    def fileno(self) -> int:
+        return self._stream.fileno()
+
+    def isatty(self) -> bool:
+        return True
 
 
 @contextmanager
@@ -24,7 +57,7 @@ def live_progress(quiet: bool) -> Iterator[Progress]:
     from rich.progress import Progress as Bars
 
     columns = (TextColumn("{task.description}"), BarColumn(bar_width=20), TextColumn("{task.fields[now]}"))
-    with Bars(*columns, console=Console(stderr=True), transient=True, auto_refresh=False) as bars:
+    with Bars(*columns, console=Console(file=cast("IO[str]", _Terminal())), transient=True, auto_refresh=False) as bars:
         task = bars.add_task("opening the bench", total=1.0, now="")
         drawn_s = 0.0
 

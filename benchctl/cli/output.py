@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TextIO
 
 import typer
 
@@ -25,7 +25,7 @@ BenchOption = Annotated[
 ParameterOption = Annotated[
     list[str] | None, typer.Option("--parameter", "-p", metavar="NAME=VALUE", help="A parameter of the procedure.")
 ]
-SeedOption = Annotated[int | None, typer.Option("--seed", help="Draws the simulated bench's noise and errors.")]
+SeedOption = Annotated[int | None, typer.Option("--seed", min=0, help="Draws the simulated bench's noise and errors.")]
 
 
 class Result:
@@ -40,20 +40,39 @@ class Result:
     def say(self, text: str) -> None:
         """A line for the person at the terminal, on stdout."""
         if not self._quiet:
-            typer.echo(text)
+            tell(text)
+
+
+def tell(text: str, *, err: bool = False) -> None:
+    """A line on stdout or stderr; where nobody reads it any more, the work goes on all the same."""
+    try:
+        typer.echo(text, err=err)
+    except OSError:
+        let_go(sys.stderr if err else sys.stdout)
+
+
+def let_go(stream: TextIO) -> None:
+    """Send what is still said on a stream nowhere: its window was closed, or the reader of its pipe has gone."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 @contextmanager
 def result_of(verb: str, json_to: str | None, quiet: bool) -> Iterator[Result]:
     """A `Result` that is written to `json_to` however the verb ends, as long as it ends in words."""
-    if json_to not in (None, "-") and not os.access(Path(str(json_to)).absolute().parent, os.W_OK):
-        raise UsageError(f"--json {json_to}: its folder is not there or may not be written to")  # before any work
+    if json_to not in (None, "-"):  # before any work
+        if os.path.isdir(path := os.path.abspath(str(json_to))):
+            raise UsageError(f"--json {json_to}: is a folder; name a file")
+        if not os.access(os.path.dirname(path), os.W_OK):
+            raise UsageError(f"--json {json_to}: its folder is not there or may not be written to")
     result = Result(quiet or json_to == "-")
     try:
         yield result
     except BenchError as err:
         result.ok, result.error = False, " ".join(str(err).split())
         raise
+    except OSError as err:  # a name that is too long, a folder that may not be looked into
+        result.ok, result.error = False, f"{err.filename or verb}: {err.strerror or err}"
+        raise UsageError(result.error) from err
     finally:
         failed = sys.exc_info()[0]
         if json_to is not None and (failed is None or issubclass(failed, BenchError | typer.Exit)):
@@ -85,7 +104,7 @@ def _write(verb: str, json_to: str, result: Result) -> None:
         document["error"] = result.error
     text = json.dumps(_plain(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     if json_to == "-":
-        sys.stdout.write(text)
+        tell(text.rstrip())
         return
     from benchctl.recordings.atomic import whole_file
 

@@ -45,6 +45,8 @@ def simulate(
             stands = stands.model_copy(update={"physics": _physics(model)})
         stands = stands.with_seed(seed)
         plan = find_procedure(procedure).expand(parameters(parameter))
+        if output.is_dir():
+            raise UsageError(f"-o {output}: is a folder; name the file to write")
         if not output.parent.is_dir():
             raise UsageError(f"-o {output}: there is no folder {output.parent}")
         with tempfile.TemporaryDirectory(prefix=f".{output.name}.", dir=output.parent) as folder:

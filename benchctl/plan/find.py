@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import difflib
 import importlib.util
+import sys
 from importlib.metadata import entry_points
 from pathlib import Path
 
@@ -51,9 +52,10 @@ def _from_file(path: Path) -> Procedure:
     if spec is None or spec.loader is None:
         raise UsageError(f"procedure {path}: not a Python file")
     module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # dataclasses in it, and the source of the whole file, are looked up there
     try:
         spec.loader.exec_module(module)
-    except Exception as err:
+    except (Exception, SystemExit) as err:
         # Whatever a user's script raises while it is loaded is a fault of the script, told in one line.
         raise UsageError(f"procedure {path}: loading it failed: {type(err).__name__}: {err}") from err
     found = [value for value in vars(module).values() if isinstance(value, Procedure)]

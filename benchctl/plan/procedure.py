@@ -85,7 +85,8 @@ class Procedure:
         Raises
         ------
         UsageError
-            For a parameter that it does not have, a value of the wrong type, or a combination that it refuses.
+            For a parameter that it does not have, a value of the wrong type, a combination that it refuses, or where
+            it yields something else than steps.
         """
         known = {parameter.name: parameter for parameter in self.parameters}
         values = {name: parameter.default for name, parameter in known.items()}
@@ -95,14 +96,26 @@ class Procedure:
             values[name] = known[name].parse(text)
         try:
             steps = tuple(self.function(**values))
-            source = inspect.getsource(inspect.getmodule(self.function) or self.function)
-        except (ValueError, ZeroDivisionError, OverflowError) as err:
-            raise UsageError(f"procedure {self.name}: these parameters give no plan ({err}): {values}") from err
-        except OSError:
-            source = ""
+        except (Exception, SystemExit) as err:
+            # Whatever a user's procedure raises is a fault of it or of its parameters, told in one line.
+            raise UsageError(
+                f"procedure {self.name}: these parameters give no plan ({type(err).__name__}: {err}): {values}"
+            ) from err
         if not steps:
             raise UsageError(f"procedure {self.name}: these parameters give no steps: {values}")
-        return Plan(procedure=self.name, parameters=values, steps=steps, calibrates=self.calibrates, source=source)
+        for number, step in enumerate(steps, 1):
+            if not isinstance(step, Step):
+                raise UsageError(f"procedure {self.name}: its step {number} is no step but {step!r}")
+        return Plan(
+            procedure=self.name, parameters=values, steps=steps, calibrates=self.calibrates, source=self._source()
+        )
+
+    def _source(self) -> str:
+        """The whole file that it stands in; empty where there is none, as for one typed at a prompt."""
+        try:
+            return inspect.getsource(inspect.getmodule(self.function) or self.function)
+        except (OSError, TypeError):
+            return ""
 
     def _unknown(self, name: str, known: list[str]) -> str:
         close = difflib.get_close_matches(name, known, 1)

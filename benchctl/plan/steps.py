@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
-from typing import ClassVar, Literal
+from numbers import Real
+from typing import ClassVar, Literal, get_args
 
 Role = Literal["fit", "verify"]
 """`verify` marks a run that is kept aside: no fit may see it."""
@@ -19,6 +20,14 @@ class BaseStep:
     """What every step can tell of itself without a bench."""
 
     kind: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name == "role" and value not in get_args(Role):
+                raise ValueError(f"{type(self).__name__}: role is {value!r}, expected one of {get_args(Role)}")
+            if field.name != "role" and not isinstance(value, Real):
+                raise TypeError(f"{type(self).__name__}: {field.name} is {value!r}, expected a number")
 
     @property
     def label(self) -> str:
@@ -172,7 +181,16 @@ class ThermalRamp(BaseStep):
 Step = Soak | Static | ConstantRate | Sine | ThermalRamp
 
 _POSITIVE = frozenset(
-    {"duration_s", "frequency_hz", "cycles", "ramp_c_per_min", "tolerance_c", "drift_c_per_min", "timeout_s"}
+    {
+        "amplitude_dps",
+        "cycles",
+        "drift_c_per_min",
+        "duration_s",
+        "frequency_hz",
+        "ramp_c_per_min",
+        "timeout_s",
+        "tolerance_c",
+    }
 )
 _NOT_NEGATIVE = frozenset({"settle_s", "settle_cycles", "hold_s"})
 
@@ -181,7 +199,7 @@ def faults(step: Step) -> Iterator[str]:
     """What no bench could do about a step, in words: numbers that are not finite, durations that are not positive."""
     for field in fields(step):
         value = getattr(step, field.name)
-        if not isinstance(value, int | float):
+        if field.name == "role":
             continue
         if not math.isfinite(value):
             yield f"{field.name} is {value}, expected a finite number"

@@ -87,8 +87,9 @@ class CampaignWriter:
             recording,
             replace(self.meta, status=status, provenance=provenance),
         )
-        shutil.rmtree(self.folder / STEPS)
-        (self.folder / CAMPAIGN).unlink()
+        with disk_errors(self.folder):
+            shutil.rmtree(self.folder / STEPS)
+            (self.folder / CAMPAIGN).unlink()
         return recording
 
     def release(self) -> None:

@@ -196,11 +196,14 @@ def _bench(meta: Meta, rate_hz: float) -> dict[str, Any]:
 
 def _step(stretch: _Stretch, rate_hz: float, restamped: bool) -> dict[str, Any]:
     info = stretch.info
+    begin_s, end_s = info.t_start, info.t_end
+    if not info.whole:  # it was torn: begun before its first sample came, ended after its last
+        begin_s, end_s = stretch.start_s, stretch.start_s + stretch.rows / rate_hz
     entry: dict[str, Any] = {
         "name": info.name if stretch.parts == 1 else f"{info.name}, part {stretch.part}",
         "kind": info.kind,
-        "t_start": stretch.row / rate_hz if restamped else info.t_start,
-        "t_end": (stretch.row + stretch.rows) / rate_hz if restamped else info.t_end,
+        "t_start": stretch.row / rate_hz if restamped else begin_s,
+        "t_end": (stretch.row + stretch.rows) / rate_hz if restamped else end_s,
         "chamber_setpoint_c": None if math.isnan(info.chamber_setpoint_c) else info.chamber_setpoint_c,
     }
     optional = {

@@ -181,8 +181,12 @@ def attributes_of(thing: h5py.Group | h5py.Dataset) -> dict[str, Any]:
 
 def _write(thing: h5py.Group, values: Mapping[str, Any]) -> None:
     for name, value in values.items():
-        if value is not None:
+        if value is None:
+            continue
+        try:
             thing.attrs[name] = np.int64(value) if isinstance(value, bool | int) else value
+        except ValueError as err:
+            raise UsageError(f"{name} = {value!r}: HDF5 cannot keep this text: {err}; correct it") from err
 
 
 def _part(found: Mapping[str, Any], prefix: str) -> dict[str, Any]:

@@ -30,6 +30,7 @@ def test_the_template_is_the_simulated_bench() -> None:
         ("chamber_c = 23.0", "chamber_c = 99.0", 1, "safe.chamber_c (99) lies outside"),
         ("simulated = true", "simulated = false", 1, "rate_table.address is needed where simulated is not true"),
         ("encoder_sign = 1 ", "encoder_sign = 2 ", 54, "digitizer.encoder_sign: input should be 1 or -1, got 2"),
+        ("thermistor_c_per_v = 20.0", "thermistor_c_per_v = 0.0", 56, "thermistor_c_per_v: expected another number"),
         ("rate_dps = 300.0", "rate_dps = nan", 18, "limits.rate_dps: input should be"),
     ],
 )

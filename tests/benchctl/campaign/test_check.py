@@ -23,6 +23,9 @@ def _plan(*steps: Step) -> Plan:
         (ThermalRamp(from_c=0.0, to_c=90.0, ramp_c_per_min=1.0), "goes to 90 °C"),
         (ThermalRamp(from_c=0.0, to_c=20.0, ramp_c_per_min=5.0), "ramps at 5 °C/min, the bench's limit is 2 °C/min"),
         (Static(duration_s=-1.0), "duration_s is -1, expected more than 0"),
+        (Sine(amplitude_dps=1.0, frequency_hz=0.0, cycles=1), "frequency_hz is 0, expected more than 0"),
+        (Static(duration_s=1e-4), "is too short for a single sample at 500 Hz"),
+        (ThermalRamp(from_c=20.0, to_c=20.0, ramp_c_per_min=1.0), "is too short for a single sample at 500 Hz"),
     ],
 )
 def test_a_step_beyond_the_bench_is_named_with_the_limit(step: Step, says: str) -> None:

@@ -126,11 +126,16 @@ def test_a_chamber_that_falls_silent_ends_the_run_and_the_table_is_stopped_all_t
     def silent(*_: object) -> ChamberReading:
         raise LinkError("chamber at tcp://x: no answer")
 
-    monkeypatch.setattr(type(opened.chamber), "read", silent)
-    monkeypatch.setattr(type(opened.chamber), "go_to", silent)
-    outcome = run_campaign(plan_of(ConstantRate(rate_dps=50.0, duration_s=100.0)), opened, tmp_path / "c")
+    def fall_silent(moment: Moment) -> None:
+        if moment.doing == "recording":
+            monkeypatch.setattr(type(opened.chamber), "read", silent)
+            monkeypatch.setattr(type(opened.chamber), "go_to", silent)
+
+    plan = plan_of(ConstantRate(rate_dps=50.0, duration_s=100.0))
+    outcome = run_campaign(plan, opened, tmp_path / "c", progress=fall_silent)
     assert outcome.status == "aborted"
-    assert "chamber: no news for" in str(outcome.error)
+    assert str(outcome.error).startswith("chamber: no news for")
+    assert "the bench is not known to be at rest: chamber: chamber at tcp://x" in str(outcome.error)
     assert outcome.safe.problems == ("chamber: chamber at tcp://x: no answer",)
     assert outcome.safe.rate_dps is not None
     assert abs(outcome.safe.rate_dps) < 0.05

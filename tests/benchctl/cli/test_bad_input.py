@@ -174,6 +174,46 @@ def test_a_result_file_that_cannot_be_written_is_refused_before_any_work(refused
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("where", ["folder", ""])
+def test_a_result_file_that_is_a_folder_is_refused_before_any_work(
+    refused: Refused, tmp_path: Path, where: str
+) -> None:
+    (tmp_path / "folder").mkdir()
+    line = refused("run", "static", "--bench", "simulated", "--json", where)
+    assert "is a folder; name a file" in line
+    assert not (tmp_path / "results").exists()
+
+
+def test_simulate_does_not_put_its_recording_into_a_folder_of_that_name(refused: Refused, tmp_path: Path) -> None:
+    (tmp_path / "folder").mkdir()
+    assert "-o folder: is a folder" in refused("simulate", "static", "-o", "folder")
+    assert list((tmp_path / "folder").iterdir()) == []
+
+
+def test_a_name_that_no_disk_can_hold_is_one_line(refused: Refused, tmp_path: Path) -> None:
+    for arguments in (["show"], ["run", "static", "--bench", "simulated", "--out"], ["check", "static", "--bench"]):
+        assert "too long" in refused(*arguments, "x" * 300)
+
+
+def test_a_seed_below_zero_is_refused_wherever_it_stands(refused: Refused, tmp_path: Path) -> None:
+    assert "--seed" in refused("run", "static", "--bench", "simulated", "--seed", "-1")
+    (tmp_path / "bench.toml").write_text(template().replace("\nseed = 1", "\nseed = -1"))
+    assert "seed is -1" in refused("check", "static", "--bench", "bench.toml", "--quiet")
+
+
+@pytest.mark.parametrize("option", ["timeout_s = 'soon'", "reply_terminator = 5", "status_bits = 5", "tiemout_s = 1.0"])
+def test_options_that_a_driver_cannot_be_opened_with_are_named(refused: Refused, tmp_path: Path, option: str) -> None:
+    (tmp_path / "bench.toml").write_text(f"{template()}\n[rate_table.options]\n{option}\n")
+    line = refused("check", "static", "--bench", "bench.toml", "--quiet")
+    assert line.startswith("rate_table")
+    assert option.partition(" ")[0] in line or "rate_table.options" in line
+
+
+def test_a_text_that_hdf5_cannot_keep_is_refused_before_anything_moves(refused: Refused, tmp_path: Path) -> None:
+    (tmp_path / "bench.toml").write_text(template().replace("SIM-0001", "SIM\\u0000"))
+    assert "unit_serial = 'SIM\\x00'" in refused("run", "static", "--bench", "bench.toml", "--quiet")
+
+
 def test_init_needs_a_folder(refused: Refused, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("mine")
     assert "file: cannot be made into a folder" in refused("init", "file")

@@ -1,9 +1,11 @@
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import pytest
 
-from benchctl.plan import ConstantRate, Soak, Static, Step, procedure
+from benchctl.plan import ConstantRate, Sine, Soak, Static, Step, ThermalRamp, procedure
 from benchctl.plan.find import find_procedure, procedure_names
 from benchctl.plan.steps import faults
 from instruments.errors import UsageError
@@ -103,6 +105,7 @@ def test_a_file_is_a_procedure_too(tmp_path) -> None:  # type: ignore[no-untyped
         ("import nothing_of_that_name", "loading it failed: ModuleNotFoundError"),
         ("x = 1", "expected one function with @procedure, found 0"),
         ("def (", "loading it failed: SyntaxError"),
+        ("raise SystemExit(0)", "loading it failed: SystemExit: 0"),
     ],
 )
 def test_a_file_that_holds_no_procedure_is_refused_in_one_line(tmp_path, text: str, says: str) -> None:  # type: ignore[no-untyped-def]
@@ -114,7 +117,50 @@ def test_a_file_that_holds_no_procedure_is_refused_in_one_line(tmp_path, text: s
         find_procedure(str(tmp_path / "absent.py"))
 
 
+@pytest.mark.parametrize(
+    ("body", "says"),
+    [
+        ("raise KeyError('x')\n    yield", "these parameters give no plan (KeyError: 'x')"),
+        ("return None", "these parameters give no plan (TypeError: "),
+        ("yield 'soak'", "its step 1 is no step but 'soak'"),
+        ("yield Soak(setpoint_c='20', hold_s=1.0)", "Soak: setpoint_c is '20', expected a number"),
+        ("yield Static(duration_s=1.0, role='both')", "Static: role is 'both', expected one of"),
+        ("yield Static()", "missing 1 required keyword-only argument: 'duration_s'"),
+    ],
+)
+def test_whatever_goes_wrong_in_a_procedure_is_one_line(tmp_path: Path, body: str, says: str) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text(f"from benchctl.plan import Soak, Static, procedure\n\n@procedure()\ndef mine():\n    {body}\n")
+    with pytest.raises(UsageError) as caught:
+        find_procedure(str(path)).expand()
+    assert says in str(caught.value)
+    assert str(caught.value).startswith("procedure mine: ")
+
+
+def test_the_source_of_a_file_is_all_of_it_and_the_file_may_hold_dataclasses(tmp_path: Path) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text(
+        "from __future__ import annotations\n\nfrom dataclasses import dataclass\n\n"
+        "from benchctl.plan import Static, procedure\n\n\n@dataclass\nclass Times:\n    rest_s: float = 3.0\n\n\n"
+        "@procedure()\ndef mine():\n    yield Static(duration_s=Times().rest_s)\n"
+    )
+    plan = find_procedure(str(path)).expand()
+    assert plan.steps == (Static(duration_s=3.0),)
+    assert plan.source == path.read_text()
+
+
+def test_a_single_set_point_has_nothing_to_ramp_back_from() -> None:
+    plan = find_procedure("temperature_sweep").expand({"points": "1", "return_c_per_min": "1"})
+    ramp = plan.steps[-1]
+    assert isinstance(ramp, ThermalRamp)
+    assert ramp.from_c == ramp.to_c == -40.0
+
+
 def test_steps_name_their_faults() -> None:
+    assert list(faults(Sine(amplitude_dps=-5.0, frequency_hz=1.0, cycles=2))) == [
+        "amplitude_dps is -5, expected more than 0"
+    ]
+    assert list(faults(Static(duration_s=np.float32("nan")))) == ["duration_s is nan, expected a finite number"]
     assert list(faults(Static(duration_s=0.0))) == ["duration_s is 0, expected more than 0"]
     assert list(faults(Static(duration_s=1.0, settle_s=-1.0))) == ["settle_s is -1, expected 0 or more"]
     assert list(faults(ConstantRate(rate_dps=float("inf"), duration_s=1.0))) == [

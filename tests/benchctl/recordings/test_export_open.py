@@ -57,6 +57,13 @@ def test_a_campaign_with_soaks_becomes_one_clock_and_says_so(tmp_path: Path) -> 
     assert [step.get("role") for step in described["steps"]] == [None, "verify"]
 
 
+def test_a_torn_step_that_begins_before_its_samples_and_ends_after_them_can_be_imported_again(tmp_path: Path) -> None:
+    made_step = made.step(1, whole=False)
+    torn = Step(replace(made_step.info, t_start=98.9, t_end=102.7), made_step.channels)
+    _, steps = read_open_recording(_export(tmp_path, [torn]))
+    assert [(step.info.t_start, step.info.t_end, step.info.samples) for step in steps] == [(100.0, 102.0, 200)]
+
+
 def test_what_a_campaign_exports_can_be_imported_and_no_sample_was_touched(tmp_path: Path) -> None:
     meta, steps = read_open_recording(_export(tmp_path, [made.step(1), made.step(3)]))
     assert meta.unit.serial == "VG-7"
