@@ -9,7 +9,7 @@ from benchctl.plan import Soak, Step, levels, procedure, rates_between_zeros
 @procedure(calibrates=True)
 def rate_sweep(
     at_c: Annotated[float, "chamber, °C"] = 20.0,
-    soak_s: Annotated[float, "time that the air must have been at the set point, s"] = 4800.0,
+    soak_s: Annotated[float, "time at the set point, s; longer while the gyro still drifts"] = 4800.0,
     top_rate_dps: Annotated[float, "highest rate, °/s"] = 170.0,
     rates: Annotated[int, "rates, evenly spaced, each in both directions"] = 17,
     run_s: Annotated[float, "least duration of a run, s; whole revolutions"] = 30.0,

@@ -9,7 +9,7 @@ from benchctl.plan import Sine, Soak, Static, Step, procedure, whole_cycles
 @procedure(calibrates=True)
 def sine_sweep(
     at_c: Annotated[float, "chamber, °C"] = 20.0,
-    soak_s: Annotated[float, "time that the air must have been at the set point, s"] = 4800.0,
+    soak_s: Annotated[float, "time at the set point, s; longer while the gyro still drifts"] = 4800.0,
     amplitude_dps: Annotated[float, "peak rate, °/s"] = 100.0,
     frequencies_hz: Annotated[tuple[float, ...], "frequencies, Hz"] = (0.1, 0.2, 0.5, 1.0, 2.0),
     verify_hz: Annotated[tuple[float, ...], "frequencies kept aside for verification, Hz"] = (0.3, 0.7),

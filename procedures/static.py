@@ -9,7 +9,7 @@ from benchctl.plan import Soak, Static, Step, procedure
 @procedure()
 def static(
     at_c: Annotated[float, "chamber, °C"] = 20.0,
-    soak_s: Annotated[float, "time that the air must have been at the set point, s"] = 4800.0,
+    soak_s: Annotated[float, "time at the set point, s; longer while the gyro still drifts"] = 4800.0,
     duration_s: Annotated[float, "duration, s"] = 3600.0,
 ) -> Iterator[Step]:
     """Bias, its stability and the noise: the table at rest at one temperature."""

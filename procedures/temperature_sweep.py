@@ -11,7 +11,7 @@ def temperature_sweep(
     coldest_c: Annotated[float, "coldest set point, °C"] = -40.0,
     hottest_c: Annotated[float, "hottest set point, °C"] = 60.0,
     points: Annotated[int, "number of set points"] = 20,
-    soak_s: Annotated[float, "time that the air must have been at the set point, s"] = 4800.0,
+    soak_s: Annotated[float, "time at the set point, s; longer while the gyro still drifts"] = 4800.0,
     rate_dps: Annotated[float, "highest rate at every set point, °/s"] = 50.0,
     rates: Annotated[int, "rates at every set point, each in both directions"] = 5,
     run_s: Annotated[float, "least duration of a run, s; whole revolutions"] = 30.0,

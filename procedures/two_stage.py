@@ -12,7 +12,7 @@ def two_stage(
     coldest_c: Annotated[float, "coldest set point, °C"] = -40.0,
     hottest_c: Annotated[float, "hottest set point, °C"] = 60.0,
     points: Annotated[int, "number of set points"] = 20,
-    soak_s: Annotated[float, "time that the air must have been at the set point, s"] = 4800.0,
+    soak_s: Annotated[float, "time at the set point, s; longer while the gyro still drifts"] = 4800.0,
     top_rate_dps: Annotated[float, "top of the sweep for k(ω) at room temperature, °/s"] = 170.0,
     sweep_rates: Annotated[int, "rates of that sweep, each in both directions"] = 17,
     rate_dps: Annotated[float, "top rate at every set point, where k(ω) is near 1, °/s"] = 50.0,

@@ -49,6 +49,8 @@ class SoakWatch:
         held_s = 0.0 if self._within_since_s is None else now_s - self._within_since_s
         drift = self._drift_c_per_min()
         self.done = held_s >= step.hold_s and abs(drift) <= step.drift_c_per_min
+        if held_s >= step.hold_s and not self.done:
+            self.says = f"waiting for the gyro, {drift:+.3f} °C/min"
         travel_s = abs(step.setpoint_c - self.from_c) / self.limits.ramp_c_per_min * 60.0
         if not self.done and now_s - self.begin_s > travel_s + step.hold_s + step.timeout_s:
             raise SafetyError(

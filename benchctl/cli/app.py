@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from typing import Annotated
 
 import typer
 from typer.exceptions import TyperException
 
+import benchctl
 from benchctl.cli import (
     check,
     export,
@@ -25,6 +27,13 @@ from benchctl.cli import (
 from benchctl.cli.output import tell
 from instruments.errors import BenchError
 
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        tell(f"benchctl {benchctl.__version__}")
+        raise typer.Exit
+
+
 app = typer.Typer(
     name="benchctl",
     help="Test automation for gyroscopes on a rate table in a climate chamber.",
@@ -35,6 +44,16 @@ app = typer.Typer(
     rich_markup_mode="markdown",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+@app.callback()
+def _common(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version and exit.", is_eager=True, callback=_print_version)
+    ] = False,
+) -> None:
+    """Test automation for gyroscopes on a rate table in a climate chamber."""
+
 
 _VERBS: dict[str, Callable[..., None]] = {
     "init": init.init,

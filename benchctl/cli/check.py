@@ -54,7 +54,7 @@ def check(
                 f"go beyond it; the first is step {found[0].step}, {found[0].says}"
             )
         result.say(
-            f"{plan.procedure} on {stands.name}: {len(plan.steps)} steps, {duration(takes_s or 0)}, "
+            f"{plan.procedure} on {stands.name}: {len(plan.steps)} steps, at least {duration(takes_s or 0)}, "
             f"{size(needs or 0)} on disk"
         )
         for line in timeline_lines(plan, stands.limits, stands.safe.chamber_c):

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from benchctl.cli.output import JsonOption, QuietOption, result_of
+from benchctl.cli.output import JsonOption, QuietOption, refuse_existing, result_of
 
 
 def map_explained() -> str:
@@ -34,6 +34,7 @@ def import_(
     from benchctl.recordings.importing import import_recording
 
     with result_of("import", json_to, quiet) as result:
+        refuse_existing(output)
         made = import_recording(source, map_file, output)
         result.values |= {
             "recording": made.output,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import sys
 import time
 from collections.abc import Iterator
@@ -72,10 +73,15 @@ def live_progress(quiet: bool) -> Iterator[Progress]:
                 completed=moment.index - 1,
                 description=f"step {moment.index}/{moment.count} {moment.label}, {moment.doing}",
                 now=(
-                    f"set {moment.setpoint_c:+.1f} °C, air {moment.air_c:+.1f}, gyro {moment.gyro_c:+.2f}, "
+                    f"set {moment.setpoint_c:+.1f} °C, air {_known(moment.air_c, '+.1f')}, "
+                    f"gyro {_known(moment.gyro_c, '+.2f')}, "
                     f"{moment.rate_dps:+.1f} deg/s, {moment.samples:,} samples, {duration(moment.left_s)} left"
                 ),
             )
             bars.refresh()
 
         yield show
+
+
+def _known(value: float, form: str) -> str:
+    return format(value, form) if math.isfinite(value) else "not known yet"

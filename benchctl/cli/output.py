@@ -98,6 +98,12 @@ def parameters(texts: list[str] | None) -> dict[str, str]:
     return found
 
 
+def refuse_existing(path: Path) -> None:
+    """Raise `UsageError` where a file that holds something would be replaced: recordings are not made twice."""
+    if path.is_file() and path.stat().st_size > 0:
+        raise UsageError(f"-o {path}: is there already and is left as it is; name another file or remove it")
+
+
 def _write(verb: str, json_to: str, result: Result) -> None:
     document: dict[str, Any] = {"schema": f"benchctl-{verb}/1", "ok": result.ok, **result.values}
     if not result.ok:

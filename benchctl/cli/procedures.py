@@ -34,9 +34,11 @@ def procedures(bench: BenchOption = "simulated", json_to: JsonOption = None, qui
                     ],
                 }
             )
-            result.say(f"{name}: {procedure.says}\n    {len(plan.steps)} steps, {duration(takes_s)} on {stands.name}")
+            result.say(
+                f"{name}: {procedure.says}\n    {len(plan.steps)} steps, at least {duration(takes_s)} on {stands.name}"
+            )
             for p in procedure.parameters:
                 value = ",".join(f"{v:g}" for v in p.default) if isinstance(p.default, tuple) else p.default
-                result.say(f"    -p {p.name}={value}".ljust(36) + p.says)
+                result.say(f"    -p {p.name}={value}".ljust(38) + f" {p.says}")
             result.say("")
         result.values["procedures"] = listed

@@ -7,7 +7,15 @@ from typing import Annotated
 
 import typer
 
-from benchctl.cli.output import JsonOption, ParameterOption, QuietOption, SeedOption, parameters, result_of
+from benchctl.cli.output import (
+    JsonOption,
+    ParameterOption,
+    QuietOption,
+    SeedOption,
+    parameters,
+    refuse_existing,
+    result_of,
+)
 
 
 def simulate(
@@ -45,6 +53,7 @@ def simulate(
             stands = stands.model_copy(update={"physics": _physics(model)})
         stands = stands.with_seed(seed)
         plan = find_procedure(procedure).expand(parameters(parameter))
+        refuse_existing(output)
         if output.is_dir():
             raise UsageError(f"-o {output}: is a folder; name the file to write")
         if not output.parent.is_dir():

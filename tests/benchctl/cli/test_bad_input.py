@@ -217,3 +217,11 @@ def test_a_text_that_hdf5_cannot_keep_is_refused_before_anything_moves(refused: 
 def test_init_needs_a_folder(refused: Refused, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("mine")
     assert "file: cannot be made into a folder" in refused("init", "file")
+
+
+def test_a_recording_that_is_there_is_not_written_over(refused: Refused, tmp_path: Path) -> None:
+    path = _a_recording(tmp_path / "mine.h5")
+    before = path.read_bytes()
+    assert "is there already" in refused("simulate", "static", "-o", path)
+    assert "is there already" in refused("import", tmp_path, "-o", path)
+    assert path.read_bytes() == before

@@ -34,3 +34,11 @@ def test_the_help_of_import_explains_the_map_by_example(capsys: pytest.CaptureFi
     text = capsys.readouterr().out
     assert "[channels.encoder_deg]" in text
     assert "counts_per_rev" in text
+
+
+def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    import benchctl
+    from benchctl.cli.app import run_verb
+
+    assert run_verb(["--version"]) == 0
+    assert capsys.readouterr().out == f"benchctl {benchctl.__version__}\n"

@@ -110,6 +110,17 @@ def test_a_changed_sample_is_found_and_named_with_exit_status_one(
     assert json.loads((tmp_path / "v.json").read_text())["ok"] is False
 
 
+def test_a_changed_recording_is_not_fitted(campaign: tuple[Path, dict[str, Any], str], tmp_path: Path) -> None:
+    copy = tmp_path / "copy.h5"
+    copy.write_bytes((campaign[0] / "recording.h5").read_bytes())
+    with h5py.File(copy, "r+") as file:
+        file.attrs["unit_serial"] = "another"
+    fitted = benchctl("fit", copy)
+    assert fitted.returncode == 2
+    assert "changed since it was written, and so not fitted" in fitted.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["copy.h5"]
+
+
 def test_a_fit_of_the_finished_recording_gives_the_same_coefficients_again(
     campaign: tuple[Path, dict[str, Any], str], tmp_path: Path
 ) -> None:
