@@ -76,6 +76,13 @@ def _fit_runs(recordings: Sequence[Recording], folder: Path) -> Fitted:
         "free_motion": content["free_motion"],
         "K0_v_per_dps": result.stages[-1].K0_v_per_dps,
         "U0_v": result.stages[-1].U0_v,
+        "joint": {
+            "law": result.best.law,
+            "parameters": {
+                p.name: {"value": p.value, "ci95": list(p.ci95), "expanded": p.expanded, "unit": p.unit}
+                for p in result.best.parameters
+            },
+        },
         "warnings": list(result.warnings),
     }
     return Fitted(values=values, says=_in_words(result, where, report))
@@ -165,8 +172,15 @@ def _in_words(result: CalibrationResult, where: Path, report: Path) -> str:
             f"free motion, in angle: residual {free.before_deg:.3f}° before, {free.after_deg:.3f}° after, rms in "
             f"{free.band_hz[0]:g} to {free.band_hz[1]:g} Hz",
         ]
+    last = result.stages[-1]
+    lines.append(
+        f"two stages, after {last.name}: K0 = {last.K0_v_per_dps:.7g}, U0 = {last.U0_v:.5g}, "
+        f"delay {1e3 * last.delay_s:.4g} ms"
+    )
+    lines.append(f"joint fit, law {result.best.law}, ± expanded uncertainty (k = 2), [95 % interval by scatter alone]:")
     for p in result.best.parameters:
-        lines.append(f"{p.name} = {p.value:.9g} {p.unit}, 95 % {p.ci95[0]:.9g} to {p.ci95[1]:.9g}")
+        expanded = "not known" if p.expanded is None else f"{p.expanded:.2g}"
+        lines.append(f"  {p.name} = {p.value:.9g} ± {expanded} {p.unit}  [{p.ci95[0]:.9g}, {p.ci95[1]:.9g}]")
     lines += [f"note: {warning}" for warning in result.warnings]
     return "\n".join([*lines, f"coefficients: {where}", f"report: {report}"])
 
