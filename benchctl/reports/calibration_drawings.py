@@ -51,7 +51,8 @@ def drawings(result: CalibrationResult) -> Mapping[str, Drawing]:
             k_temperature_figure(result),
             "Correction k and bias of the gyro against temperature.",
             f"Left: k(T), 1 at T0 = {t0}; the points are slopes of output against rate at one temperature each. "
-            "Right: output at rest. Bands and bars: 95 % intervals by the scatter of the data.",
+            "Right: output at rest; the joint fit's curve is that of the moment when the recording began, while the "
+            "points have wandered with the bias since. Bands and bars: 95 % intervals by the scatter of the data.",
         )
     return found
 
