@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from benchctl.calibration.angle_rate import unwrap_deg
+from benchctl.calibration.carries import what_it_carries
 from benchctl.calibration.compensation import by_law, by_line, by_stages
 from benchctl.calibration.earth import earth_rate_dps
 from benchctl.calibration.errors_percent import Level, largest, measure
-from benchctl.calibration.free_motion import FreeMotionFit, fit_free_motion
+from benchctl.calibration.free_motion import FreeMotionFit, fit_free_motion_of
 from benchctl.calibration.laws_fit import fit_laws, law_of, only_free_motion
 from benchctl.calibration.options import CalibrationOptions
 from benchctl.calibration.reduce import ReducedStep, reduce_steps
@@ -32,6 +32,7 @@ from instruments.errors import UsageError
 
 _MOVING_DPS = 2.0
 _HOLD_OUT_EVERY = 4
+_ROOM_C = 20.0
 _NOT_MEASURED = BeforeAfter(before=None, after=None)
 
 
@@ -49,8 +50,7 @@ def _calibrate(steps: Iterable[Step], meta: Meta, options: CalibrationOptions) -
     warnings: list[str] = []
     notes: list[str] = []
     free: list[FreeMotionFit] = []
-    reduced = sorted(reduce_steps(_looked_at(steps, free, warnings), meta), key=lambda step: step.info.t_start)
-    _demand_motion(reduced)
+    reduced = sorted(reduce_steps(_looked_at(steps, meta, free, warnings), meta), key=lambda step: step.info.t_start)
     latitude = options.latitude_deg if options.latitude_deg is not None else meta.bench.latitude_deg
     bench = replace(meta.bench, latitude_deg=latitude)
     earth = earth_rate_dps(latitude)
@@ -58,10 +58,11 @@ def _calibrate(steps: Iterable[Step], meta: Meta, options: CalibrationOptions) -
         warnings.append("The latitude is not known: the Earth's rate (up to 0.0042 °/s) is part of U0.")
     verify = _kept_aside(reduced, options, warnings, notes)
     fitted = [step for step in reduced if step.key not in verify]
+    _demand_motion(fitted)
     T0_c = _reference_temperature(fitted, meta, options)
     moving = [step for step in fitted if step.kind == "motion"]
     points = mean_points(reduced, verify)
-    if moving and not any(step.kind == "constant_rate" for step in fitted):
+    if moving and what_it_carries([step for step in fitted if step.kind != "motion"]).scale_temperatures == 0:
         first = line_in_motion(gather(moving, T0_c), earth)
     else:
         first = stage_one(points, T0_c, earth, (*options.orders_1, options.bias_order))
@@ -85,7 +86,9 @@ def _calibrate(steps: Iterable[Step], meta: Meta, options: CalibrationOptions) -
     errors, rms = largest(runs)
     masked = sum(step.masked for step in reduced)
     if masked:
-        warnings.append(f"{masked} clipped or non-finite samples were left out, with the blocks that hold them.")
+        warnings.append(
+            f"{masked} clipped, filled-in or non-finite samples were left out, with the blocks that hold them."
+        )
     unsettled = [step for step in reduced if step.unsettled]
     if unsettled:
         notes.append(f"{len(unsettled)} steps began with a spin-up, found by the encoder; it was left out.")
@@ -136,13 +139,14 @@ def _in_unit(fit: JointFit, output_unit: str) -> JointFit:
     return replace(fit, parameters=tuple(told))
 
 
-def _looked_at(steps: Iterable[Step], free: list[FreeMotionFit], warnings: list[str]) -> Iterator[Step]:
+def _looked_at(steps: Iterable[Step], meta: Meta, free: list[FreeMotionFit], warnings: list[str]) -> Iterator[Step]:
     """The steps as they come; those in free motion are fitted in angle on the way, while their samples are at hand."""
+    digital = meta.extra.get("gyro_output_unit", "V") != "V"
+    believed = 1.0 if digital else (meta.simulation or {}).get("K0_v_per_dps")
     for step in steps:
-        if step.info.kind == "motion" and step.info.role == "fit" and step["time_s"].size > 1:
-            interval = float(np.median(np.diff(step["time_s"])))
+        if step.info.kind == "motion" and step.info.role == "fit":
             try:
-                free.append(fit_free_motion(unwrap_deg(step["encoder_deg"]), step["gyro_v"], 1.0 / interval))
+                free.append(fit_free_motion_of(step, believed))
             except UsageError as err:
                 warnings.append(f"No fit in angle of '{step.info.name}': {err}.")
         yield step
@@ -152,8 +156,8 @@ def _demand_motion(steps: Sequence[ReducedStep]) -> None:
     """Raise where nothing can be fitted at all."""
     if not steps:
         raise UsageError(
-            "calibration: the recording has no step that can be used (static, constant_rate or sine, settled, with "
-            "encoder and output); look at it with `benchctl show`"
+            "calibration: the recording has no step that can be used for a fit (role fit; static, constant_rate or "
+            "sine, settled, with encoder and output); look at it with `benchctl show`"
         )
     if max(step.peak_rate_dps for step in steps) < _MOVING_DPS:
         raise UsageError(
@@ -168,8 +172,12 @@ def _kept_aside(
 ) -> frozenset[tuple[int, int]]:
     """Indices of the runs that no fit may see: those marked so, or else every fourth of the fast sines."""
     marked = frozenset(step.key for step in steps if step.info.role == "verify")
+    turning = sum(step.key in marked and step.kind != "static" for step in steps)
+    if turning:
+        notes.append(f"{turning} runs were kept aside by the procedure; errors are measured on them alone.")
+        return marked
     if marked:
-        notes.append(f"{len(marked)} runs were kept aside by the procedure; errors are measured on them alone.")
+        warnings.append("The runs kept aside are all at rest, so error_percent is not reported: they have no rate.")
         return marked
     sines = [step for step in steps if step.kind == "motion"]
     fast = [step for step in sines if step.peak_rate_dps > 0.5 * max(sine.peak_rate_dps for sine in sines)]
@@ -188,18 +196,24 @@ def _kept_aside(
 
 
 def _reference_temperature(steps: Sequence[ReducedStep], meta: Meta, options: CalibrationOptions) -> float:
-    """T0: as asked, as the lab has it, or the set point of the fastest constant rates."""
+    """T0: as asked, as the lab has it, or the set point of the fastest constant rates, nearest to room temperature."""
     stated = (meta.simulation or {}).get("T0_c")
     if options.T0_c is not None:
         return options.T0_c
     if isinstance(stated, int | float):
         return float(stated)
     turning = [step for step in steps if step.kind == "constant_rate"] or list(steps)
-    fastest = max(turning, key=lambda step: (round(step.peak_rate_dps), -step.info.index))
+    fastest = max(turning, key=lambda step: (round(step.peak_rate_dps), -_from_room_c(step), -step.info.index))
     if np.isfinite(fastest.info.chamber_setpoint_c):
         return fastest.info.chamber_setpoint_c
     measured = fastest.mean_temperature_c
-    return round(measured, 1) if np.isfinite(measured) else 20.0
+    return round(measured, 1) if np.isfinite(measured) else _ROOM_C
+
+
+def _from_room_c(step: ReducedStep) -> float:
+    """How far a step was from room temperature, whole °C; 0 where neither set point nor thermistor is known."""
+    known = [c for c in (step.info.chamber_setpoint_c, step.mean_temperature_c) if np.isfinite(c)]
+    return float(round(abs(known[0] - _ROOM_C))) if known else 0.0
 
 
 def _first_stage(first: StageOne) -> Stage:

@@ -17,7 +17,9 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfiltfilt
 from scipy.stats import t as student
 
+from benchctl.calibration.angle_rate import unwrap_deg
 from benchctl.calibration.linear import clustered_covariance
+from benchctl.recordings.model import Step
 from instruments.errors import UsageError
 
 FloatArray = npt.NDArray[np.float64]
@@ -31,7 +33,8 @@ _LEAST_MOTION_DEG = 1.0
 class FreeMotionFit:
     """Scale factor (output per °/s) and delay with 95 % intervals; rms angle residual before and after, deg.
 
-    `before_deg` is with the scale of `start_scale` and no delay. `residual_deg` has the shape of the samples (n,).
+    `before_deg` is with the scale of `start_scale`, or else the one found, and no delay. `residual_deg` has the shape
+    of the samples (n,).
     """
 
     scale: float
@@ -50,12 +53,12 @@ def fit_free_motion(
     output: FloatArray,
     sample_rate_hz: float,
     *,
-    start_scale: float = 1.0,
+    start_scale: float | None = 1.0,
     band_hz: tuple[float, float] = BAND_HZ,
 ) -> FreeMotionFit:
     """Fit; `angle_deg` unwrapped and `output` are equidistant samples of one scan, shape (n,), without gaps.
 
-    `start_scale` is what the output is taken for before the fit (1 for a gyro that gives °/s).
+    `start_scale` is what the output is taken for before the fit (1 for a gyro that gives °/s), None where nobody knows.
     """
     low, high = band_hz
     clusters = int(angle_deg.size / sample_rate_hz / CLUSTER_S)
@@ -98,9 +101,21 @@ def fit_free_motion(
         scale_ci95=(scale - float(widths[0]), scale + float(widths[0])),
         delay_s=delay,
         delay_ci95=(delay - float(widths[1]), delay + float(widths[1])),
-        before_deg=float(np.std((angle - spline(time) / start_scale)[inside])),
+        before_deg=float(np.std((angle - spline(time) / (start_scale or scale))[inside])),
         after_deg=float(np.std(residual[inside])),
         band_hz=band_hz,
         clusters=clusters,
         residual_deg=residual,
     )
+
+
+def fit_free_motion_of(step: Step, start_scale: float | None) -> FreeMotionFit:
+    """Fit a step of a recording; raises `UsageError` where it is too short, lacks a channel, or has gaps."""
+    if missing := [name for name in ("time_s", "encoder_deg", "gyro_v") if name not in step.channels]:
+        raise UsageError(f"free motion: the step has no {', '.join(missing)}")
+    time, angle, output = step["time_s"], step["encoder_deg"], step["gyro_v"]
+    interval = float(np.median(np.diff(time))) if time.size > 1 else 0.0
+    unbroken = interval > 0.0 and not np.any(np.abs(np.diff(time) - interval) > 0.5 * interval)
+    if not (unbroken and np.all(np.isfinite(angle) & np.isfinite(output))):
+        raise UsageError("free motion: the samples have gaps, expected an unbroken run")
+    return fit_free_motion(unwrap_deg(angle), output, 1.0 / interval, start_scale=start_scale)

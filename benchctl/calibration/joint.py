@@ -46,6 +46,7 @@ _UNKNOWN_ACCURACY_ARCSEC = 200.0
 _ROBUST_AT = 4.0
 _MOST_LAGS = 12
 _LEAST_STEP = 1e-3
+_LEAST_EIGENVALUE = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,7 +169,10 @@ def _white_of_means(
 
 
 def fit_joint(problem: JointProblem, steps: Sequence[ReducedStep], start: FloatArray) -> JointSolution:
-    """Fit; `start` has the shape of `problem.names`. Steps must be in time order."""
+    """Fit; `start` has the shape of `problem.names`. Steps must be in time order.
+
+    Raises `UsageError` where the steps cannot tell the parameters apart, or the law has no output at their rates.
+    """
     rows = gather(steps, problem.T0_c)
     classes = _classes(steps, rows)
     wiener = walk_covariance(rows.means(rows.time_s), np.array([step.duration_s for step in steps]))
@@ -177,6 +181,7 @@ def fit_joint(problem: JointProblem, steps: Sequence[ReducedStep], start: FloatA
     converged = False
     for _ in range(_TURNS):
         blocks = _linearise(problem, steps, rows, classes, wiener, parameters)
+        _demand_told_apart(problem, blocks.means)
         noise = estimate(blocks.means, noise)
         total, gradient, deviance = blocks.means.solve(noise)
         bread = _inverse(total)
@@ -313,6 +318,17 @@ def _weights(e: FloatArray, robust: bool) -> tuple[FloatArray, float]:
     deviation = max(1.4826 * float(np.median(np.abs(e))), 1e-15)
     weight = np.minimum(1.0, _ROBUST_AT * deviation / np.maximum(np.abs(e), 1e-300))
     return weight, max(float(np.mean(weight * e**2)), 1e-30)
+
+
+def _demand_told_apart(problem: JointProblem, means: LinearMeans) -> None:
+    """Raise where a parameter, or a combination of several, leaves no trace in the data."""
+    information = means.information + means.derivative.T @ means.derivative
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
+    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    if values[0] > _LEAST_EIGENVALUE:
+        return
+    lost = [name for name, part in zip(problem.names, vectors[:, 0], strict=True) if abs(part) > 0.1]
+    raise UsageError(f"{', '.join(lost)} cannot be told apart by these runs; record more rates and temperatures")
 
 
 def _inverse(information: FloatArray) -> FloatArray:

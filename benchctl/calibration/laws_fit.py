@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchctl.calibration.budget import contributions
+from benchctl.calibration.carries import Carries, what_it_carries
 from benchctl.calibration.joint import JointProblem, JointSolution, fit_joint
 from benchctl.calibration.linear import fit_linear
 from benchctl.calibration.model import Law
@@ -17,13 +18,14 @@ from benchctl.calibration.orders import choose_orders
 from benchctl.calibration.reduce import ReducedStep
 from benchctl.calibration.result import JointFit, Noise, Parameter, StraightLine
 from benchctl.calibration.rows import gather
-from benchctl.calibration.stage_one import group_by_temperature
 from benchctl.recordings.model import BenchFacts
 from instruments.errors import UsageError
 
 FloatArray = npt.NDArray[np.float64]
 
 _CURVED_FROM_DPS = 60.0
+_SURE_OF_BEND = 10.0
+_LEAST_BEND = 1e-3
 _ENCODER_FROM_RUNS = 3
 
 UNITS = {
@@ -45,23 +47,15 @@ def fit_laws(
     """Joint fits, the one that the data prefer first, and sentences on what could not be fitted."""
     warnings: list[str] = []
     delay = _likely_delay(steps)
-    base = _problem(steps, T0_c, earth_rate_dps, bench, options, warnings)
-    curved = max(step.peak_rate_dps for step in steps) >= _CURVED_FROM_DPS
-    if only_free_motion(steps):
-        curved = False
-        warnings.append(
-            "No term in ω is fitted: free motion alone mixes it with what the smoother takes from reversals."
-        )
-    elif not curved:
-        warnings.append(
-            f"No term in ω is fitted: no run reaches {_CURVED_FROM_DPS:g} °/s, where the output's curvature would show."
-        )
-    rate_terms = options.orders_1[1] if curved else 0
+    carries = what_it_carries(steps)
+    base = _problem(steps, carries, T0_c, earth_rate_dps, bench, options, warnings)
+    bend, sure = _bend(steps, T0_c)
+    rate_terms = _rate_terms(steps, carries, sure, options, warnings)
+    curved = rate_terms > 0
     temperature_terms = base.law.temperature_terms
     if options.choose_orders and curved:
         temperature_terms, rate_terms, said = choose_orders(base, steps, _start(base, line, delay), temperature_terms)
         warnings.append(said)
-    bend = _bend(steps, T0_c) if curved and options.law in ("auto", "sine") else 0.0
     solved: list[tuple[JointProblem, JointSolution]] = []
     for name in _laws(options, curved, bend, warnings):
         terms = 1 if name == "sine" else rate_terms
@@ -87,6 +81,26 @@ def fit_laws(
 def only_free_motion(steps: Sequence[ReducedStep]) -> bool:
     """Whether nothing but motion of unknown band was recorded: no constant rate, no sine of a stated frequency."""
     return not any(step.kind == "constant_rate" or step.info.frequency_hz is not None for step in steps)
+
+
+def _rate_terms(
+    steps: Sequence[ReducedStep], carries: Carries, sure: bool, options: CalibrationOptions, warnings: list[str]
+) -> int:
+    """Terms in ω: none where the runs cannot tell them or show no bend, with a sentence on why."""
+    if only_free_motion(steps):
+        warnings.append(
+            "No term in ω is fitted: free motion alone mixes it with what the smoother takes from reversals."
+        )
+        return 0
+    if carries.rate_terms == 0:
+        warnings.append("No term in ω is fitted: no temperature has the two magnitudes of rate that would tell it.")
+        return 0
+    if max(step.peak_rate_dps for step in steps) >= _CURVED_FROM_DPS:
+        return min(options.orders_1[1], carries.rate_terms)
+    if sure:
+        return min(options.orders_1[1], 1)
+    warnings.append(f"No term in ω is fitted: no run reaches {_CURVED_FROM_DPS:g} °/s, and the slower show no bend.")
+    return 0
 
 
 def _laws(options: CalibrationOptions, curved: bool, bend: float, warnings: list[str]) -> tuple[str, ...]:
@@ -116,6 +130,7 @@ def law_of(fit: JointFit) -> tuple[Law, FloatArray, float, tuple[float, ...]]:
 
 def _problem(
     steps: Sequence[ReducedStep],
+    carries: Carries,
     T0_c: float,
     earth: float,
     bench: BenchFacts,
@@ -123,22 +138,23 @@ def _problem(
     warnings: list[str],
 ) -> JointProblem:
     """What the recording can carry: terms in temperature need temperatures, the delay needs motion."""
-    temperatures = len(group_by_temperature(np.array([step.mean_temperature_c for step in steps])))
-    turned = np.array([step.peak_rate_dps > 1.0 for step in steps])
-    warm = len(group_by_temperature(np.array([s.mean_temperature_c for s, t in zip(steps, turned, strict=True) if t])))
-    terms = min(options.orders_1[0], warm - 1)
+    terms = min(options.orders_1[0], max(carries.scale_temperatures - 1, 0))
     if terms < options.orders_1[0]:
-        warnings.append(f"The joint fit has {terms} term(s) in temperature: the table turned at {warm} temperature(s).")
+        warnings.append(
+            f"The joint fit has {terms} term(s) in temperature: {carries.scale_temperatures} temperature(s) have two "
+            "rates or a motion."
+        )
+    turned = sum(step.peak_rate_dps > 1.0 for step in steps)
     moving = any(step.kind == "motion" for step in steps)
     if not moving:
         warnings.append("No delay is fitted: the recording has no run in motion, only rest and constant rates.")
     return JointProblem(
         law=Law(name="response", rate_terms=0, temperature_terms=terms),
-        bias_terms=min(options.bias_order, temperatures - 1),
+        bias_terms=min(options.bias_order, max(carries.bias_temperatures - 1, 0)),
         T0_c=T0_c,
         earth_rate_dps=earth,
         delay=moving,
-        encoder=options.encoder_errors and int(turned.sum()) >= _ENCODER_FROM_RUNS,
+        encoder=options.encoder_errors and turned >= _ENCODER_FROM_RUNS,
         encoder_accuracy_arcsec=bench.encoder_accuracy_arcsec,
         robust=options.robust,
     )
@@ -160,13 +176,19 @@ def _start(problem: JointProblem, line: StraightLine, delay_s: float) -> FloatAr
     return start
 
 
-def _bend(steps: Sequence[ReducedStep], T0_c: float) -> float:
-    """b2 of the response, (°/s)⁻², by plain least squares: −S²/6 for an interferometer, a start for its fit."""
+def _bend(steps: Sequence[ReducedStep], T0_c: float) -> tuple[float, bool]:
+    """b2 of the response, (°/s)⁻², by plain least squares, and whether it is plain to see.
+
+    It is −S²/6 for an interferometer, a start for its fit.
+    """
     rows = gather([step for step in steps if step.kind != "static"], T0_c)
     rate, dt = rows.rate_dps, rows.dt_c
     columns = np.stack([np.ones(rate.size), rate, rate**3, dt, dt**2, dt * rate, dt**2 * rate], axis=1)
     fit = fit_linear(columns, rows.output_v)
-    return float(fit.coefficients[2] / fit.coefficients[1])
+    bend = float(fit.coefficients[2] / fit.coefficients[1])
+    standard = float(np.sqrt(fit.covariance[2, 2])) / abs(float(fit.coefficients[1]))
+    fastest = float(np.max(np.abs(rate)))
+    return bend, abs(bend) > max(_SURE_OF_BEND * standard, _LEAST_BEND / fastest**2)
 
 
 def _named(

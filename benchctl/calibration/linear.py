@@ -28,7 +28,7 @@ def fit_linear(columns: FloatArray, values: FloatArray) -> LinearFit:
     residual = values - columns @ coefficients
     freedom = values.size - columns.shape[1]
     variance = float(residual @ residual) / freedom if freedom > 0 else 1.0
-    covariance = variance * (inverse @ inverse.T) / np.outer(scale, scale)
+    covariance = variance * (inverse @ inverse.T) / scale[:, None] / scale
     return LinearFit(coefficients=coefficients, covariance=covariance, residual=residual)
 
 
@@ -50,5 +50,5 @@ def clustered_covariance(columns: FloatArray, residual: FloatArray, cluster: npt
     else:
         scores = np.stack([scaled[cluster == name].T @ residual[cluster == name] for name in names])
         covariance = bread @ (scores.T @ scores) @ bread * names.size / (names.size - p)
-    result: FloatArray = covariance / np.outer(scale, scale)
+    result: FloatArray = covariance / scale[:, None] / scale
     return result

@@ -27,6 +27,7 @@ _FEWEST_STEPS_FOR_SCATTER = 5
 _LEAST_RATIO = 0.2
 _COLLINEAR = 1e-3
 _EXCESS_LOG_SCALE = 0.5
+_FARTHEST_LOG_WALK = 40.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -181,18 +182,22 @@ def score_scatter(scores: list[StepScores], bread: FloatArray) -> FloatArray:
     """Covariance of the sum of all scores, (p, p): each direction's variance pooled over the steps.
 
     `bread` (p, p) is the covariance of the parameters if the noise were white: it says how much of the residuals the
-    fit has eaten. Too few steps leave the variance of a direction at 1.
+    fit has eaten. Where too few steps speak of a direction, its variance is that over all directions, 1 at least.
     """
     parameters = bread.shape[0]
     found, expected, steps = np.zeros(parameters), np.zeros(parameters), np.zeros(parameters)
+    squares = 0.0
     for score in scores:
         eaten = np.einsum("ij,jk,ik->i", score.triangle, bread, score.triangle)
         weight = np.take_along_axis(score.triangle, score.direction[:, None], axis=1)[:, 0] ** 2
+        squares += float(score.residual @ score.residual)
         np.add.at(found, score.direction, weight * score.residual**2)
         np.add.at(expected, score.direction, weight * np.maximum(1.0 - eaten, 0.0))
         np.add.at(steps, score.direction, np.maximum(1.0 - eaten, 0.0))
-    ratio = np.where(steps >= _FEWEST_STEPS_FOR_SCATTER, found / np.maximum(expected, 1e-300), 1.0)
-    ratio = np.maximum(ratio, _LEAST_RATIO)
+    enough = steps >= _FEWEST_STEPS_FOR_SCATTER
+    pooled = max(1.0, squares / max(float(steps.sum()), 1.0))
+    ratio = np.full(parameters, pooled)
+    ratio[enough] = np.maximum(found[enough] / expected[enough], _LEAST_RATIO)
     total = np.zeros_like(bread)
     for score in scores:
         total += (score.triangle.T * ratio[score.direction]) @ score.triangle
@@ -212,13 +217,14 @@ def autocovariances(values: FloatArray, step: IntArray, lags: int) -> FloatArray
 def likely_noises(means: LinearMeans, best: MeansNoise) -> list[tuple[MeansNoise, float]]:
     """Walks that the data allow, each with its weight (they add up to 1): few soaks say little of a random walk.
 
-    The weight is the restricted likelihood, all q being equally likely beforehand.
+    The weight is the restricted likelihood, all q being equally likely beforehand. They reach far above `best`: where
+    no walk at all is likeliest, a good deal of it may still be possible.
     """
     if best.walk == 0.0:
         return [(best, 1.0)]
-    factors = np.exp(np.linspace(-4.0, 4.0, 25))
-    noises = [MeansNoise(walk=best.walk * float(f), excess=best.excess) for f in factors]
-    logs = np.array([-0.5 * means.solve(noise)[2] for noise in noises]) + np.log(factors)
+    logs_q = np.log(best.walk) + np.arange(-4.0, _FARTHEST_LOG_WALK, 1.0 / 3.0)
+    noises = [MeansNoise(walk=float(q), excess=best.excess) for q in np.exp(logs_q)]
+    logs = np.array([-0.5 * means.solve(noise)[2] for noise in noises]) + logs_q
     weights = np.exp(logs - logs.max())
     kept = np.flatnonzero(weights > 1e-4)
     weights /= weights[kept].sum()

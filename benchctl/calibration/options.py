@@ -30,7 +30,8 @@ class CalibrationOptions:
     """Orders and choices.
 
     `orders_1` and `orders_2` are those of k(T) and k(ω) in the two stages, `bias_order` that of U0(T). `T0_c` None
-    takes the recording's own (`simulation.T0_c`), or the set point at which the fastest rates were run. `law` chooses
+    takes the recording's own (`simulation.T0_c`), or the set point at which the fastest rates were run, of several the
+    one nearest to 20 °C. `law` chooses
     the joint fit: `auto` fits sine and polynomial and prefers what the fitted runs prefer. `choose_orders` picks the
     joint polynomial's orders by cross-validation over whole runs. `hold_out`: where no run is marked `verify`, keep
     some aside.

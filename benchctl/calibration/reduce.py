@@ -3,8 +3,8 @@
 A block is a short run of neighbouring samples; of the gyro its mean output is kept, of the encoder mean and variance of
 the rate, so that the mean of a curved law f is f̄ ≈ ½[f(ω̄+s) + f(ω̄−s)], s² the variance (exact to the third moment).
 The rate stands where the gyro felt it: a delay is estimated within each step in motion and the rate is evaluated there;
-the mean acceleration and jerk let a fit move it by the little that is missing. Clipped or non-finite samples are left
-out with their block, and nothing is smoothed across a gap.
+the mean acceleration and jerk let a fit move it by the little that is missing. Clipped, filled-in or non-finite samples
+are left out with their block, and nothing is smoothed across a gap.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import numpy.typing as npt
 from benchctl.calibration.angle_rate import Smoother, choose_smoother, unwrap_deg
 from benchctl.calibration.blocks import Blocks, Span, block_means, delay_of
 from benchctl.calibration.settling import settled_from, whole_revolutions
+from benchctl.recordings.mapped import FILLED
 from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo, axis_of
 from instruments.errors import UsageError
 
@@ -44,7 +45,8 @@ class ReducedStep:
     `rate_at_stamp_dps` at the stamps;
     `rate_variance` that within the block (°/s)²; `encoder_basis`, shape (n, 4): the rate that the encoder shows too
     much per arc second of its error in sin θ, cos θ, sin 2θ, cos 2θ. `temperature_c` is a straight line through the
-    thermistor's samples, NaN where there are none. `masked` samples were left out as clipped, `unsettled` as spin-up.
+    thermistor's samples, NaN where there are none. `masked` samples were left out as clipped, filled in or not finite,
+    `unsettled` as spin-up.
     """
 
     info: StepInfo
@@ -124,7 +126,7 @@ def reduce_step(step: Step, meta: Meta) -> ReducedStep | None:
         return None
     interval = float(np.median(np.diff(time)))
     rate_hz = float(f"{1.0 / interval:.9g}")
-    turned = unwrap_deg(np.nan_to_num(step["encoder_deg"]))
+    turned = unwrap_deg(step["encoder_deg"][np.isfinite(step["encoder_deg"])])
     coarse = max(1, int(0.1 * rate_hz))
     rate_rms = (
         float(np.std(turned[coarse:] - turned[:-coarse])) * rate_hz / coarse if info.kind not in QUIET_KINDS else 1.0
@@ -181,13 +183,16 @@ def _demand_channels(step: Step) -> None:
 
 
 def _usable_spans(step: Step, meta: Meta, smoother: Smoother, interval: float) -> tuple[list[Span], int, int]:
-    """Unbroken, settled spans; how many samples are clipped or not finite; how many had not settled."""
-    time, angle, output, kind = step["time_s"], step["encoder_deg"], step["gyro_v"], step.info.kind
-    bad = ~(np.isfinite(output) & np.isfinite(angle)) | clipped(output, meta)
+    """Unbroken, settled spans; how many samples are clipped, filled in or not finite; how many had not settled."""
+    kind, seen = step.info.kind, np.isfinite(step["encoder_deg"])  # an angle that is missing makes a gap
+    time, angle, output = (step[channel][seen] for channel in ("time_s", "encoder_deg", "gyro_v"))
+    bad = ~np.isfinite(output) | clipped(output, meta)
+    if FILLED in step.channels:
+        bad |= step[FILLED][seen] > 0.5
     spans: list[Span] = []
     unsettled = 0
     for part in _unbroken(time, interval):
-        unwrapped = unwrap_deg(np.nan_to_num(angle[part]))
+        unwrapped = unwrap_deg(angle[part])
         first, last = 0, unwrapped.size
         if kind in QUIET_KINDS:
             settled = settled_from(unwrapped, smoother, _angle_noise_deg(meta.bench))
@@ -209,7 +214,7 @@ def _usable_spans(step: Step, meta: Meta, smoother: Smoother, interval: float) -
                 bad=bad[chosen],
             )
         )
-    return spans, int(bad.sum()), unsettled
+    return spans, int(bad.sum() + (~seen).sum()), unsettled
 
 
 def _band_hz(info: StepInfo, sample_rate_hz: float) -> float:

@@ -99,11 +99,10 @@ def stage_one(
     k_t = _k_of_temperature(dt, [line for _, line in usable], orders[0], warnings)
     u0, u0_standard, u0_t = _bias(dt, [line for _, line in usable], orders[2], warnings)
     room_group = usable[room][0]
-    narrow = _slope(points, room_group, earth_rate_dps, K0_LIMIT_DPS)
-    if narrow is None:
-        narrow = usable[room][1]
+    narrow = _slope(points, room_group, earth_rate_dps, K0_LIMIT_DPS) or usable[room][1]
+    if narrow.limit > 1.01 * K0_LIMIT_DPS:
         warnings.append(
-            f"K0 is a slope over rates up to {narrow.limit:g} °/s: there are none below {K0_LIMIT_DPS:g} °/s."
+            f"K0 is a slope over rates up to {narrow.limit:.3g} °/s: there are too few below {K0_LIMIT_DPS:g} °/s."
         )
     warm = float(factor(k_t.coefficients, dt[[room]])[0])
     k0 = narrow.slope * warm
@@ -175,23 +174,26 @@ def line_in_motion(rows: Rows, earth_rate_dps: float) -> StageOne:
 
 
 def _slope(points: MeanPoints, group: npt.NDArray[np.int64], earth: float, limit: float) -> _Line | None:
-    """Line over |ω| ≤ limit, less the drift between the readings at rest; over the slowest pair at least."""
+    """Line over |ω| ≤ limit, less the drift between the readings at rest; over the slowest two rates at least.
+
+    None where all rates are one.
+    """
     rate = points.rate_dps[group]
     if np.ptp(rate) < 1.0:
         return None
-    magnitudes = np.unique(np.round(np.abs(rate), 1))
-    turning = magnitudes[magnitudes > 0.5]
-    reach = max(limit * 1.01, float(turning[0]) * 1.01)
-    slow = np.abs(rate) <= reach
-    if np.ptp(rate[slow]) < 1.0:
-        return None
+    narrowest = next(reach for reach in np.sort(np.abs(rate)) if np.ptp(rate[np.abs(rate) <= reach]) >= 1.0)
+    slow = np.abs(rate) <= 1.01 * max(limit, float(narrowest))
     output = points.output_v[group] - _drift(points, group)
     sensed = rate[slow] + earth
     columns = np.stack([np.ones(sensed.size), sensed], axis=1)
     fit = fit_linear(columns, output[slow])
+    # The drift runs through every reading at rest: all but one of them say nothing of the scatter.
+    at_rest = int(np.sum(np.abs(rate[slow]) < 0.5))
+    freedom = sensed.size - 2 - max(at_rest - 1, 0)
     standard = np.full(2, np.nan)
-    if sensed.size > 2:
-        standard = np.sqrt(np.diag(fit.covariance)) * _share_of_scatter(columns, output[slow], fit.residual)
+    if freedom > 0:
+        wider = np.sqrt((sensed.size - 2) / freedom)
+        standard = wider * np.sqrt(np.diag(fit.covariance)) * _share_of_scatter(columns, output[slow], fit.residual)
     return _Line(
         slope=float(fit.coefficients[1]),
         slope_standard=float(standard[1]),

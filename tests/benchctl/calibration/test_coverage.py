@@ -13,9 +13,18 @@ import pytest
 from benchctl.calibration.calibrate import calibrate
 from benchctl.calibration.options import CalibrationOptions
 from benchctl.recordings.model import Step
-from tests.benchctl.calibration.synthetic import Truth, meta_of, steps, two_stage
+from tests.benchctl.calibration.synthetic import Ask, Truth, meta_of, steps, two_stage
 
 CAMPAIGNS = 100
+REST = Ask(kind="static", temperature=20.0, seconds=20.0)
+
+
+def turning(rate: float) -> Ask:
+    return Ask(kind="constant_rate", temperature=20.0, rate=rate, seconds=max(4.0, 365.0 / abs(rate)))
+
+
+def sine(frequency: float) -> Ask:
+    return Ask(kind="sine", temperature=20.0, rate=100.0, frequency=frequency, seconds=20.0)
 
 
 @pytest.mark.slow
@@ -34,6 +43,26 @@ def test_each_coefficient_lies_in_its_interval_in_90_to_99_of_100_campaigns() ->
     gyro = {name: count for name, count in hits.items() if not name.startswith("encoder")}
     assert all(90 <= count <= 99 for count in gyro.values()), hits
     assert all(count >= 90 for count in hits.values()), hits  # held by the maker's accuracy, too
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize(
+    "asks",
+    [
+        [ask for rate in (40, 80, 120, 160) for sign in (1, -1) for ask in (REST, turning(sign * rate))],
+        [REST, *(sine(frequency) for frequency in (0.1, 0.2, 0.5, 1.0, 2.0)), REST],
+    ],
+    ids=["rates at one temperature", "five sines"],
+)
+def test_few_runs_after_one_soak_give_wide_intervals_rather_than_wrong_ones(asks: list[Ask]) -> None:
+    hits = {"K0_v_per_dps": 0, "S_rad_per_dps": 0, "U0_v": 0}
+    for seed in range(40):
+        fit = calibrate(steps(Truth(), asks, 100 + seed), meta_of(Truth()), CalibrationOptions(law="sine")).best
+        for name in hits:
+            low, high = fit.parameter(name).ci95
+            hits[name] += low < Truth().named()[name] < high
+    assert all(count >= 34 for count in hits.values()), hits
 
 
 @pytest.mark.slow
