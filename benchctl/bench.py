@@ -5,12 +5,15 @@ from __future__ import annotations
 import datetime
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from benchctl.toml_file import parse_toml, read_text
 from instruments.errors import UsageError
+from instruments.interfaces import FloatArray
+
+Volts = TypeVar("Volts", float, FloatArray)
 
 SIMULATED = "simulated"
 """The name of the bench that needs no file and no hardware."""
@@ -86,6 +89,10 @@ class DigitizerEntry(InstrumentEntry):
         if value == 0:
             raise ValueError("expected another number than 0, which would make every voltage one temperature")
         return value
+
+    def gyro_celsius(self, thermistor_v: Volts) -> Volts:
+        """The gyro's temperature, °C, from the volts of its thermistor's amplifier; one reading, or of shape (n,)."""
+        return self.thermistor_c_at_0v + self.thermistor_c_per_v * thermistor_v
 
 
 class Bench(_Table):

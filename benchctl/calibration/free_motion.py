@@ -33,8 +33,7 @@ _LEAST_MOTION_DEG = 1.0
 class FreeMotionFit:
     """Scale factor (output per °/s) and delay with 95 % intervals; rms angle residual before and after, deg.
 
-    `before_deg` is with the scale of `start_scale`, or else the one found, and no delay. `residual_deg` has the shape
-    of the samples (n,).
+    `before_deg` is with the scale of `start_scale`, or else the one found, and no delay.
     """
 
     scale: float
@@ -45,7 +44,6 @@ class FreeMotionFit:
     after_deg: float
     band_hz: tuple[float, float]
     clusters: int
-    residual_deg: FloatArray
 
 
 def fit_free_motion(
@@ -105,7 +103,6 @@ def fit_free_motion(
         after_deg=float(np.std(residual[inside])),
         band_hz=band_hz,
         clusters=clusters,
-        residual_deg=residual,
     )
 
 

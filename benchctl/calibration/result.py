@@ -1,7 +1,9 @@
 """What a calibration found: the frozen records that `coefficients.json` and the report are written from.
 
 Rates in °/s, volts, °C, seconds. Rates are *sensed* rates: the table's plus the vertical part of the Earth's where the
-latitude is known. `error` mappings have the keys of `LEVELS` that were reached, in that order.
+latitude is known. Mappings by level have those that were reached, in the order in which the error goes down: `raw`
+(one straight line), `stage_1`, `stage_2`, `joint_LAW` for each law that was fitted, and `joint`, the law that the
+fitted runs prefer.
 """
 
 from __future__ import annotations
@@ -21,17 +23,6 @@ BoolArray = npt.NDArray[np.bool_]
 
 Convention = Literal["correction", "response"]
 Argument = Literal["indicated", "true"]
-
-LEVELS: Mapping[str, str] = {
-    "raw": "one straight line: K0 and U0",
-    "stage_1": "stage 1: k(T) and k(ω) from constant rates",
-    "stage_2": "stage 2: what is left in sinusoidal motion, with K0, U0 and the delay",
-    "joint_polynomial": "joint fit, polynomials",
-    "joint_response": "joint fit, polynomials of the true rate (where the output does not fall short of a line)",
-    "joint_sine": "joint fit, the interferometer's sine",
-    "joint": "joint fit, the law that the fitted runs prefer",
-}
-"""The levels of compensation, in the order in which the error goes down, in words."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -44,7 +44,7 @@ class PointsFit:
     line: Misfit
     sine: Misfit
     line_K0_v_per_dps: float  # noqa: N815 - K0 and U0 are the field's own letters
-    line_U0_v: float  # noqa: N815
+    line_U0_v: float  # noqa: N815 - as above
     K0_v_per_dps: float
     K0_ci95: tuple[float, float]
     U0_v: float

@@ -130,7 +130,7 @@ class StepPlayer:
             scan = self.supervisor.ask("digitizer", self.opened.digitizer.read_once)
             if air is None or scan is None:
                 continue
-            self.gyro_c = self._celsius(np.array([scan.thermistor_v]))[0]
+            self.gyro_c = self.opened.bench.digitizer.gyro_celsius(scan.thermistor_v)
             watch.see(self._now_s(), air.temperature_c, self.gyro_c)
             into.append(_one_poll(self._now_s(), air, {"poll_gyro_temp_c": self.gyro_c, "poll_gyro_v": scan.gyro_v}))
             self.notify(watch.says)
@@ -191,10 +191,6 @@ class StepPlayer:
         self.notify("swinging up")
         self.opened.table.oscillate(step.amplitude_dps, step.frequency_hz)
         self.wait(2.0 + step.settle_cycles / step.frequency_hz)
-
-    def _celsius(self, volts: FloatArray) -> FloatArray:
-        entry = self.opened.bench.digitizer
-        return entry.thermistor_c_at_0v + entry.thermistor_c_per_v * volts
 
 
 def _one_poll(time_s: float, air: ChamberReading, more: dict[str, float]) -> dict[str, FloatArray]:

@@ -9,7 +9,6 @@ import numpy as np
 
 from benchctl.campaign.opened import OpenBench
 from benchctl.recordings.campaign_folder import StepWriter
-from benchctl.recordings.model import FloatArray
 from instruments.interfaces import ScanBlock
 
 POLL_CHANNELS = ("poll_time_s", "poll_chamber_temp_c", "poll_chamber_setpoint_c")
@@ -30,7 +29,7 @@ class StreamRecorder:
         self._wanted = round(duration_s * self._start.rate_hz)
         self._next_index = 0
         self._degrees_per_count = entry.encoder_sign * 360.0 / entry.encoder_counts_per_rev
-        self._thermistor = (entry.thermistor_c_at_0v, entry.thermistor_c_per_v)
+        self._gyro_celsius = entry.gyro_celsius
         self.gaps = self.samples = 0
         self.last_gyro_c = math.nan
 
@@ -76,7 +75,7 @@ class StreamRecorder:
         if keep <= 0:
             return
         index = np.arange(block.first_index, block.first_index + keep)
-        gyro_c: FloatArray = self._thermistor[0] + self._thermistor[1] * block.thermistor_v[:keep]
+        gyro_c = self._gyro_celsius(block.thermistor_v[:keep])
         self.last_gyro_c = float(gyro_c[-1])
         self._next_index = min(self._next_index, self._wanted)
         self.samples += keep

@@ -1,13 +1,37 @@
-"""What the verbs that run a campaign share: where it lands, and what is said of it at the end."""
+"""What the verbs that run a campaign share: playing it, where it lands, and what is said of it at the end."""
 
 from __future__ import annotations
 
 import datetime
 import re
 from pathlib import Path
+from typing import Any
 
-from benchctl.campaign.runner import Outcome
+from benchctl.bench import Bench
+from benchctl.campaign.opened import open_bench
+from benchctl.campaign.runner import Outcome, run_campaign
+from benchctl.campaign.stop import stop_on_signals
+from benchctl.cli.live import live_progress
 from benchctl.cli.words import duration, size
+from benchctl.plan import Plan
+
+
+def play(plan: Plan, bench: Bench, folder: Path, *, quiet: bool, wires: bool = True) -> Outcome:
+    """Run a plan on a bench, heeding signals and showing at the terminal how it goes."""
+    with stop_on_signals() as stop, open_bench(bench, wires=wires) as opened, live_progress(quiet) as progress:
+        return run_campaign(plan, opened, folder, stop=stop, progress=progress)
+
+
+def told(outcome: Outcome) -> dict[str, Any]:
+    """What `--json` says of a campaign, whichever verb ran it."""
+    return {
+        "recording": outcome.recording,
+        "status": outcome.status,
+        "steps": {"planned": outcome.planned, "whole": outcome.whole},
+        "samples": outcome.samples,
+        "bench_time_s": outcome.bench_time_s,
+        "wall_time_s": outcome.wall_time_s,
+    }
 
 
 def new_folder(procedure: str, serial: str) -> Path:

@@ -24,7 +24,7 @@ class _Terminal(io.TextIOBase):
         self._stream = sys.stderr  # as it is now: while bars are drawn, rich puts itself in its place
 
     @property
-    def encoding(self) -> str:  # type: ignore[override]
+    def encoding(self) -> str:  # type: ignore[override]  # an attribute there, which io gives no way to set
         return self._stream.encoding
 
     def write(self, text: str) -> int:

@@ -32,10 +32,7 @@ def paper(
 
     from benchctl.bench import load_bench
     from benchctl.calibration.paper_audit import audit, implied_sine
-    from benchctl.campaign.opened import open_bench
-    from benchctl.campaign.runner import run_campaign
-    from benchctl.campaign.stop import stop_on_signals
-    from benchctl.cli.live import live_progress
+    from benchctl.cli.campaigns import play
     from benchctl.plan.find import find_procedure
     from benchctl.recordings.reader import open_recording
     from benchctl.reports.fitting import fit_recordings
@@ -46,12 +43,7 @@ def paper(
         physics = {**stands.physics, "gyro": {"S_rad_per_dps": S_rad_per_dps}}
         stands = stands.model_copy(update={"physics": physics}).with_seed(seed)
         folder = out or Path(scratch) / "paper"
-        with (
-            stop_on_signals() as stop,
-            open_bench(stands, wires=False) as opened,
-            live_progress(quiet) as progress,
-        ):
-            outcome = run_campaign(find_procedure("two_stage").expand(), opened, folder, stop=stop, progress=progress)
+        outcome = play(find_procedure("two_stage").expand(), stands, folder, quiet=quiet, wires=False)
         if outcome.error is not None:
             raise outcome.error
         with open_recording(outcome.recording) as recording:

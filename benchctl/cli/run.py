@@ -34,11 +34,7 @@ def run(
     Example: `benchctl run two_stage --bench simulated -p points=5 -p soak_s=3600`
     """
     from benchctl.bench import load_bench
-    from benchctl.campaign.opened import open_bench
-    from benchctl.campaign.runner import run_campaign
-    from benchctl.campaign.stop import stop_on_signals
-    from benchctl.cli.campaigns import new_folder, summary
-    from benchctl.cli.live import live_progress
+    from benchctl.cli.campaigns import new_folder, play, summary, told
     from benchctl.plan.find import find_procedure
     from instruments.errors import UsageError
 
@@ -49,17 +45,8 @@ def run(
         stands = stands.with_seed(seed)
         plan = find_procedure(procedure).expand(parameters(parameter))
         folder = out or new_folder(plan.procedure, stands.unit.serial)
-        with stop_on_signals() as stop, open_bench(stands) as opened, live_progress(quiet) as progress:
-            outcome = run_campaign(plan, opened, folder, stop=stop, progress=progress)
-        result.values |= {
-            "campaign": outcome.campaign,
-            "recording": outcome.recording,
-            "status": outcome.status,
-            "steps": {"planned": outcome.planned, "whole": outcome.whole},
-            "samples": outcome.samples,
-            "bench_time_s": outcome.bench_time_s,
-            "wall_time_s": outcome.wall_time_s,
-        }
+        outcome = play(plan, stands, folder, quiet=quiet)
+        result.values |= {"campaign": outcome.campaign, **told(outcome)}
         result.say(summary(outcome))
         if outcome.error is not None:
             raise outcome.error

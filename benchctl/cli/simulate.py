@@ -38,10 +38,7 @@ def simulate(
     import tempfile
 
     from benchctl.bench import load_bench
-    from benchctl.campaign.opened import open_bench
-    from benchctl.campaign.runner import run_campaign
-    from benchctl.campaign.stop import stop_on_signals
-    from benchctl.cli.live import live_progress
+    from benchctl.cli.campaigns import play, told
     from benchctl.plan.find import find_procedure
     from instruments.errors import UsageError
 
@@ -59,23 +56,11 @@ def simulate(
         if not output.parent.is_dir():
             raise UsageError(f"-o {output}: there is no folder {output.parent}")
         with tempfile.TemporaryDirectory(prefix=f".{output.name}.", dir=output.parent) as folder:
-            with (
-                stop_on_signals() as stop,
-                open_bench(stands, wires=False) as opened,
-                live_progress(quiet) as progress,
-            ):
-                outcome = run_campaign(plan, opened, Path(folder), stop=stop, progress=progress)
+            outcome = play(plan, stands, Path(folder), quiet=quiet, wires=False)
             if outcome.error is not None:
                 raise outcome.error
             shutil.move(outcome.recording, output)
-        result.values |= {
-            "recording": output,
-            "status": outcome.status,
-            "steps": {"planned": outcome.planned, "whole": outcome.whole},
-            "samples": outcome.samples,
-            "bench_time_s": outcome.bench_time_s,
-            "wall_time_s": outcome.wall_time_s,
-        }
+        result.values |= {**told(outcome), "recording": output}
         result.say(f"{output}: {outcome.whole} steps, {outcome.samples:,} samples in {outcome.wall_time_s:.1f} s")
 
 

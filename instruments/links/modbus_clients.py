@@ -48,7 +48,7 @@ class TcpClient(ModbusTcpClient):
 
     def close(self) -> None:
         """Close the connection."""
-        super().close()  # type: ignore[no-untyped-call]
+        super().close()  # type: ignore[no-untyped-call]  # pymodbus leaves it untyped
 
     def recv(self, size: int | None) -> bytes:
         """The bytes that have come, waiting for the first; none after the time-out."""
@@ -90,7 +90,7 @@ class RtuClient(ModbusSerialClient):
 
     def close(self) -> None:
         """Close the port."""
-        super().close()  # type: ignore[no-untyped-call]
+        super().close()  # type: ignore[no-untyped-call]  # pymodbus leaves it untyped
 
     def recv(self, size: int | None) -> bytes:
         """The bytes that have come, waiting for the first; none after the time-out."""

@@ -75,7 +75,7 @@ class WorldSettings:
 
 def _built(cls: type[_Settings], mapping: Mapping[str, Any], where: str) -> _Settings:
     types = get_type_hints(cls)
-    known = [item.name for item in fields(cls)]  # type: ignore[arg-type]
+    known = [item.name for item in fields(cls)]  # type: ignore[arg-type]  # no bound says "a dataclass"
     values = {}
     for name, value in mapping.items():
         if name not in known:

@@ -7,7 +7,7 @@ import select
 import socket
 import threading
 
-from instruments.errors import UsageError
+from instruments.simulated.listening import address_of, listen
 from instruments.simulated.machines import AnalogInputs
 from instruments.simulated.t7_stream_buffer import StreamBuffer
 
@@ -36,20 +36,13 @@ class T7StreamServer:
     @property
     def address(self) -> str:
         """`tcp://HOST:PORT`, with the port that was really taken once it runs."""
-        host, port = self._where
-        return f"tcp://{f'[{host}]' if ':' in host else host}:{port}"
+        return address_of(self._where)
 
     def start(self) -> None:
         """Listen; when it returns, a client can connect."""
         if self._listener is not None:
             return
-        family = socket.AF_INET6 if ":" in self._where[0] else socket.AF_INET
-        try:
-            self._listener = socket.create_server(self._where, family=family)
-        except OSError as err:
-            raise UsageError(f"cannot listen at {self.address}: {err.strerror or err}; choose another port") from err
-        self._listener.setblocking(False)
-        self._where = (self._where[0], self._listener.getsockname()[1])
+        self._listener, self._where = listen(self._where)
         self._stopping = False
         self._thread = threading.Thread(
             target=self._serve, args=(self._listener,), name=f"stream {self.address}", daemon=True

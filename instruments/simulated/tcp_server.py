@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from typing import Protocol, Self
 
-from instruments.errors import UsageError
+from instruments.simulated.listening import address_of, listen
 
 _SLICE_S = 0.005  # a paced reply leaves in slices of this much line time
 _BITS_PER_BYTE = 10  # start, eight data, stop
@@ -57,22 +57,13 @@ class TcpServer:
     @property
     def address(self) -> str:
         """`tcp://HOST:PORT`, with the port that was really taken once it runs."""
-        host, port = self._where
-        return f"tcp://{f'[{host}]' if ':' in host else host}:{port}"
+        return address_of(self._where)
 
     def start(self) -> None:
         """Listen; when it returns, a client can connect."""
         if self._listener is not None:
             return
-        family = socket.AF_INET6 if ":" in self._where[0] else socket.AF_INET
-        try:
-            listener = socket.create_server(self._where, family=family)
-        except OSError as err:
-            raise UsageError(
-                f"cannot listen at {self.address}: {err.strerror or err}; choose another port, or 0"
-            ) from err
-        listener.setblocking(False)
-        self._where = (self._where[0], listener.getsockname()[1])
+        listener, self._where = listen(self._where)
         self._wake, awake = socket.socketpair()
         self._stopping.clear()
         self._listener = listener

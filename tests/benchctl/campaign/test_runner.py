@@ -15,7 +15,7 @@ from benchctl.campaign.stop import StopRequest
 from benchctl.plan import ConstantRate, Plan, Sine, Soak, Static, Step, ThermalRamp
 from benchctl.recordings.reader import open_recording
 from instruments.errors import LinkError, SafetyError, UsageError
-from instruments.interfaces import ChamberReading, TableReading
+from instruments.interfaces import ChamberReading, FloatArray, RateTable, TableReading
 
 SOAK = Soak(setpoint_c=25.0, hold_s=600.0)
 
@@ -97,8 +97,8 @@ def test_a_table_that_passes_its_limit_is_stopped_and_the_recording_says_why(
 ) -> None:
     read = type(opened.table).read
 
-    def too_fast(table: object) -> TableReading:
-        reading = read(table)  # type: ignore[arg-type]
+    def too_fast(table: RateTable) -> TableReading:
+        reading = read(table)
         runaway = 400.0 if reading.rate_dps > 40.0 else reading.rate_dps
         return TableReading(angle_deg=0.0, rate_dps=runaway, acceleration_dps2=0.0)
 
@@ -160,12 +160,12 @@ def test_a_plan_beyond_the_limits_is_refused_before_anything_is_written(opened: 
 
 
 def test_two_runs_with_one_seed_record_the_same_samples_and_another_seed_other_ones(tmp_path: Path) -> None:
-    def recorded(seed: int, name: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    def recorded(seed: int, name: str) -> FloatArray:
         bench: Bench = load_bench("simulated").with_seed(seed)
         with open_bench(bench, wires=False) as opened:
             outcome = run_campaign(plan_of(Static(duration_s=2.0)), opened, tmp_path / name)
         with open_recording(outcome.recording) as recording:
-            return recording.step(1)["gyro_v"]  # type: ignore[return-value]
+            return recording.step(1)["gyro_v"]
 
     first = recorded(1, "a")
     assert np.array_equal(first, recorded(1, "b"))

@@ -90,7 +90,7 @@ def test_a_name_that_is_nearly_right_gets_a_hint() -> None:
         find_procedure("two_stages")
 
 
-def test_a_file_is_a_procedure_too(tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_a_file_is_a_procedure_too(tmp_path: Path) -> None:
     path = tmp_path / "mine.py"
     path.write_text(
         "from benchctl.plan import Static, procedure\n\n@procedure()\ndef mine(t_s: float = 3.0):\n"
@@ -108,7 +108,7 @@ def test_a_file_is_a_procedure_too(tmp_path) -> None:  # type: ignore[no-untyped
         ("raise SystemExit(0)", "loading it failed: SystemExit: 0"),
     ],
 )
-def test_a_file_that_holds_no_procedure_is_refused_in_one_line(tmp_path, text: str, says: str) -> None:  # type: ignore[no-untyped-def]
+def test_a_file_that_holds_no_procedure_is_refused_in_one_line(tmp_path: Path, text: str, says: str) -> None:
     path = tmp_path / "mine.py"
     path.write_text(text)
     with pytest.raises(UsageError, match=says.replace("(", r"\(")):
