@@ -95,9 +95,12 @@ def world_settings(bench: Bench) -> WorldSettings:
     """What the simulated world obeys: `[physics]`, made to agree with what the bench's other tables already say."""
     settings = WorldSettings.from_mapping(bench.physics, where="physics")
     entry, site = bench.digitizer, bench.site
+    stated = {name: getattr(settings.encoder, name) for name in bench.physics.get("encoder", {})}
+    said = {**stated, "counts_per_rev": entry.encoder_counts_per_rev, "sign": entry.encoder_sign}
+    drawn = settings.drawn(settings.seed)
     return replace(
-        settings.drawn(settings.seed),
-        encoder=replace(settings.encoder, counts_per_rev=entry.encoder_counts_per_rev, sign=entry.encoder_sign),
+        drawn,
+        encoder=replace(drawn.encoder, **said),
         latitude_deg=settings.latitude_deg if site.latitude_deg is None else site.latitude_deg,
         thermistor_v_per_c=1.0 / entry.thermistor_c_per_v,
         thermistor_offset_v=-entry.thermistor_c_at_0v / entry.thermistor_c_per_v,
