@@ -9,6 +9,7 @@ from typing import Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
+from benchctl.model_file import Model
 from benchctl.toml_file import parse_toml, read_text
 from instruments.errors import UsageError
 from instruments.interfaces import FloatArray
@@ -60,6 +61,22 @@ class Site(_Table):
     latitude_deg: float | None = Field(default=None, ge=-90, le=90)
 
 
+class Simulation(_Table):
+    """The model that the lab believes in: U = U0 + K0·k(T)·k(ω)·ω, with parameters from an earlier calibration.
+
+    `k_T` holds a1, a2, … of k(T) = 1 + a1·(T − T0) + a2·(T − T0)² + …, `k_omega` b2, b4, … of k(ω) = 1 + b2·ω² + b4·ω⁴
+    + …; an empty list says that the model has no such term. `noise_v_rms` is that of a sample.
+    """
+
+    K0_v_per_dps: float
+    U0_v: float
+    T0_c: float
+    k_T: tuple[float, ...] = ()  # noqa: N815 - the key is that of open recordings
+    k_omega: tuple[float, ...] = ()
+    noise_v_rms: float = Field(ge=0)
+    output_limit_v: float = Field(gt=0)
+
+
 class InstrumentEntry(_Table):
     """An instrument: its model names the driver, `options` are further keywords of that driver."""
 
@@ -109,7 +126,9 @@ class Bench(_Table):
     rate_table: InstrumentEntry
     chamber: InstrumentEntry
     digitizer: DigitizerEntry
+    simulation: Simulation | None = None
     physics: dict[str, Any] = Field(default_factory=dict)
+    effects: dict[str, Any] = Field(default_factory=dict)
     text: str = ""
 
     @model_validator(mode="after")
@@ -120,11 +139,20 @@ class Bench(_Table):
             for name in ("rate_table", "chamber", "digitizer"):
                 if getattr(self, name).address is None:
                     raise ValueError(f"{name}.address is needed where simulated is not true")
+            if self.effects:
+                raise ValueError("[effects] is played by simulated instruments only, and simulated is not true")
         return self
 
     def with_seed(self, seed: int | None) -> Bench:
         """The same bench, its simulated physics drawn with another seed."""
         return self if seed is None else self.model_copy(update={"physics": {**self.physics, "seed": seed}})
+
+    def obeying(self, model: Model) -> Bench:
+        """The same bench, its physics and effects those of a model; the model's gyro is also what the lab believes."""
+        simulation = self.simulation if model.simulation is None else Simulation.model_validate(model.simulation)
+        return self.model_copy(
+            update={"simulation": simulation, "physics": model.bench_physics, "effects": dict(model.effects)}
+        )
 
 
 def template() -> str:
@@ -147,4 +175,16 @@ def load_bench(source: str) -> Bench:
         if path.is_dir():
             raise UsageError(f"bench {path}: expected a bench.toml, this is a folder")
         text, name = read_text(path, "bench"), str(path)
-    return parse_toml(text, Bench, name).model_copy(update={"text": text})
+    bench = parse_toml(text, Bench, name).model_copy(update={"text": text})
+    if bench.effects:
+        _check_effects(bench.effects, name)
+    return bench
+
+
+def _check_effects(tables: dict[str, Any], name: str) -> None:
+    from instruments.physics.effects.making import make_effects
+
+    try:
+        make_effects(tables)
+    except UsageError as err:
+        raise UsageError(f"{name}, {err}") from err

@@ -11,9 +11,12 @@ from benchctl.bench import Bench, InstrumentEntry
 from instruments.catalog import Kind, driver
 from instruments.errors import BenchError, BenchNotReadyError, UsageError
 from instruments.interfaces import Chamber, Clock, Digitizer, Identity, Instrument, RateTable
+from instruments.physics.effects.effect import PhysicalEffect
+from instruments.physics.effects.making import make_effects
 from instruments.simulated.bench import SimulatedBench
 from instruments.simulated.clock import ScaledClock, VirtualClock
 from instruments.simulated.direct import DirectChamber, DirectDigitizer, DirectRateTable
+from instruments.simulated.sensor import sensor_of
 from instruments.simulated.settings import WorldSettings
 from instruments.simulated.world import World
 
@@ -59,7 +62,8 @@ def open_bench(bench: Bench, *, wires: bool = True) -> Iterator[OpenBench]:
         else:
             reached = "simulated, without wires"
             virtual = VirtualClock()
-            world = World(virtual, world_settings(bench))
+            settings = world_settings(bench)
+            world = World(virtual, settings, effects_of(bench, settings))
             clock = virtual
             instruments = {
                 "rate_table": DirectRateTable(world),
@@ -81,12 +85,14 @@ def open_bench(bench: Bench, *, wires: bool = True) -> Iterator[OpenBench]:
 
 def simulated_bench(bench: Bench, clock: VirtualClock | ScaledClock, **options: Any) -> SimulatedBench:
     """The simulated twin of a bench, not yet started."""
+    settings = world_settings(bench)
     return SimulatedBench(
-        world_settings(bench),
+        settings,
         clock,
         rate_table=bench.rate_table.model,
         chamber=bench.chamber.model,
         digitizer=bench.digitizer.model,
+        effects=effects_of(bench, settings),
         options=options,
     )
 
@@ -105,6 +111,19 @@ def world_settings(bench: Bench) -> WorldSettings:
         thermistor_v_per_c=1.0 / entry.thermistor_c_per_v,
         thermistor_offset_v=-entry.thermistor_c_at_0v / entry.thermistor_c_per_v,
     )
+
+
+def effects_of(bench: Bench, settings: WorldSettings) -> tuple[PhysicalEffect, ...]:
+    """The bench's `[effects]`, in the circumstances that its world and its other tables state."""
+    entry, sensor = bench.digitizer, sensor_of(settings)
+    circumstances = {
+        "T0_c": sensor.T0_c,
+        "range_dps": bench.unit.range_dps,
+        "noise_v_rms": sensor.white_v(1.0 / entry.sample_rate_hz),
+        "adc_step_v": 2.0 * entry.adc_range_v / 2.0**entry.adc_bits,
+        "seed": settings.seed,
+    }
+    return make_effects(bench.effects, circumstances)
 
 
 def _drivers(bench: Bench, clock: Clock, addresses: Mapping[str, str]) -> dict[str, Any]:

@@ -60,7 +60,9 @@ class StepPlayer:
             case ConstantRate():
                 self._turn(step.rate_dps, step.settle_s)
             case Sine():
-                self._swing(step)
+                self._swing(step.amplitude_dps, step.frequency_hz, 2.0 + step.settle_cycles / step.frequency_hz)
+            case ThermalRamp() if step.swing_dps:
+                self._swing(step.swing_dps, step.swing_hz, step.settle_s)
             case ThermalRamp():
                 self._turn(step.rate_dps, step.settle_s)
         return self._record(index, step, STREAM_CHANNELS, lambda into: self._stream(step, into))
@@ -99,6 +101,8 @@ class StepPlayer:
         now_s = self._now_s()
         setpoint_c = step.setpoint_c if isinstance(step, Soak) else self.setpoint_c
         moving = not isinstance(step, Soak)
+        rate_dps = step.rate_dps if isinstance(step, ConstantRate | ThermalRamp) else None
+        amplitude_dps, frequency_hz = _swing_of(step)
         return StepInfo(
             index=index,
             name=step.label if isinstance(step, Soak) else f"{step.label} at {setpoint_c:+g}",
@@ -108,9 +112,9 @@ class StepPlayer:
             t_start=now_s,
             t_end=now_s,
             chamber_setpoint_c=step.to_c if isinstance(step, ThermalRamp) else setpoint_c,
-            rate_dps=step.rate_dps if isinstance(step, ConstantRate | ThermalRamp) else None,
-            amplitude_dps=step.amplitude_dps if isinstance(step, Sine) else None,
-            frequency_hz=step.frequency_hz if isinstance(step, Sine) else None,
+            rate_dps=rate_dps if amplitude_dps is None else None,
+            amplitude_dps=amplitude_dps,
+            frequency_hz=frequency_hz,
             sample_rate_hz=self.opened.bench.digitizer.sample_rate_hz if moving else None,
         )
 
@@ -162,7 +166,8 @@ class StepPlayer:
     def _ramp(self, step: ThermalRamp, elapsed_s: float) -> None:
         moved_c = math.copysign(step.ramp_c_per_min * elapsed_s / 60.0, step.to_c - step.from_c)
         arrived = abs(moved_c) >= abs(step.to_c - step.from_c)
-        self.opened.chamber.go_to(step.to_c if arrived else step.from_c + moved_c)
+        # no controller has finer steps, and a sum that misses 0 by 1e-14 reads like words in the wrong order
+        self.opened.chamber.go_to(step.to_c if arrived else round(step.from_c + moved_c, 3))
 
     def _rest(self, settle_s: float) -> None:
         self.notify("coming to rest")
@@ -186,11 +191,20 @@ class StepPlayer:
             self.wait(0.05)
         self.wait(settle_s)
 
-    def _swing(self, step: Sine) -> None:
+    def _swing(self, amplitude_dps: float, frequency_hz: float, settle_s: float) -> None:
         self._rest(0.5)
         self.notify("swinging up")
-        self.opened.table.oscillate(step.amplitude_dps, step.frequency_hz)
-        self.wait(2.0 + step.settle_cycles / step.frequency_hz)
+        self.opened.table.oscillate(amplitude_dps, frequency_hz)
+        self.wait(settle_s)
+
+
+def _swing_of(step: Step) -> tuple[float | None, float | None]:
+    """Peak rate and frequency of a step in which the table swings; None, None of others."""
+    if isinstance(step, Sine):
+        return step.amplitude_dps, step.frequency_hz
+    if isinstance(step, ThermalRamp) and step.swing_dps:
+        return step.swing_dps, step.swing_hz
+    return None, None
 
 
 def _one_poll(time_s: float, air: ChamberReading, more: dict[str, float]) -> dict[str, FloatArray]:

@@ -35,6 +35,7 @@ def describe(opened: OpenBench, plan: Plan, status: Status) -> Meta:
         status=status,
         unit=Unit(serial=bench.unit.serial, range_dps=bench.unit.range_dps, model=bench.unit.model),
         bench=bench_facts(bench),
+        simulation=None if bench.simulation is None else bench.simulation.model_dump(mode="json"),
         provenance={
             "procedure": plan.procedure,
             "procedure_source": plan.source,
@@ -43,6 +44,7 @@ def describe(opened: OpenBench, plan: Plan, status: Status) -> Meta:
             "bench": bench.name,
             "bench_toml": bench.text,
             "bench_physics": json.dumps(bench.physics, sort_keys=True) if bench.simulated else "",
+            "bench_effects": json.dumps(bench.effects, sort_keys=True) if bench.simulated else "",
             "instruments_reached": opened.reached,
             "instruments": json.dumps(instruments, sort_keys=True),
             "software": json.dumps(software(), sort_keys=True),

@@ -12,12 +12,15 @@ from typer.exceptions import TyperException
 import benchctl
 from benchctl.cli import (
     check,
+    compare,
+    diagnose,
     export,
     fit,
     import_,
     init,
     paper,
     procedures,
+    prove,
     run,
     show,
     sim,
@@ -61,16 +64,23 @@ _VERBS: dict[str, Callable[..., None]] = {
     "check": check.check,
     "run": run.run,
     "fit": fit.fit,
+    "diagnose": diagnose.diagnose,
+    "compare": compare.compare,
     "export": export.export,
     "show": show.show,
     "verify": verify.verify,
     "simulate": simulate.simulate,
     "sim": sim.sim,
+    "prove": prove.prove,
     "paper": paper.paper,
 }
 for _name, _verb in _VERBS.items():
     app.command(_name)(_verb)
 app.command("import", epilog=import_.map_explained())(import_.import_)
+
+
+_STOPPED = 130
+"""What typer makes of Ctrl-C: the exit status of a program that SIGINT ended."""
 
 
 def main() -> None:
@@ -87,6 +97,7 @@ def run_verb(arguments: list[str]) -> int:
         tell(f"benchctl: {' '.join(message.split())}", err=True)
         return 2 if isinstance(err, TyperException) else err.exit_status
     except typer.Abort:
+        status = _STOPPED
+    if status == _STOPPED:
         tell("benchctl: stopped", err=True)
-        return 130
     return status if isinstance(status, int) else 0

@@ -23,7 +23,7 @@ def simulate(
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE.h5", help="The recording to write.")],
     bench: Annotated[str, typer.Option("--bench", metavar="BENCH", help="A bench.toml, or `simulated`.")] = "simulated",
     model: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="A TOML file of what the bench obeys, in place of [physics].")
+        Path | None, typer.Option(metavar="FILE", help="What the bench obeys: a model file, of a diagnosis say.")
     ] = None,
     parameter: ParameterOption = None,
     seed: SeedOption = None,
@@ -39,6 +39,7 @@ def simulate(
 
     from benchctl.bench import load_bench
     from benchctl.cli.campaigns import play, told
+    from benchctl.model_file import read_model
     from benchctl.plan.find import find_procedure
     from instruments.errors import UsageError
 
@@ -47,7 +48,7 @@ def simulate(
         if not stands.simulated:
             raise UsageError(f"--bench {bench}: expected a bench with simulated = true; benchctl run takes real ones")
         if model is not None:
-            stands = stands.model_copy(update={"physics": _physics(model)})
+            stands = stands.obeying(read_model(model))
         stands = stands.with_seed(seed)
         plan = find_procedure(procedure).expand(parameters(parameter))
         refuse_existing(output)
@@ -62,15 +63,3 @@ def simulate(
             shutil.move(outcome.recording, output)
         result.values |= {**told(outcome), "recording": output}
         result.say(f"{output}: {outcome.whole} steps, {outcome.samples:,} samples in {outcome.wall_time_s:.1f} s")
-
-
-def _physics(path: Path) -> dict[str, object]:
-    import tomllib
-
-    from benchctl.toml_file import read_text
-    from instruments.errors import UsageError
-
-    try:
-        return tomllib.loads(read_text(path, "model"))
-    except tomllib.TOMLDecodeError as err:
-        raise UsageError(f"model {path}: not TOML: {err}") from err

@@ -151,7 +151,11 @@ class Sine(BaseStep):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThermalRamp(BaseStep):
-    """Ramp the chamber from where it is to `to_c` while the table turns at `rate_dps` and the digitizer streams."""
+    """Ramp the chamber from where it is to `to_c` while the table moves and the digitizer streams.
+
+    The table turns at `rate_dps`, or swings, `swing_dps` the peak of its rate: swinging shows scale factor and bias at
+    every temperature, turning every heading.
+    """
 
     kind: ClassVar[str] = "thermal_ramp"
 
@@ -159,6 +163,8 @@ class ThermalRamp(BaseStep):
     to_c: float
     ramp_c_per_min: float
     rate_dps: float = 0.0
+    swing_dps: float = 0.0
+    swing_hz: float = 0.2
     settle_s: float = 2.0
     role: Role = "fit"
 
@@ -170,7 +176,12 @@ class ThermalRamp(BaseStep):
     @property
     def peak_rate_dps(self) -> float:
         """See `BaseStep`."""
-        return abs(self.rate_dps)
+        return max(abs(self.rate_dps), abs(self.swing_dps))
+
+    @property
+    def peak_acceleration_dps2(self) -> float:
+        """See `BaseStep`."""
+        return abs(self.swing_dps) * 2 * math.pi * self.swing_hz
 
     @property
     def streamed_s(self) -> float:
@@ -188,11 +199,12 @@ _POSITIVE = frozenset(
         "duration_s",
         "frequency_hz",
         "ramp_c_per_min",
+        "swing_hz",
         "timeout_s",
         "tolerance_c",
     }
 )
-_NOT_NEGATIVE = frozenset({"settle_s", "settle_cycles", "hold_s"})
+_NOT_NEGATIVE = frozenset({"settle_s", "settle_cycles", "hold_s", "swing_dps"})
 
 
 def faults(step: Step) -> Iterator[str]:
@@ -207,3 +219,5 @@ def faults(step: Step) -> Iterator[str]:
             yield f"{field.name} is {value:g}, expected more than 0"
         elif field.name in _NOT_NEGATIVE and value < 0:
             yield f"{field.name} is {value:g}, expected 0 or more"
+    if isinstance(step, ThermalRamp) and step.rate_dps and step.swing_dps:
+        yield f"rate_dps is {step.rate_dps:g} and swing_dps {step.swing_dps:g}, expected one of them"

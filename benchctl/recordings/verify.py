@@ -36,6 +36,19 @@ def verify(path: Path) -> list[Problem]:
     return problems
 
 
+def refuse_changed(path: Path, therefore: str) -> None:
+    """Raise `UsageError` where a recording no longer has its digest; `therefore` is what is not done with it then.
+
+    A foreign recording, and a campaign that is not finished, has none and passes.
+    """
+    if path.is_dir() and not (path / RECORDING).exists():
+        return
+    problems = verify(path)
+    if problems:
+        more = f" (and {len(problems) - 1} more: benchctl verify names them)" if len(problems) > 1 else ""
+        raise UsageError(f"{path}: changed since it was written, and so not {therefore}: {problems[0]}{more}")
+
+
 def _problems_of_file(path: Path) -> list[Problem]:
     with open_ours(path) as file:
         return list(problems_of_recording(file))

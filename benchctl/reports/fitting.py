@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
-import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +13,13 @@ from benchctl.calibration.coefficients import coefficients, write_coefficients
 from benchctl.calibration.points_coefficients import points_coefficients
 from benchctl.calibration.result import CalibrationResult
 from benchctl.calibration.static_points_fit import StaticPointsResult, fit_static_points
-from benchctl.recordings.model import Step, StepInfo
+from benchctl.recordings.joined import join
 from benchctl.recordings.reader import Recording, open_recording
 from benchctl.recordings.static_points import KIND, StaticPoints
 from benchctl.reports.calibration_page import write_calibration_report
 from benchctl.reports.points_page import write_static_points_report
+from benchctl.reports.results import make_folder, source_digest
 from instruments.errors import UsageError
-
-_APART_S = 86400.0
-"""Recordings that are fitted together are put a day apart: the bias has walked freely in between."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,28 +42,22 @@ def fit_recordings(paths: Sequence[Path], out: Path | None = None) -> Fitted:
     """
     with ExitStack() as stack:
         recordings = [stack.enter_context(open_recording(path)) for path in paths]
-        serials = {recording.meta.unit.serial for recording in recordings}
-        if len(serials) > 1:
-            raise UsageError(
-                f"these recordings are of different units: {', '.join(sorted(serials))}; fit each by itself"
-            )
+        joined = join(recordings)
         folder = out if out is not None else _beside(paths[0])
-        _make(folder)
+        make_folder(folder)
         if any(info.kind == KIND for recording in recordings for info in recording.infos):
             return _fit_points(recordings, folder)
-        return _fit_runs(recordings, folder)
+        return _fit_runs(joined, recordings, folder)
 
 
-def _fit_runs(recordings: Sequence[Recording], folder: Path) -> Fitted:
-    first = recordings[0]
-    infos: list[StepInfo] = []
-    result = calibrate(_chained(recordings, infos), first.meta)
+def _fit_runs(joined: Recording, recordings: Sequence[Recording], folder: Path) -> Fitted:
+    result = calibrate(joined.steps(), joined.meta)
     where = folder / "coefficients.json"
     report = folder / "report.html"
-    digest = ", ".join(_digest(recording) for recording in recordings)
+    digest = ", ".join(source_digest(recording) for recording in recordings)
     content = coefficients(result, _sources(recordings))
     write_coefficients(where, content)
-    write_calibration_report(report, result, first.meta, infos, digest=digest)
+    write_calibration_report(report, result, joined.meta, joined.infos, digest=digest)
     values = {
         "coefficients": where,
         "report": report,
@@ -100,7 +90,7 @@ def _fit_points(recordings: Sequence[Recording], folder: Path) -> Fitted:
         result, unit=recording.meta.unit.serial, temperature_c=celsius, source=_sources(recordings)
     )
     write_coefficients(where, content)
-    write_static_points_report(report, result, points, recording.meta, digest=_digest(recording))
+    write_static_points_report(report, result, points, recording.meta, digest=source_digest(recording))
     values = {
         "coefficients": where,
         "report": report,
@@ -114,50 +104,12 @@ def _fit_points(recordings: Sequence[Recording], folder: Path) -> Fitted:
     return Fitted(values=values, says=_points_in_words(result, where, report))
 
 
-def _chained(recordings: Sequence[Recording], seen: list[StepInfo]) -> Iterator[Step]:
-    """The steps of all recordings, numbered on, on one time axis; what each is goes into `seen`."""
-    shift_s, count = 0.0, 0
-    for recording in recordings:
-        for step in recording.steps():
-            count += 1
-            moved = _moved(step, count, shift_s) if shift_s else step
-            seen.append(moved.info)
-            yield moved
-        shift_s = max(info.t_end for info in seen) + _APART_S if seen else 0.0
-
-
-def _moved(step: Step, index: int, shift_s: float) -> Step:
-    info = step.info
-    channels = {
-        name: samples + shift_s if name in ("time_s", "poll_time_s") else samples
-        for name, samples in step.channels.items()
-    }
-    return Step(replace(info, index=index, t_start=info.t_start + shift_s, t_end=info.t_end + shift_s), channels)
-
-
 def _sources(recordings: Sequence[Recording]) -> list[tuple[str, str]]:
-    return [(str(recording.path), _digest(recording)) for recording in recordings]
-
-
-def _digest(recording: Recording) -> str:
-    """Our own digest, or those of the files that a foreign recording came in."""
-    if recording.digest:
-        return recording.digest
-    sources = json.loads(recording.meta.provenance.get("sources", "{}"))
-    return " ".join(source["sha256"] for source in sources.values())
+    return [(str(recording.path), source_digest(recording)) for recording in recordings]
 
 
 def _beside(path: Path) -> Path:
     return path if path.is_dir() else path.parent
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as err:
-        raise UsageError(f"--out {folder}: cannot be made: {err.strerror or err}") from err
-    if not os.access(folder, os.W_OK):
-        raise UsageError(f"{folder}: may not be written to; name another place for the results with --out DIR")
 
 
 def _in_words(result: CalibrationResult, where: Path, report: Path) -> str:

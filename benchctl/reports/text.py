@@ -94,8 +94,13 @@ def with_unit(text: str, unit: str) -> str:
 
 
 def unit_text(unit: str) -> str:
-    """A unit as it is printed: `V/(deg/s)` becomes `V/(°/s)`, `°C^-2` becomes `°C⁻²`."""
-    return raised(unit.replace("degC", "°C").replace("arcsec", "″").replace("deg", "°").replace("**", "^"))
+    """A unit as it is printed: `V/(deg/s)` becomes `V/(°/s)`, `°C^-2` and `degC-2` become `°C⁻²`, `1` nothing."""
+    if unit == "1":
+        return ""
+    told = re.sub(r"degree s-(\d)", r"deg/s\1", unit)
+    for name, sign in (("degC", "°C"), ("arcsec", "″"), ("degree", "°"), ("deg", "°"), ("**", "^")):
+        told = told.replace(name, sign)
+    return raised(re.sub(r"(?<=[A-Za-z°)])(-?\d+)", r"^\1", told))
 
 
 def scale_unit(output_unit: str) -> str:

@@ -38,7 +38,8 @@ class Signals:
     temperatures of the gyro. What stages produce: `sensed_rate_dps`, the rate that the coil feels, in inertial space;
     `output_v`, the gyro's output as far as the chain has come; at the sampling stage `encoder_deg`, what the encoder
     states before it counts, and `thermistor_c`, what the thermistor states. Before its stage each is its ideal: the
-    table's rate, 0 V, the true angle, the housing's temperature.
+    table's rate, 0 V, the true angle, the housing's temperature. `coil_rate_c_per_s` is the time derivative of
+    `coil_c`; `auxiliary` holds what else was recorded, a supply's volts say, by the name of its channel.
     """
 
     interval_s: float
@@ -52,7 +53,9 @@ class Signals:
     output_v: FloatArray
     encoder_deg: FloatArray
     thermistor_c: FloatArray
+    coil_rate_c_per_s: FloatArray
     first_index: int = 0
+    auxiliary: Mapping[str, FloatArray] = field(default_factory=dict)
     memory: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
@@ -89,7 +92,6 @@ def gyro_baseline(parameters: GyroParameters, earth_dps: float, interval_s: floa
 
     The coil's temperature and the motion come true from the bench: their stages have nothing to do here.
     """
-    electronics = low_pass(parameters.cutoff_hz, parameters.order, interval_s)
 
     def sense(signals: Signals) -> Signals:
         return replace(signals, sensed_rate_dps=signals.rate_dps + earth_dps)
@@ -99,6 +101,11 @@ def gyro_baseline(parameters: GyroParameters, earth_dps: float, interval_s: floa
 
     def add_bias(signals: Signals) -> Signals:
         return replace(signals, output_v=signals.output_v + bias_v(parameters, signals.coil_c))
+
+    without_low_pass: Baseline = {"sensed_rate": sense, "scale": scale, "bias": add_bias}
+    if parameters.order == 0:
+        return without_low_pass
+    electronics = low_pass(parameters.cutoff_hz, parameters.order, interval_s)
 
     def smooth(signals: Signals) -> Signals:
         next_index, *kept = signals.memory.get("electronics", (-np.inf,))
@@ -110,4 +117,4 @@ def gyro_baseline(parameters: GyroParameters, earth_dps: float, interval_s: floa
         carried = np.array([signals.first_index + smoothed.size, *state])
         return replace(signals, output_v=smoothed, memory={**signals.memory, "electronics": carried})
 
-    return {"sensed_rate": sense, "scale": scale, "bias": add_bias, "electronics": smooth}
+    return {**without_low_pass, "electronics": smooth}

@@ -28,7 +28,7 @@ class GyroParameters:
 
     S agrees with what the published correction polynomial implies (0.00448 to 0.00452 rad per deg/s); g1 and g2 are the
     inverse of the published k(T) to first order. `arw_deg_per_sqrt_h` is the angle random walk N; N/60 is the two-sided
-    amplitude density of the rate noise in (deg/s)/√Hz.
+    amplitude density of the rate noise in (deg/s)/√Hz. `order` 0 is an output without low-pass.
     """
 
     K0_v_per_dps: float = 0.050
@@ -49,8 +49,8 @@ class GyroParameters:
     def __post_init__(self) -> None:
         if self.S_rad_per_dps <= 0.0:
             raise UsageError(f"S_rad_per_dps is {self.S_rad_per_dps}: give the Sagnac phase per rate, above 0")
-        if self.cutoff_hz <= 0.0 or self.order not in (1, 2):
-            raise UsageError(f"a low-pass of order {self.order} at {self.cutoff_hz} Hz: give order 1 or 2, above 0 Hz")
+        if self.cutoff_hz <= 0.0 or self.order not in (0, 1, 2):
+            raise UsageError(f"a low-pass of order {self.order} at {self.cutoff_hz} Hz: give order 0 to 2, above 0 Hz")
 
 
 def earth_rate_dps(latitude_deg: float) -> float:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import Any, Self
 
 from instruments.catalog import twin
+from instruments.physics.chain import Effect
 from instruments.simulated.clock import ScaledClock, VirtualClock
 from instruments.simulated.settings import WorldSettings
 from instruments.simulated.world import World
@@ -22,6 +24,8 @@ class SimulatedBench:
         Virtual for a campaign in this process, scaled wall time for other programs.
     rate_table, chamber, digitizer
         Models, as in bench.toml.
+    effects
+        Physics beside the baseline.
     options
         Further keywords of the twins, by instrument: a port, a pace.
     """
@@ -34,9 +38,10 @@ class SimulatedBench:
         rate_table: str,
         chamber: str,
         digitizer: str,
+        effects: Sequence[Effect] = (),
         options: dict[str, dict[str, Any]] | None = None,
     ) -> None:
-        self.world = World(clock, settings)
+        self.world = World(clock, settings, effects)
         self.clock = clock
         more = options or {}
         self.rate_table = twin("rate_table", rate_table)(self.world.table, **more.get("rate_table", {}))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,16 +23,29 @@ from instruments.simulated.timebase import Timebase
 _LONG_AGO_S = -100.0
 
 
+@dataclass(frozen=True, slots=True)
+class GyroTemperatures:
+    """Housing and coil [°C] and the time derivative of the coil's [°C/s], each of shape (n,)."""
+
+    housing_c: FloatArray
+    coil_c: FloatArray
+    coil_rate_c_per_s: FloatArray
+
+
 class ClimateChamber:
     """A `ChamberMachine`. Commands are acknowledged at once and act from the next whole second on.
 
-    Temperatures are exact at whole seconds and run straight in between, so that they do not depend on who asks when.
+    Temperatures and their derivatives are exact at whole seconds and run straight in between, so that they do not
+    depend on who asks when. Where `coil_is_housing` the gyro's coil is as warm as its housing.
     """
 
-    def __init__(self, timebase: Timebase, parameters: ChamberParameters, room_c: float) -> None:
+    def __init__(
+        self, timebase: Timebase, parameters: ChamberParameters, room_c: float, *, coil_is_housing: bool = False
+    ) -> None:
         self._timebase = timebase
         self._parameters = parameters
         self._room_c = room_c
+        self._coil_is_housing = coil_is_housing
         self._changes = [(_LONG_AGO_S, settled(parameters, room_c))]
 
     def air_c(self) -> float:
@@ -59,15 +72,22 @@ class ClimateChamber:
         """Conditioning on or off."""
         self._change(lambda state: switched(state, on))
 
-    def gyro_c(self, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Temperatures of the gyro's housing and coil at instants of shape (n,), in increasing order."""
+    def gyro(self, times_s: FloatArray) -> GyroTemperatures:
+        """The gyro's temperatures at instants of shape (n,), in increasing order."""
         with self._timebase.lock:
             first, last = math.floor(times_s[0]), math.ceil(times_s[-1])
             seconds = np.arange(first, max(last, first + 1) + 1, dtype=np.float64)
             states = [self._at(second) for second in seconds.tolist()]
         housing = np.array([state.housing_c for state in states])
-        coil = np.array([state.coil_c for state in states])
-        return np.interp(times_s, seconds, housing), np.interp(times_s, seconds, coil)
+        housing_c = np.interp(times_s, seconds, housing)
+        if self._coil_is_housing:
+            warmed = np.array([state.air_c + self._parameters.self_heating_c for state in states])
+            rates = (warmed - housing) / self._parameters.housing_lag_s
+            return GyroTemperatures(housing_c, housing_c, np.interp(times_s, seconds, rates))
+        coil_c = np.interp(times_s, seconds, np.array([state.coil_c for state in states]))
+        rate = housing_c - coil_c
+        rate *= 1.0 / self._parameters.coil_lag_s
+        return GyroTemperatures(housing_c, coil_c, rate)
 
     def _now(self) -> ChamberState:
         with self._timebase.lock:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass, replace
-from typing import Any, TypeVar, get_type_hints
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
+from types import UnionType
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from instruments.errors import UsageError
 from instruments.physics.chamber import ChamberParameters
 from instruments.physics.encoder import EncoderParameters
 from instruments.physics.gyro import GyroParameters
+from instruments.physics.response_gyro import ResponseParameters
 from instruments.physics.table import TableParameters
 
 _Settings = TypeVar("_Settings")
@@ -25,6 +27,7 @@ _LOWEST_CUTOFF_HZ = 0.2
 class WorldSettings:
     """The parts of the simulated bench and where it stands.
 
+    Where a `response` is given the gyro obeys it to the letter, in place of `gyro`.
     `thermistor_v_per_c` and `thermistor_offset_v` are the amplifier's scale: volts = slope·°C + offset. `grid_hz` is
     the internal rate at which the gyro's electronics are computed. The same `seed` gives the same noise.
     """
@@ -33,6 +36,7 @@ class WorldSettings:
     table: TableParameters = field(default_factory=TableParameters)
     encoder: EncoderParameters = field(default_factory=EncoderParameters)
     chamber: ChamberParameters = field(default_factory=ChamberParameters)
+    response: ResponseParameters | None = None
     latitude_deg: float = 58.5
     room_c: float = 23.0
     thermistor_v_per_c: float = 0.05
@@ -53,8 +57,6 @@ class WorldSettings:
             raise UsageError(f"latitude_deg is {self.latitude_deg}: give -90 to 90")
         if self.seed < 0:
             raise UsageError(f"seed is {self.seed}: give a whole number, 0 or more")
-        if self.seed < 0:
-            raise UsageError(f"seed is {self.seed}: give a whole number, 0 or more")
 
     @classmethod
     def from_mapping(cls, mapping: Mapping[str, Any], *, where: str = "simulated") -> WorldSettings:
@@ -62,7 +64,7 @@ class WorldSettings:
 
         An unknown field, or a value of the wrong type, is a `UsageError` that names it as `[where.table] field`.
         """
-        return _built(cls, mapping, where)
+        return built(cls, mapping, where)
 
     def drawn(self, seed: int) -> WorldSettings:
         """Another bench of the same make: new noise, the encoder mounted otherwise, the same coefficients."""
@@ -73,22 +75,36 @@ class WorldSettings:
         return replace(self, encoder=mounted, seed=seed)
 
 
-def _built(cls: type[_Settings], mapping: Mapping[str, Any], where: str) -> _Settings:
+def built(cls: type[_Settings], mapping: Mapping[str, Any], where: str) -> _Settings:
+    """A dataclass of numbers, tuples of numbers and such dataclasses from what TOML gives.
+
+    An unknown or missing field, or a value of the wrong type, is a `UsageError` that names it as `[where] field`.
+    """
     types = get_type_hints(cls)
-    known = [item.name for item in fields(cls)]  # type: ignore[arg-type]  # no bound says "a dataclass"
+    items = fields(cls)  # type: ignore[arg-type]  # no bound says "a dataclass"
+    known = [item.name for item in items]
     values = {}
     for name, value in mapping.items():
         if name not in known:
             raise UsageError(f"[{where}] {name}: no such field; there are {', '.join(known)}")
         values[name] = _checked(types[name], value, where, name)
+    for item in items:
+        if item.default is MISSING and item.default_factory is MISSING and item.name not in values:
+            raise UsageError(f"[{where}] {item.name}: this field is needed and is not there")
     return cls(**values)
 
 
-def _checked(wanted: type[Any], value: object, where: str, name: str) -> object:
-    if is_dataclass(wanted):
+def _checked(wanted: Any, value: object, where: str, name: str) -> object:
+    if isinstance(wanted, UnionType):  # X | None: what is given is an X
+        wanted = get_args(wanted)[0]
+    if get_origin(wanted) is tuple:
+        if not isinstance(value, list | tuple):
+            raise UsageError(f"[{where}] {name}: expected a list of numbers, got {value!r}")
+        return tuple(_checked(float, entry, where, name) for entry in value)
+    if isinstance(wanted, type) and is_dataclass(wanted):
         if not isinstance(value, Mapping):
             raise UsageError(f"[{where}] {name}: expected a table [{where}.{name}], got {value!r}")
-        return _built(wanted, value, f"{where}.{name}")
+        return built(wanted, value, f"{where}.{name}")
     accepted = (int,) if wanted is int else (int, float)
     if isinstance(value, bool) or not isinstance(value, accepted) or not math.isfinite(value):
         expected = "a whole number" if wanted is int else "a finite number"

@@ -1,7 +1,8 @@
 """What the digitizer's terminals see: the encoder's count, the gyro's volts and its thermistor's, at even intervals.
 
 Up to the gyro's electronics the chain runs on the internal grid; scans are interpolated from it (angle by a cubic
-through angles and rates, volts straight) and get the sensor's noise.
+through angles and rates, volts straight) and get the sensor's noise. Where encoder and gyro have two clocks the gyro's
+volts are those of its own instants, all else of the encoder's.
 """
 
 from __future__ import annotations
@@ -14,19 +15,22 @@ import numpy as np
 
 from instruments.errors import UsageError
 from instruments.interfaces import FloatArray, IntArray
-from instruments.physics.chain import GRID_STAGES, Effect, Signals, gyro_baseline, run_chain
+from instruments.physics.chain import GRID_STAGES, Effect, Signals, run_chain
+from instruments.physics.effects.kinds import ClockEffect, FilterEffect
 from instruments.physics.encoder import encoder_angle_deg, quadrature_count
-from instruments.physics.gyro import earth_rate_dps, white_deviation_v
 from instruments.physics.noise import RandomWalk, WhiteNoise
 from instruments.simulated.axis import TableAxis
 from instruments.simulated.climate import ClimateChamber
+from instruments.simulated.sensor import Sensor
 from instruments.simulated.settings import WorldSettings
 from instruments.simulated.timebase import Timebase
+from instruments.simulated.two_clocks import TwoClocks
 
 _BLOCK = 32_768
 """Instants of the grid that are computed at once: few enough to stay in the processor's cache."""
 
-_WARM_UP_TIME_CONSTANTS = 40.0
+_LONGEST_WARM_UP_S = 60.0
+"""Filters that remember longer start from the best that is known so long before."""
 
 _EARLY_S = 2e-9
 """How much ahead of the clock a scan may lie: the rounding of instants that are days away."""
@@ -54,25 +58,26 @@ class Terminals:
         self,
         timebase: Timebase,
         settings: WorldSettings,
+        sensor: Sensor,
         axis: TableAxis,
         climate: ClimateChamber,
         effects: Sequence[Effect] = (),
     ) -> None:
         self._timebase = timebase
         self._settings = settings
+        self._sensor = sensor
         self._axis = axis
         self._climate = climate
         self._effects = tuple(effects)
-        earth_dps = earth_rate_dps(settings.latitude_deg)
-        self._baseline = {
-            **gyro_baseline(settings.gyro, earth_dps, 1.0 / timebase.grid_hz),
-            "sampling": self._with_noise,
-        }
-        forgetting_s = _WARM_UP_TIME_CONSTANTS / (math.sqrt(0.5) * 2.0 * math.pi * settings.gyro.cutoff_hz)
-        self._warm_up = math.ceil(forgetting_s * timebase.grid_hz)
+        self._baseline = {**sensor.baseline, "sampling": self._with_noise}
+        clocks = [effect for effect in effects if isinstance(effect, ClockEffect)]
+        self._clocks = TwoClocks(clocks) if clocks else None
+        filters_s = [effect.memory_s for effect in effects if isinstance(effect, FilterEffect)]
+        self._warm_up_s = max(sensor.memory_s, min(sum(filters_s), _LONGEST_WARM_UP_S))
+        self._warm_up = math.ceil(self._warm_up_s * timebase.grid_hz)
         white, walk, thermistor = np.random.SeedSequence(settings.seed).spawn(3)
         self._white = WhiteNoise(white)
-        self._walk = RandomWalk(walk, settings.gyro.bias_walk_v_per_sqrt_s)
+        self._walk = RandomWalk(walk, sensor.walk_v_per_sqrt_s)
         self._thermistor = WhiteNoise(thermistor)
         self._grid: _Stretch | None = None
         self._scanned = 0
@@ -97,6 +102,7 @@ class Terminals:
         gyro_v, thermistor_v = np.empty(scans), np.empty(scans)
         with self._timebase.lock:
             self._refuse(first_s, interval_s, scans)
+            self._timebase.reach_s = self._reach_s(first_s)
             block = max(1, int(_BLOCK / (interval_s * self._timebase.grid_hz)))
             for low in range(0, scans, block):
                 part = slice(low, min(low + block, scans))
@@ -120,31 +126,47 @@ class Terminals:
         if last_s > now + _EARLY_S:
             raise UsageError(f"cannot sample at {last_s:.6f} s: it is {now:.6f} s, wait until then")
 
+    def _reach_s(self, stamp_s: float) -> float:
+        """How much further back than the horizon of memory the gyro's instants and the filters' start may lie."""
+        return self._warm_up_s + (0.0 if self._clocks is None else self._clocks.reach_s(stamp_s))
+
     def _at_scans(self, times_s: FloatArray, interval_s: float) -> Signals:
         """The chain up to the electronics, interpolated to the instants of scans."""
-        position = times_s * self._timebase.grid_hz
+        encoder_s = gyro_s = times_s
+        if self._clocks is not None:
+            encoder_s, gyro_s = self._clocks.instants(times_s, interval_s)
+        position = gyro_s * self._timebase.grid_hz
         last = math.ceil(position[-1] - _ROUNDING)
         grid = self._computed(min(math.floor(position[0]), last - 1), last)
-        low = np.minimum(position.astype(np.int64), last - 1)
+        low = np.minimum(np.floor(position).astype(np.int64), last - 1)
         share = position - low
         low -= grid.first
         left, right = grid.columns[:, low], grid.columns[:, low + 1]
         straight = left + (right - left) * share
-        housing_c, coil_c = self._climate.gyro_c(times_s)
-        angle = _cubic(left, right, share, 1.0 / self._timebase.grid_hz)
+        gyro = self._climate.gyro(encoder_s)
+        if self._clocks is None:
+            angle, rate, acceleration = (
+                _cubic(left, right, share, 1.0 / self._timebase.grid_hz),
+                straight[1],
+                straight[2],
+            )
+        else:
+            motion = self._axis.at(encoder_s)
+            angle, rate, acceleration = motion.angle_deg, motion.rate_dps, motion.acceleration_dps2
         return Signals(
             first_index=self._scanned,
             interval_s=interval_s,
             time_s=times_s,
             angle_deg=angle,
-            rate_dps=straight[1],
-            acceleration_dps2=straight[2],
-            housing_c=housing_c,
-            coil_c=coil_c,
+            rate_dps=rate,
+            acceleration_dps2=acceleration,
+            housing_c=gyro.housing_c,
+            coil_c=gyro.coil_c,
+            coil_rate_c_per_s=gyro.coil_rate_c_per_s,
             sensed_rate_dps=straight[3],
             output_v=straight[4],
             encoder_deg=angle,
-            thermistor_c=housing_c,
+            thermistor_c=gyro.housing_c,
             memory=self._memory,
         )
 
@@ -172,7 +194,7 @@ class Terminals:
         """The true motion and temperatures, before any stage."""
         times_s = np.arange(start, last + 1) / self._timebase.grid_hz
         motion = self._axis.at(times_s)
-        housing_c, coil_c = self._climate.gyro_c(times_s)
+        gyro = self._climate.gyro(times_s)
         return Signals(
             first_index=start,
             interval_s=1.0 / self._timebase.grid_hz,
@@ -180,23 +202,23 @@ class Terminals:
             angle_deg=motion.angle_deg,
             rate_dps=motion.rate_dps,
             acceleration_dps2=motion.acceleration_dps2,
-            housing_c=housing_c,
-            coil_c=coil_c,
+            housing_c=gyro.housing_c,
+            coil_c=gyro.coil_c,
+            coil_rate_c_per_s=gyro.coil_rate_c_per_s,
             sensed_rate_dps=motion.rate_dps,
             output_v=np.zeros_like(times_s),
             encoder_deg=motion.angle_deg,
-            thermistor_c=housing_c,
+            thermistor_c=gyro.housing_c,
             memory=self._memory,
         )
 
     def _with_noise(self, signals: Signals) -> Signals:
         """The baseline of the sampling stage: encoder, thermistor, noise and the output's limit."""
-        gyro = self._settings.gyro
         scans = signals.time_s.size
-        volts = signals.output_v + self._white.draw(scans, white_deviation_v(gyro, 1.0 / signals.interval_s))
+        volts = signals.output_v + self._white.draw(scans, self._sensor.white_v(signals.interval_s))
         # two readers may each look at the clock before either samples: the later one then finds the bias as it is
         volts += self._walk.at(np.maximum(signals.time_s, self._walk.last_s))
-        np.clip(volts, -gyro.output_limit_v, gyro.output_limit_v, out=volts)
+        np.clip(volts, -self._sensor.output_limit_v, self._sensor.output_limit_v, out=volts)
         warm = self._thermistor.draw(scans, self._settings.chamber.thermistor_noise_c)
         return replace(
             signals,

@@ -15,7 +15,8 @@ class Timebase:
     """Bench time on a grid of `grid_hz`; sample k of the grid lies at k / grid_hz.
 
     Demands take effect at the next instant of the grid, so that nothing which was already computed up to there changes.
-    Whoever reads or changes the bench holds `lock`.
+    Whoever reads or changes the bench holds `lock`. `reach_s` is how much further back than `MARGIN_S` the terminals
+    may have to look.
     """
 
     def __init__(self, clock: BenchClock, grid_hz: float) -> None:
@@ -23,6 +24,7 @@ class Timebase:
         self.grid_hz = grid_hz
         self.lock = threading.RLock()
         self.held_since_s: float | None = None
+        self.reach_s = 0.0
 
     def now(self) -> float:
         """Bench time [s]."""
@@ -36,4 +38,4 @@ class Timebase:
         """Nobody will ask for anything before this instant [s]."""
         now = self.now()
         held = now if self.held_since_s is None else min(self.held_since_s, now)
-        return held - MARGIN_S
+        return held - MARGIN_S - self.reach_s

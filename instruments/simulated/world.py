@@ -9,6 +9,7 @@ from instruments.simulated.axis import TableAxis
 from instruments.simulated.climate import ClimateChamber
 from instruments.simulated.clock import BenchClock
 from instruments.simulated.machines import AnalogInputs, ChamberMachine, TableMachine
+from instruments.simulated.sensor import sensor_of
 from instruments.simulated.settings import WorldSettings
 from instruments.simulated.terminals import Terminals
 from instruments.simulated.timebase import Timebase
@@ -38,7 +39,10 @@ class World:
         self.settings = settings or WorldSettings()
         timebase = Timebase(clock, self.settings.grid_hz)
         axis = TableAxis(timebase, self.settings.table)
-        climate = ClimateChamber(timebase, self.settings.chamber, self.settings.room_c)
+        sensor = sensor_of(self.settings)
+        climate = ClimateChamber(
+            timebase, self.settings.chamber, self.settings.room_c, coil_is_housing=sensor.coil_is_housing
+        )
         self.table: TableMachine = axis
         self.chamber: ChamberMachine = climate
-        self.inputs: AnalogInputs = Terminals(timebase, self.settings, axis, climate, effects)
+        self.inputs: AnalogInputs = Terminals(timebase, self.settings, sensor, axis, climate, effects)

@@ -70,3 +70,21 @@ def test_a_folder_is_no_bench(tmp_path: Path) -> None:
 def test_a_seed_replaces_that_of_the_file() -> None:
     assert load_bench("simulated").with_seed(7).physics["seed"] == 7
     assert load_bench("simulated").with_seed(None).physics["seed"] == 1
+
+
+def test_effects_of_a_bench_are_checked_when_it_is_read(tmp_path: Path) -> None:
+    path = _written(tmp_path, "[physics]", "[effects.thermal_lag]\ntau_s = 312.0\n[physics]")
+    assert load_bench(path).effects == {"thermal_lag": {"tau_s": 312.0}}
+    path = _written(tmp_path, "[physics]", "[effects.thermal_lag]\ntau = 312.0\n[physics]")
+    with pytest.raises(UsageError, match=r"bench\.toml, \[effects\.thermal_lag\] tau: no such field; there are tau_s$"):
+        load_bench(path)
+
+
+def test_a_real_bench_plays_no_effects(tmp_path: Path) -> None:
+    text = template().replace("simulated = true", "simulated = false")
+    text = text.replace("# address", "address").replace('address = "serial', '# address = "serial')
+    (tmp_path / "real.toml").write_text(text, encoding="utf-8")
+    assert not load_bench(str(tmp_path / "real.toml")).simulated
+    (tmp_path / "real.toml").write_text(f"{text}\n[effects.clock_drift]\nppm = 3.0\n", encoding="utf-8")
+    with pytest.raises(UsageError, match=r"\[effects\] is played by simulated instruments only"):
+        load_bench(str(tmp_path / "real.toml"))

@@ -6,7 +6,8 @@ import sys
 import pytest
 
 VERBS = (
-    "check", "export", "fit", "import", "init", "paper", "procedures", "run", "show", "sim", "simulate", "verify",
+    "check", "compare", "diagnose", "export", "fit", "import", "init", "paper", "procedures", "prove",
+    "run", "show", "sim", "simulate", "verify",
 )  # fmt: skip
 
 

@@ -108,6 +108,11 @@ def test_thousands_stand_apart():
         ("1/degC**2", "1/°C²"),
         ("arcsec", "″"),
         ("V", "V"),
+        ("1", ""),
+        ("degree s-1", "°/s"),
+        ("degree s-2", "°/s²"),
+        ("V (degree/s)-2", "V (°/s)⁻²"),
+        ("degC-1", "°C⁻¹"),
     ],
 )
 def test_units_are_printed_in_symbols(unit, expected):

@@ -39,6 +39,7 @@ def made(first: int, count: int, interval_s: float = INTERVAL) -> Signals:
         output_v=np.zeros(count),
         encoder_deg=angle,
         thermistor_c=coil,
+        coil_rate_c_per_s=np.full(count, 5.0),
     )
 
 

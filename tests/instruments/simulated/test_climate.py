@@ -36,8 +36,8 @@ def test_the_air_follows_the_ramp_and_the_gyro_follows_the_air() -> None:
     assert climate.air_c() == pytest.approx(20.0 + 40.0 - 2.0, abs=1e-6)
     assert climate.power_percent() > 0.0
     clock.sleep(20_000.0)
-    housing, coil = climate.gyro_c(np.array([clock.now()]))
-    assert (climate.air_c(), housing[0], coil[0]) == pytest.approx((80.0, 80.0, 80.0), abs=1e-6)
+    gyro = climate.gyro(np.array([clock.now()]))
+    assert (climate.air_c(), gyro.housing_c[0], gyro.coil_c[0]) == pytest.approx((80.0, 80.0, 80.0), abs=1e-6)
 
 
 def test_a_set_point_that_changes_on_the_way_is_followed_from_there() -> None:
@@ -74,11 +74,11 @@ def test_temperatures_do_not_depend_on_who_asks_when() -> None:
             clock.sleep(7.3)
             if climate is asked[2]:
                 climate.air_c()
-                climate.gyro_c(np.array([clock.now() - 0.01, clock.now()]))
+                climate.gyro(np.array([clock.now() - 0.01, clock.now()]))
         climate.set_setpoint(10.0)
         clock.sleep(1000.0)
     times = asked[0].now() - np.array([30.0, 12.3, 0.0])
-    np.testing.assert_array_equal(asked[2].gyro_c(times), unasked[2].gyro_c(times))
+    np.testing.assert_array_equal(asked[2].gyro(times).coil_c, unasked[2].gyro(times).coil_c)
 
 
 def test_thirty_hours_cost_milliseconds() -> None:
@@ -99,4 +99,19 @@ def test_temperatures_that_were_not_held_are_forgotten_and_said_to_be() -> None:
         climate.run(False)
         clock.sleep(1000.0)
     with pytest.raises(UsageError, match=r"temperatures at 5\.000 s are forgotten"):
-        climate.gyro_c(np.array([5.0]))
+        climate.gyro(np.array([5.0]))
+
+
+@pytest.mark.parametrize("coil_is_housing", [False, True])
+def test_the_coils_derivative_is_that_of_its_temperature(coil_is_housing: bool) -> None:
+    clock = VirtualClock()
+    parameters = ChamberParameters(self_heating_c=4.0)
+    climate = ClimateChamber(Timebase(clock, 2000.0), parameters, 20.0, coil_is_housing=coil_is_housing)
+    climate.set_setpoint(60.0)
+    climate.run(True)
+    clock.sleep(900.0)
+    gyro = climate.gyro(np.array([299.0, 300.0, 301.0, 899.5]))
+    assert (gyro.coil_c == gyro.housing_c).all() == coil_is_housing
+    central = (gyro.coil_c[2] - gyro.coil_c[0]) / 2.0
+    assert central > 1e-3
+    assert gyro.coil_rate_c_per_s[1] == pytest.approx(central, rel=1e-4)

@@ -22,6 +22,14 @@ def test_what_is_not_named_keeps_its_default() -> None:
     assert isinstance(settings.room_c, float)
 
 
+def test_a_response_may_stand_in_place_of_the_gyro() -> None:
+    lab = {"K0_v_per_dps": 0.02, "U0_v": 0, "T0_c": 20.0, "k_T": [1e-4], "k_omega": [], "noise_v_rms": 1e-4}
+    settings = WorldSettings.from_mapping({"response": {**lab, "output_limit_v": 5}})
+    assert settings.response is not None
+    assert (settings.response.k_T, settings.response.k_omega, settings.response.U0_v) == ((1e-4,), (), 0.0)
+    assert WorldSettings().response is None
+
+
 @pytest.mark.parametrize(
     ("mapping", "message"),
     [
@@ -35,6 +43,10 @@ def test_what_is_not_named_keeps_its_default() -> None:
         ({"grid_hz": 500}, "at least four times the gyro's cutoff_hz"),
         ({"latitude_deg": 91}, "latitude_deg is 91"),
         ({"seed": -1}, "seed is -1: give a whole number, 0 or more"),
+        ({"response": {"K0_v_per_dps": 1.0}}, r"^\[simulated\.response\] U0_v: this field is needed and is not there"),
+        ({"response": {"k_T": 1.0}}, r"^\[simulated\.response\] k_T: expected a list of numbers, got 1\.0"),
+        ({"response": {"k_T": [1e-4, "b"]}}, r"^\[simulated\.response\] k_T: expected a finite number, got 'b'"),
+        ({"response": 7}, r"^\[simulated\] response: expected a table \[simulated\.response\], got 7"),
         ({"gyro": {"cutoff_hz": 0.05}}, "the gyro's cutoff_hz is 0.05: the simulated bench needs 0.2 or more"),
     ],
 )

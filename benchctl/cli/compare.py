@@ -1,0 +1,47 @@
+"""`benchctl compare`: where a recording and its simulations part."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from benchctl.cli.output import JsonOption, QuietOption, result_of
+
+
+def compare(
+    simulated: Annotated[Path, typer.Argument(help="A simulated recording; alone: a recording that names its model.")],
+    real: Annotated[Path | None, typer.Argument(help="A recording of the same procedure.")] = None,
+    model: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Another model beside the recording's, of a diagnosis say.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="For the report; default: by the recording.")
+    ] = None,
+    json_to: JsonOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Say step by step, and along rate, temperature and time, how far a recording is from its simulations.
+
+    Writes `comparison.html`; with --quiet and --json, without --out, only the JSON.
+
+    Example: `benchctl compare recording.h5 --model recording.diagnosis/model.toml`
+    """
+    from benchctl.cli.places import report_folder
+    from benchctl.reports import comparing
+    from instruments.errors import UsageError
+
+    with result_of("compare", json_to, quiet) as result:
+        folder = report_folder(real or simulated, out, json_to, quiet)
+        if real is None:
+            compared = comparing.compare_with_models(simulated, model)
+        elif model is None:
+            compared = comparing.compare_recordings(simulated, real)
+        else:
+            raise UsageError("compare takes two recordings, or one and --model FILE; name one of them")
+        result.values |= comparing.values(compared)
+        result.say(comparing.table(compared))
+        if folder is not None:
+            result.values["report"] = comparing.write_compared(compared, folder)
+            result.say(f"report: {result.values['report']}")

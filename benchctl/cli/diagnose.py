@@ -1,0 +1,80 @@
+"""`benchctl diagnose`: what physics the model leaves out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from benchctl.cli.output import JsonOption, QuietOption, result_of
+
+if TYPE_CHECKING:
+    from benchctl.reports.diagnosing import Diagnosed
+
+
+def diagnose(
+    recordings: Annotated[
+        list[Path], typer.Argument(help="Recordings of one unit: files, campaigns' folders, or open recordings'.")
+    ],
+    model: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The lab's model; default: the one that the recording names.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="For the report and the corrected model; default: by the recording."),
+    ] = None,
+    following: Annotated[
+        Path | None, typer.Option("--next", metavar="FILE.py", help="Write the next experiment, for benchctl run.")
+    ] = None,
+    settle: Annotated[
+        bool,
+        typer.Option("--settle", help="Run the next experiment on the simulated bench, and diagnose both jointly."),
+    ] = False,
+    bench: Annotated[
+        str | None, typer.Option("--bench", metavar="BENCH", help="For --settle; default: the recording's own.")
+    ] = None,
+    part: Annotated[Literal["gyro", "drive", "chamber"], typer.Option(help="The part of the bench.")] = "gyro",
+    seed: Annotated[int, typer.Option(min=0, help="Draws the recordings with nothing missing, for comparison.")] = 0,
+    json_to: JsonOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Say where model and recording part, what physics is missing, how sure that is, and what to run next.
+
+    Writes `diagnosis.html`, and `model.toml` for `benchctl simulate --model`; with --quiet and --json, without --out,
+    only the JSON.
+
+    Example: `benchctl diagnose results/20261120-180000_diagnostic_SIM-0001`
+    """
+    from benchctl.cli.live import search_progress
+    from benchctl.cli.places import report_folder
+    from benchctl.cli.settling import bench_of, refuse_other_files, run_next, write_next
+    from benchctl.recordings.verify import refuse_changed
+    from benchctl.reports.diagnosing import diagnose_recordings, write_diagnosed
+    from benchctl.reports.diagnosis_lines import lines
+
+    with result_of("diagnose", json_to, quiet) as result:
+        if following is not None:
+            refuse_other_files(following)
+        folder = report_folder(recordings[0], out, json_to, quiet)
+        for path in recordings:
+            refuse_changed(path, "diagnosed")
+        stands = bench_of(recordings[0], bench) if settle else None
+
+        def search(paths: list[Path]) -> Diagnosed:
+            with search_progress(quiet) as progress:
+                return diagnose_recordings(paths, model=model, part=part, seed=seed, progress=progress)
+
+        found = search(recordings)
+        if stands is not None and found.diagnosis.next_experiment.procedure:
+            ran = run_next(found.diagnosis.next_experiment, stands, quiet=quiet)
+            result.say(f"next experiment run: {ran}")
+            found = search([*recordings, ran])
+        result.values |= found.diagnosis.as_json()
+        for line in lines(found.diagnosis, found.unit):
+            result.say(line)
+        if following is not None:
+            result.say(write_next(following, found.diagnosis))
+        if folder is not None:
+            for name, path in write_diagnosed(found, folder).items():
+                result.say(f"{name}: {path}")

@@ -1,0 +1,80 @@
+"""The next experiment of a diagnosis: written down for `benchctl run`, or run at once on the simulated bench."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from benchctl.cli.campaigns import new_folder, play
+from benchctl.plan import Plan
+from benchctl.plan.find import find_procedure
+from benchctl.plan.written import as_texts, plan_source
+from instruments.errors import UsageError
+
+if TYPE_CHECKING:
+    from benchctl.bench import Bench
+    from benchctl.diagnosis.result import Diagnosis, NextExperiment
+
+
+def bench_of(recording: Path, named: str | None) -> Bench:
+    """The simulated bench of that name; without one that which the recording was made on.
+
+    Raises `UsageError` where it is not a simulated one: on hardware an experiment is started by `benchctl run`.
+    """
+    from benchctl.bench import load_bench
+
+    bench = _recorded_on(recording) if named is None else load_bench(named)
+    if not bench.simulated:
+        raise UsageError(
+            f"--settle: {bench.name} is no simulated bench; write the experiment with --next FILE.py, look at it with "
+            "benchctl check, and start it with benchctl run"
+        )
+    return bench
+
+
+def run_next(following: NextExperiment, bench: Bench, *, quiet: bool) -> Path:
+    """Run the experiment and return its recording; raises what ended it early."""
+    plan = _plan(following)
+    outcome = play(plan, bench, new_folder(plan.procedure, bench.unit.serial), quiet=quiet, wires=False)
+    if outcome.error is not None:
+        raise outcome.error
+    return outcome.recording
+
+
+def refuse_other_files(path: Path) -> None:
+    """Raise `UsageError` where no procedure could be read from a file of that name."""
+    if path.suffix != ".py":
+        raise UsageError(f"--next {path}: a procedure's file ends in .py, name it so")
+
+
+def write_next(path: Path, diagnosis: Diagnosis) -> str:
+    """Write the experiment as a procedure's file; what to do with it, in a line."""
+    from benchctl.recordings.atomic import whole_file
+
+    following = diagnosis.next_experiment
+    if not following.procedure:
+        return f"nothing is left open: {path} is not written"
+    with whole_file(path) as temporary:
+        temporary.write_text(plan_source(_plan(following), following.says), encoding="utf-8")
+    return f"next experiment: benchctl run {path} --bench bench.toml"
+
+
+def _plan(following: NextExperiment) -> Plan:
+    return find_procedure(following.procedure).expand(as_texts(following.parameters))
+
+
+def _recorded_on(path: Path) -> Bench:
+    from benchctl.bench import Bench
+    from benchctl.recordings.reader import open_recording
+    from benchctl.toml_file import parse_toml
+
+    with open_recording(path) as recording:
+        told = recording.meta.provenance
+    if not told.get("bench_physics"):
+        raise UsageError(
+            f"--settle: {path} was not made by a simulated bench; name one that stands for it with --bench"
+        )
+    bench = parse_toml(told["bench_toml"], Bench, f"bench.toml of {path}")
+    obeyed = {name: json.loads(told.get(f"bench_{name}") or "{}") for name in ("physics", "effects")}
+    return bench.model_copy(update={**obeyed, "text": told["bench_toml"]})

@@ -1,0 +1,73 @@
+"""A terminal on stderr to draw progress on, which may go away without ending the work."""
+
+from __future__ import annotations
+
+import io
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import IO, cast
+
+from benchctl.cli.output import let_go
+
+REDRAW_S = 0.1
+
+Draw = Callable[[str, float, str], None]
+"""Called with what is being done, the share that is done, and a remark behind the bar."""
+
+
+class _Terminal(io.TextIOBase):
+    """stderr; its window may be closed or its connection lost."""
+
+    def __init__(self) -> None:
+        self._stream = sys.stderr  # as it is now: while bars are drawn, rich puts itself in its place
+
+    @property
+    def encoding(self) -> str:  # type: ignore[override]  # an attribute there, which io gives no way to set
+        return self._stream.encoding
+
+    def write(self, text: str) -> int:
+        try:
+            return self._stream.write(text)
+        except OSError:
+            let_go(self._stream)
+            return len(text)
+
+    def flush(self) -> None:
+        try:
+            self._stream.flush()
+        except OSError:
+            let_go(self._stream)
+
+    def fileno(self) -> int:
+        return self._stream.fileno()
+
+    def isatty(self) -> bool:
+        return True
+
+
+@contextmanager
+def progress_bar(beginning: str, quiet: bool) -> Iterator[Draw | None]:
+    """A bar on stderr, redrawn a few times a second; None where nobody would see it."""
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn
+    from rich.progress import Progress as Bars
+
+    columns = (TextColumn("{task.description}"), BarColumn(bar_width=20), TextColumn("{task.fields[now]}"))
+    with Bars(*columns, console=Console(file=cast("IO[str]", _Terminal())), transient=True, auto_refresh=False) as bars:
+        task = bars.add_task(beginning, total=1.0, now="")
+        drawn_s = 0.0
+
+        def draw(doing: str, share: float, now: str) -> None:
+            nonlocal drawn_s
+            if time.monotonic() - drawn_s < REDRAW_S:
+                return
+            drawn_s = time.monotonic()
+            bars.update(task, completed=share, description=doing, now=now)
+            bars.refresh()
+
+        yield draw

@@ -1,0 +1,293 @@
+"""A joint fit: the lab's own parameters and those of every effect in the model at once, by Gauss and Newton.
+
+All that a fit needs of the rows, it keeps per step: the products of the whitened derivatives with each other and with
+the residual. Fits that leave steps out, and what they predict for those, then cost no look at the data.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.diagnosis.noise import Whitener
+from benchctl.diagnosis.problem import Problem
+from instruments.physics.effects.effect import DescribedEffect, Parameter
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+_MOST_ROUNDS = 12
+_CLOSE = 0.02
+"""Rounds end when twice the log likelihood is expected to gain less."""
+_RIDGE = 1e-10
+_NUDGE = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Free:
+    """One number that is fitted: a parameter of the baseline (`effect` is None) or of the effect at a place."""
+
+    name: str
+    effect: int | None
+    parameter: Parameter | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Point:
+    """A model: the baseline's parameters, shape (p,), and effects."""
+
+    baseline: FloatArray
+    effects: tuple[DescribedEffect, ...] = ()
+
+    def free(self, names: Sequence[str]) -> list[Free]:
+        """Everything that can be fitted at this point; `names` are those of the baseline."""
+        numbers = [Free(name, None, None) for name in names]
+        for place, effect in enumerate(self.effects):
+            numbers += [
+                Free(name, place, parameter)
+                for name, parameter in effect.parameters.items()
+                if parameter.role != "choice"
+            ]
+        return numbers
+
+    def value(self, number: Free, index: int) -> float:
+        """The present value of a free number, in the scale in which it is moved."""
+        if number.effect is None:
+            return float(self.baseline[index])
+        value = float(getattr(self.effects[number.effect], number.name))
+        return math.log(value) if _in_logarithms(number) else value
+
+    def moved(self, numbers: Sequence[Free], values: FloatArray) -> Point:
+        """The model with its free numbers at other values, each kept within its bounds."""
+        baseline = self.baseline.copy()
+        effects = list(self.effects)
+        for index, (number, value) in enumerate(zip(numbers, values.tolist(), strict=True)):
+            if number.effect is None:
+                baseline[index] = value
+            else:
+                effects[number.effect] = replace(  # type: ignore[type-var]  # every effect is a dataclass
+                    effects[number.effect], **{number.name: _bounded(number, value)}
+                )
+        return Point(baseline=baseline, effects=tuple(effects))
+
+
+def _in_logarithms(number: Free) -> bool:
+    return number.parameter is not None and number.parameter.logarithmic
+
+
+def _bounded(number: Free, value: float) -> float:
+    parameter = number.parameter
+    if parameter is None:
+        return value
+    if parameter.role == "phase":
+        return value % 360.0
+    if parameter.logarithmic:
+        value = math.exp(min(value, 700.0))
+    return min(max(value, parameter.low), parameter.high)
+
+
+@dataclass(frozen=True, slots=False, kw_only=True)
+class Products:
+    """Sums over each step's rows: information (m, p, p), gradient (m, p), squares (m,) and rows that count (m,)."""
+
+    information: FloatArray
+    gradient: FloatArray
+    squares: FloatArray
+    rows: FloatArray
+
+    def of(self, steps: BoolArray) -> tuple[FloatArray, FloatArray, float, float]:
+        """Their sums over some steps, given as a mask of shape (m,)."""
+        return (
+            self.information[steps].sum(axis=0),
+            self.gradient[steps].sum(axis=0),
+            float(self.squares[steps].sum()),
+            float(self.rows[steps].sum()),
+        )
+
+    def left_out(self, fitted: BoolArray, judged: BoolArray) -> float:
+        """Squares of the judged steps under parameters moved to the best of the fitted ones."""
+        information, gradient, _, _ = self.of(fitted)
+        move = solve(information, gradient)
+        information, gradient, squares, _ = self.of(judged)
+        return squares - 2 * float(move @ gradient) + float(move @ information @ move)
+
+
+def solve(information: FloatArray, gradient: FloatArray) -> FloatArray:
+    """The step information⁻¹·gradient; directions that the data do not have stay where they are."""
+    return inverse(information) @ gradient
+
+
+def inverse(information: FloatArray) -> FloatArray:
+    """The covariance: the inverse in units in which the diagonal is one, without the directions that are not seen."""
+    size = np.sqrt(np.maximum(np.diag(information), 0.0))
+    seen = size > 0.0
+    scale = np.where(seen, 1.0 / np.where(seen, size, 1.0), 0.0)
+    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    kept = values > _RIDGE * max(float(values[-1]), 1e-300)
+    inverted = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
+    return np.asarray(inverted * np.outer(scale, scale))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit:
+    """A fitted model. `residual` (n,) is measured less predicted; `white` the same, whitened.
+
+    `raw_derivatives` (n, p) are those of the prediction by `numbers`, in the scale in which these are moved;
+    `derivatives` the same, whitened.
+    """
+
+    point: Point
+    numbers: tuple[Free, ...]
+    predicted: FloatArray
+    residual: FloatArray
+    white: FloatArray
+    raw_derivatives: FloatArray
+    derivatives: FloatArray
+    products: Products
+    fitted: BoolArray
+
+    @cached_property
+    def squares(self) -> float:
+        """The sum of squares over the fitted steps."""
+        return float(self.products.squares[self.fitted].sum())
+
+    @cached_property
+    def rows(self) -> float:
+        """How many rows the fitted steps have."""
+        return float(self.products.rows[self.fitted].sum())
+
+    @property
+    def deviation(self) -> float:
+        """Deviation of an innovation: root of the mean square over the fitted rows."""
+        return math.sqrt(self.squares / max(self.rows - len(self.numbers), 1.0))
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """Covariance of the free numbers, shape (p, p)."""
+        information, _, _, _ = self.products.of(self.fitted)
+        return np.asarray(inverse(information) * self.deviation**2)
+
+
+def fit(problem: Problem, whitener: Whitener, start: Point, fitted: BoolArray, *, rounds: int = _MOST_ROUNDS) -> Fit:
+    """Fit a model's numbers, from where they are, to some steps (a mask of shape (m,) over the problem's steps).
+
+    Levenberg and Marquardt's damping only where a whole step does not go down.
+    """
+    numbers = tuple(start.free(problem.baseline_names))
+    point = start
+    predicted = problem.predict(point.baseline, point.effects)
+    white = whitener(problem.measured - predicted)
+    squares = _squares(problem, white, fitted)
+    damping = 0.0
+    linear = _linearised(problem, whitener, point, numbers, predicted, white)
+    for _ in range(rounds):
+        information, gradient, total, rows = linear[2].of(fitted)
+        values = np.array([point.value(number, i) for i, number in enumerate(numbers)])
+        damped = information + damping * np.diag(np.diag(information))
+        step = solve(damped, gradient)
+        variance = max(total / max(rows, 1.0), 1e-300)
+        trial = point.moved(numbers, values + step)
+        trial_predicted = problem.predict(trial.baseline, trial.effects)
+        trial_white = whitener(problem.measured - trial_predicted)
+        trial_squares = _squares(problem, trial_white, fitted)
+        if not trial_squares <= squares + 1e-9 * variance:
+            damping = max(10.0 * damping, 1e-3)
+            if damping > 1e6:
+                break
+            continue
+        gained = (squares - trial_squares) / variance
+        point, predicted, white, squares = trial, trial_predicted, trial_white, trial_squares
+        damping = damping / 10.0 if damping > 1e-3 else 0.0
+        linear = _linearised(problem, whitener, point, numbers, predicted, white)
+        if gained < _CLOSE:
+            break
+    return Fit(
+        point=point,
+        numbers=numbers,
+        predicted=predicted,
+        residual=problem.measured - predicted,
+        white=white,
+        raw_derivatives=linear[0],
+        derivatives=linear[1],
+        products=linear[2],
+        fitted=fitted,
+    )
+
+
+def _squares(problem: Problem, white: FloatArray, fitted: BoolArray) -> float:
+    return float(_per_step(problem, white * white)[fitted].sum())
+
+
+def _per_step(problem: Problem, values: FloatArray) -> FloatArray:
+    sums = np.bincount(problem.step, values, minlength=len(problem.step_names))
+    return sums.astype(np.float64)
+
+
+def _linearised(
+    problem: Problem,
+    whitener: Whitener,
+    point: Point,
+    numbers: tuple[Free, ...],
+    predicted: FloatArray,
+    white: FloatArray,
+) -> tuple[FloatArray, FloatArray, Products]:
+    """Derivatives by all numbers, shape (n, p), the same whitened, and their products per step."""
+    derivatives = np.empty((predicted.size, len(numbers)), order="F")
+    values = np.array([point.value(number, i) for i, number in enumerate(numbers)])
+    for i, number in enumerate(numbers):
+        nudge = _nudge(problem, number, float(values[i]), i)
+        moved = values.copy()
+        moved[i] += nudge
+        other = point.moved(numbers, moved)
+        if number.effect is not None and other.value(number, i) == values[i]:  # at its upper bound
+            moved[i] -= 2 * nudge
+            nudge = -nudge
+            other = point.moved(numbers, moved)
+        derivatives[:, i] = (problem.predict(other.baseline, other.effects) - predicted) / nudge
+    whitened = whitened_columns(whitener, derivatives)
+    return derivatives, whitened, products_of(problem, whitened, white, whitener)
+
+
+def whitened_columns(whitener: Whitener, columns: FloatArray) -> FloatArray:
+    """Every column of (n, p), whitened."""
+    white = np.empty_like(columns, order="F")
+    for i in range(columns.shape[1]):
+        white[:, i] = whitener(columns[:, i])
+    return white
+
+
+def products_of(problem: Problem, derivatives: FloatArray, white: FloatArray, whitener: Whitener) -> Products:
+    """The products per step of whitened derivatives (n, p) and residuals (n,)."""
+    steps = len(problem.step_names)
+    bounds = np.searchsorted(problem.step, np.arange(steps + 1))
+    count = derivatives.shape[1]
+    information, gradient = np.zeros((steps, count, count)), np.zeros((steps, count))
+    for step in range(steps):
+        rows = slice(bounds[step], bounds[step + 1])
+        block = derivatives[rows]
+        information[step] = block.T @ block
+        gradient[step] = block.T @ white[rows]
+    return Products(
+        information=information,
+        gradient=gradient,
+        squares=_per_step(problem, white * white),
+        rows=_per_step(problem, (whitener.weight > 0.0).astype(np.float64)),
+    )
+
+
+def _nudge(problem: Problem, number: Free, value: float, index: int) -> float:
+    """How far a number is moved for its derivative."""
+    parameter = number.parameter
+    if parameter is None:
+        start = abs(float(problem.baseline_start[index]))
+        return _NUDGE * (start if start > 0.0 else max(abs(value), 1e-6))
+    if parameter.role == "phase":
+        return 0.05
+    if parameter.logarithmic:
+        return 1e-3
+    return 1e-3 * max(abs(value), abs(parameter.scan[0]))

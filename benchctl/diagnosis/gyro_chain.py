@@ -1,0 +1,208 @@
+"""The gyro's chain on the samples of a recording: from the encoder's motion to the volts that the lab's model predicts.
+
+    U = U0 + K0·k(T)·k(ω)·ω,    k(T) = 1 + a1·(T − T0) + …,    k(ω) = 1 + b2·ω² + b4·ω⁴ + …
+
+and any effects at their stages. Motion and linear filters are band-limited here, so that a filter is exact as a product
+in frequency, and a shift in time as a spline of fifth degree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import scipy.fft
+from scipy.ndimage import map_coordinates, spline_filter1d
+
+from benchctl.diagnosis.frame import Frame
+from instruments.physics.chain import Signals, Stage
+from instruments.physics.effects.effect import PhysicalEffect
+from instruments.physics.effects.kinds import ClockEffect, EncoderEffect, FilterEffect
+
+FloatArray = npt.NDArray[np.float64]
+
+_KEPT = 6
+_DEGREE = 5
+_COARSE_ORDER = 8.0
+"""Errors of an encoder that change faster than so often a turn do not pass the filter of the rate as they are."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Law:
+    """Which terms the lab's model has: parameters are K0, U0, then those of k(T), then those of k(ω)."""
+
+    T0_c: float
+    temperature_terms: int
+    rate_terms: int
+
+    def volts(self, baseline: FloatArray, rate_dps: FloatArray, coil_c: FloatArray) -> FloatArray:
+        """K0·k(T)·k(ω)·ω, shape (n,)."""
+        split = 2 + self.temperature_terms
+        output = _one_plus(baseline[split:], rate_dps * rate_dps)
+        output *= rate_dps
+        if self.temperature_terms:
+            output *= _one_plus(baseline[2:split], coil_c - self.T0_c)
+        output *= baseline[0]
+        return output
+
+
+def _one_plus(coefficients: FloatArray, x: FloatArray) -> FloatArray:
+    """1 + c1·x + c2·x² + …, shape (n,)."""
+    total = np.zeros_like(x)
+    for coefficient in coefficients[::-1]:
+        total += coefficient
+        total *= x
+    total += 1.0
+    return total
+
+
+@dataclass(slots=True)
+class GyroChain:
+    """Predicts the gyro's output for a frame; what effects of the same early stages share is kept for the next call."""
+
+    frame: Frame
+    law: Law
+    _kept: dict[str, dict[tuple[PhysicalEffect, ...], list[Signals]]] = field(default_factory=dict)
+
+    def predict(self, baseline: FloatArray, effects: Sequence[PhysicalEffect]) -> FloatArray:
+        """Volts of shape (n,) for K0, U0, … of shape (p,) and effects, which act in the order of their stages."""
+        parts = self._coil(effects)
+        scaled = [replace(part, output_v=self.law.volts(baseline, part.sensed_rate_dps, part.coil_c)) for part in parts]
+        scaled = self._stage(scaled, "scale", effects)
+        biased = [replace(part, output_v=part.output_v + baseline[1]) for part in scaled]
+        for stage in ("bias", "electronics", "sampling"):
+            biased = self._stage(biased, stage, effects)
+        return np.concatenate([part.output_v for part in biased])
+
+    def _coil(self, effects: Sequence[PhysicalEffect]) -> list[Signals]:
+        early = tuple(effect for effect in effects if effect.stage in ("motion", "sensed_rate", "coil_temperature"))
+        moving = tuple(effect for effect in effects if isinstance(effect, (ClockEffect, EncoderEffect)))
+        return self._remembered("coil", (*moving, *early), lambda: self._warmed(early, moving))
+
+    def _warmed(self, early: Sequence[PhysicalEffect], moving: Sequence[PhysicalEffect]) -> list[Signals]:
+        sensing = tuple(effect for effect in early if effect.stage != "coil_temperature")
+
+        def sensed() -> list[Signals]:
+            parts = self._remembered("motion", moving, lambda: self._moved(moving))
+            for stage in ("motion", "sensed_rate"):
+                parts = self._stage(parts, stage, sensing)
+            return parts
+
+        parts = self._remembered("sensed", (*moving, *sensing), sensed)
+        return self._stage(parts, "coil_temperature", early)
+
+    def _remembered(self, name: str, key: Sequence[PhysicalEffect], make: Callable[[], list[Signals]]) -> list[Signals]:
+        kept = self._kept.setdefault(name, {})
+        found = kept.get(tuple(key))
+        if found is None:
+            found = make()
+            kept[tuple(key)] = found
+            while len(kept) > _KEPT:
+                kept.pop(next(iter(kept)), None)
+        return found
+
+    def _stage(self, parts: list[Signals], stage: Stage, effects: Sequence[PhysicalEffect]) -> list[Signals]:
+        for effect in effects:
+            if effect.stage != stage or isinstance(effect, (ClockEffect, EncoderEffect)):
+                continue
+            if isinstance(effect, FilterEffect):
+                parts = [_filtered(part, effect) for part in parts]
+                continue
+            done: list[Signals] = []
+            for part in parts:
+                memory = done[-1].memory if done else {}
+                done.append(effect.apply(replace(part, memory=memory)))
+            parts = done
+        return parts
+
+    def _moved(self, effects: Sequence[PhysicalEffect]) -> list[Signals]:
+        """Motion at the instants of the gyro's samples, with the encoder's errors taken off."""
+        frame = self.frame
+        parts = [self._plain(i) for i in range(len(frame.stretches))]
+        for effect in effects:
+            if isinstance(effect, EncoderEffect):
+                parts = [self._corrected(i, part, effect) for i, part in enumerate(parts)]
+        for effect in effects:
+            if isinstance(effect, ClockEffect):
+                parts = [self._shifted(part, effect) for part in parts]
+        return parts
+
+    def _plain(self, stretch: int) -> Signals:
+        frame, part = self.frame, self.frame.stretches[stretch]
+        angle, rate, temp = frame.angle_deg[part], frame.rate_dps[part], frame.temp_c[part]
+        return Signals(
+            interval_s=frame.interval_s,
+            time_s=frame.time_s[part],
+            angle_deg=angle,
+            rate_dps=rate,
+            acceleration_dps2=frame.acceleration_dps2[part],
+            housing_c=temp,
+            coil_c=temp,
+            sensed_rate_dps=rate,
+            output_v=np.zeros(0),
+            encoder_deg=angle,
+            thermistor_c=temp,
+            coil_rate_c_per_s=frame.temp_rate_c_per_s[part],
+            first_index=part.start,
+            auxiliary={name: values[part] for name, values in frame.auxiliary.items()},
+        )
+
+    def _corrected(self, stretch: int, part: Signals, effect: EncoderEffect) -> Signals:
+        if getattr(effect, "order", np.inf) <= _COARSE_ORDER:
+            return effect.true_motion(part)
+        # finer than the filter of the rate: the error is taken off before it
+        error = effect.error_deg(self.frame.encoder_deg[self.frame.stretches[stretch]])
+        rate = part.rate_dps - self.frame.motions[stretch].rate_of(error)
+        return replace(part, rate_dps=rate, sensed_rate_dps=rate)
+
+    def _shifted(self, part: Signals, effect: ClockEffect) -> Signals:
+        shift_s = effect.gyro_time_s(part.time_s) - part.time_s
+        place = np.arange(part.time_s.size) + shift_s / part.interval_s
+        names = ("angle_deg", "rate_dps", "acceleration_dps2")
+        angle, rate, acceleration = (_spline_at(getattr(part, name), place) for name in names)
+        temp = part.coil_c + part.coil_rate_c_per_s * shift_s
+        return replace(
+            part,
+            angle_deg=angle,
+            rate_dps=rate,
+            acceleration_dps2=acceleration,
+            sensed_rate_dps=rate,
+            housing_c=temp,
+            coil_c=temp,
+        )
+
+
+def _spline_at(values: FloatArray, place: FloatArray) -> FloatArray:
+    """Equidistant values at places between them, shape (n,)."""
+    if values.size <= _DEGREE:
+        return values
+    line = np.linspace(values[0], values[-1], values.size)
+    coefficients = spline_filter1d(values - line, _DEGREE, mode="mirror")  # type: ignore[call-overload]  # the stubs know only lists
+    between: FloatArray = map_coordinates(  # type: ignore[call-overload]  # the stubs know no list of coordinates
+        coefficients, [place], order=_DEGREE, mode="mirror", prefilter=False
+    )
+    slope = (values[-1] - values[0]) / max(values.size - 1, 1)
+    shifted: FloatArray = between + values[0] + slope * place
+    return shifted
+
+
+def _filtered(part: Signals, effect: FilterEffect) -> Signals:
+    """A linear filter as a product in frequency; before its first sample a stretch was as it begins."""
+    x: FloatArray = getattr(part, effect.filtered)
+    padding = int(min(effect.memory_s, 60.0) / part.interval_s) + 64
+    size = scipy.fft.next_fast_len(x.size + 2 * padding, real=True)
+    first, last = x[0], x[-1]
+    # from the last value back to the first along the padding, so that the period has no jump
+    long = np.empty(size)
+    long[: x.size] = x
+    ramp = size - x.size - padding
+    long[x.size : x.size + ramp] = np.linspace(last, first, ramp)
+    long[x.size + ramp :] = first
+    frequency = scipy.fft.rfftfreq(size, part.interval_s)
+    gain = effect.response(frequency)
+    y = scipy.fft.irfft(scipy.fft.rfft(long) * gain, size)[: x.size]
+    changed: dict[str, Any] = {effect.filtered: y}
+    return replace(part, **changed)

@@ -1,0 +1,80 @@
+"""Where the search for an effect begins: a few places in its parameters that together cover what is likely."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.diagnosis.problem import Problem
+from instruments.physics.effects.effect import DescribedEffect
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Probe:
+    """One place: an effect for each column that its sizes and phases give there.
+
+    `sizes` are the values in whose proportion the columns grow; empty where the effect has no size: then the one column
+    is the whole effect.
+    """
+
+    kind: type[DescribedEffect]
+    columns: tuple[DescribedEffect, ...]
+    sizes: tuple[float, ...]
+    circumstances: dict[str, float]
+
+    @property
+    def identifier(self) -> str:
+        """The effect's name."""
+        return self.kind.identifier
+
+    def start(self, weights: FloatArray) -> DescribedEffect:
+        """The effect that is the sum of the columns, each taken `weights` times, shape (columns,)."""
+        if not self.sizes:
+            return self.columns[0]
+        values = self.columns[0].values
+        names = _of_role(self.kind, "size")
+        phases = _of_role(self.kind, "phase")
+        if phases:
+            order = float(getattr(self.columns[0], "order", 1.0))
+            values[names[0]] = float(np.hypot(*weights)) * self.sizes[0]
+            values[phases[0]] = math.degrees(math.atan2(weights[1], weights[0])) % 360.0 / order
+        else:
+            for name, weight, size in zip(names, weights, self.sizes, strict=True):
+                parameter = self.kind.parameters[name]
+                values[name] = min(max(float(weight) * size, parameter.low), parameter.high)
+        return self.kind.make(values, self.circumstances)
+
+
+def probes_of(problem: Problem, kind: type[DescribedEffect]) -> Iterator[Probe]:
+    """The places where the search for an effect begins in a problem."""
+    held = [name for name, parameter in kind.parameters.items() if parameter.role in ("shape", "choice")]
+    sizes, phases = _of_role(kind, "size"), _of_role(kind, "phase")
+    circumstances = dict(problem.circumstances)
+    nothing = dict.fromkeys(sizes, 0.0) | dict.fromkeys(phases, 0.0)
+    for place in itertools.product(*(kind.parameters[name].scan for name in held)):
+        values = nothing | dict(zip(held, place, strict=True))
+        if not sizes:
+            columns = [kind.make(values, circumstances)]
+            scale: list[float] = []
+        elif phases:
+            size = kind.parameters[sizes[0]].scan[0]
+            quarter = 90.0 / values.get("order", 1.0)
+            columns = [
+                kind.make(values | {sizes[0]: size, phases[0]: phase}, circumstances) for phase in (0.0, quarter)
+            ]
+            scale = [size, size]
+        else:
+            scale = [kind.parameters[name].scan[0] for name in sizes]
+            columns = [kind.make(values | {name: size}, circumstances) for name, size in zip(sizes, scale, strict=True)]
+        yield Probe(kind=kind, columns=tuple(columns), sizes=tuple(scale), circumstances=circumstances)
+
+
+def _of_role(kind: type[DescribedEffect], role: str) -> list[str]:
+    return [name for name, parameter in kind.parameters.items() if parameter.role == role]

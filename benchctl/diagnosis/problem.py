@@ -1,0 +1,97 @@
+"""What the engine must know of a part of the bench: a measured quantity, and a model of it that effects can change.
+
+The engine (noise, screening, joint fits, selection, the rest) works on any `Problem`; the gyro, the table's drive and
+the chamber each give theirs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from instruments.physics.effects.effect import DescribedEffect
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+
+class Problem(Protocol):
+    """A part of the bench, as recorded, with the model that its lab believes in.
+
+    Arrays have a row a sample, shape (n,), in the order of time; `step` is the place of a row's step in `step_names`.
+    """
+
+    @property
+    def measured(self) -> FloatArray:
+        """What is to be predicted, in `unit`."""
+
+    @property
+    def unit(self) -> str:
+        """Unit of `measured`."""
+
+    @property
+    def full_scale(self) -> float:
+        """The largest output that the rated range asks for: by it a change of the bias is judged."""
+
+    @property
+    def time_s(self) -> FloatArray:
+        """Stamps, s."""
+
+    @property
+    def interval_s(self) -> float:
+        """Between two samples of a stretch."""
+
+    @property
+    def stretches(self) -> tuple[slice, ...]:
+        """The parts without gaps."""
+
+    @property
+    def step(self) -> IntArray:
+        """Which step a row belongs to."""
+
+    @property
+    def step_names(self) -> tuple[str, ...]:
+        """Names of the steps."""
+
+    @property
+    def step_kinds(self) -> tuple[str, ...]:
+        """Their kinds."""
+
+    @property
+    def step_places(self) -> tuple[float, ...]:
+        """Their set point, °C, or what else they are to be spread over."""
+
+    @property
+    def usable(self) -> BoolArray:
+        """Rows that may be fitted; the others are known to be spoilt."""
+
+    @property
+    def baseline_names(self) -> tuple[str, ...]:
+        """Parameters of the lab's model, under the names of their format."""
+
+    @property
+    def baseline_units(self) -> tuple[str, ...]:
+        """Their units."""
+
+    @property
+    def baseline_start(self) -> FloatArray:
+        """Their values as the lab believes them, shape (p,)."""
+
+    @property
+    def circumstances(self) -> Mapping[str, float]:
+        """What effects want to know beside their parameters."""
+
+    @property
+    def effects(self) -> Mapping[str, type[DescribedEffect]]:
+        """The hypotheses, by identifier."""
+
+    @property
+    def coordinates(self) -> Mapping[str, FloatArray]:
+        """Coordinates in which a mismatch is looked for, by the words of `result.COORDINATES`."""
+
+    def predict(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
+        """The model's value of `measured`, shape (n,), for baseline parameters (p,) and effects."""

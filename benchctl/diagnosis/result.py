@@ -1,0 +1,223 @@
+"""What a diagnosis says, as data: what the JSON, the report and the model file are made of.
+
+Intervals are 95 %. Sizes are in the units of the vocabulary of effects; the rms of `FitFigures` are in volts of the
+gyro's output (of the diagnosed quantity, where another part of the bench is diagnosed).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+SCHEMA = "benchctl-diagnosis/1"
+
+Verdict = Literal["consistent", "recalibrate", "missing-physics", "unknown-structure"]
+
+COORDINATES = (
+    "time",
+    "rate",
+    "abs_rate",
+    "rate_sign",
+    "acceleration",
+    "angle",
+    "gyro_temp",
+    "gyro_temp_rate",
+    "chamber_temp",
+    "output",
+    "frequency",
+    "step",
+)
+"""The words for where a mismatch lives; two joined by `*` where it takes two."""
+
+COORDINATE_UNITS: Mapping[str, str] = {
+    "time": "s",
+    "rate": "deg/s",
+    "abs_rate": "deg/s",
+    "rate_sign": "1",
+    "acceleration": "deg/s²",
+    "angle": "deg",
+    "gyro_temp": "°C",
+    "gyro_temp_rate": "°C/s",
+    "chamber_temp": "°C",
+    "output": "V",
+    "frequency": "Hz",
+    "step": "1",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """A parameter's value, its interval, its unit; of a parameter of the lab's model `was`, what it was before."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+    was: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Where:
+    """Where a mismatch lives: the coordinate, the ranges of it that hold most of it, the steps where it is largest.
+
+    `share_of_excess` is the share of what the noise does not account for that lies in these ranges, 0 to 1.
+    """
+
+    coordinate: str
+    ranges: tuple[tuple[float, float], ...] = ()
+    steps: tuple[str, ...] = ()
+    share_of_excess: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Alternative:
+    """Another effect that would do nearly as well, and how probable it is beside the finding."""
+
+    effect: str
+    probability: float
+    loss: float
+    """By how much twice the log likelihood falls if it takes the finding's place."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """Physics that the data demand. `gain` is the fall of twice the negative log likelihood that it alone brings."""
+
+    effect: str
+    probability: float
+    parameters: Mapping[str, Estimate]
+    where: Where
+    explains: float
+    gain: float
+    gain_heldout: float
+    says: str
+    alternatives: tuple[Alternative, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NotFound:
+    """An effect that was looked for: the smallest size of it that this recording would have shown.
+
+    `parameter` is the one whose size is meant; `smallest` is None where the recording does not excite the effect at
+    all, and `says` why then. `others` are the parameters that were held, a time constant say.
+    """
+
+    effect: str
+    parameter: str
+    smallest: float | None
+    unit: str
+    others: Mapping[str, float] = field(default_factory=dict)
+    says: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unexplained:
+    """What no effect accounts for. `share` is its part of the mismatch before anything was explained, 0 to 1."""
+
+    significant: bool
+    share: float
+    coordinates: tuple[str, ...] = ()
+    says: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FitFigures:
+    """Rms of residuals [V]; `heldout_*` on whole steps that chose and fitted nothing, the baseline refitted in both."""
+
+    noise_v: float
+    before_v: float
+    after_v: float
+    heldout_before_v: float
+    heldout_after_v: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NextExperiment:
+    """The run that best settles what is open. `separation` is the fall of twice the log likelihood to be expected."""
+
+    says: str
+    procedure: str = ""
+    separates: tuple[str, ...] = ()
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    separation: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Slice:
+    """The residual over one coordinate: bins (m+1 edges) with their means and standard errors, before and after [V].
+
+    `threshold` is how large |mean|/standard error may be by chance anywhere on the map, one time in a hundred.
+    """
+
+    coordinate: str
+    edges: FloatArray
+    count: FloatArray
+    before_v: FloatArray
+    after_v: FloatArray
+    standard_error_v: FloatArray
+    threshold: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepFigures:
+    """Rms [V] of one step's residual: by the model as it came, with its parameters refitted, and with the findings."""
+
+    name: str
+    kind: str
+    t_start: float
+    t_end: float
+    heldout: bool
+    as_it_came_v: float
+    before_v: float
+    after_v: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trace:
+    """A short excerpt for the picture, where before and after differ most; arrays of shape (n,)."""
+
+    step: str
+    time_s: FloatArray
+    measured_v: FloatArray
+    before_v: FloatArray
+    after_v: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Diagnosis:
+    """All that a diagnosis found.
+
+    `notes` are honest limits, in sentences: what is not observable in this recording and why. `model` is the content
+    of the model file: what `benchctl simulate --model` runs with.
+    """
+
+    recording: str
+    verdict: Verdict
+    says: str
+    baseline: Mapping[str, Estimate]
+    findings: tuple[Finding, ...]
+    unexplained: Unexplained
+    fit: FitFigures
+    next_experiment: NextExperiment
+    not_found: tuple[NotFound, ...]
+    slices: tuple[Slice, ...]
+    steps: tuple[StepFigures, ...]
+    traces: tuple[Trace, ...]
+    notes: tuple[str, ...]
+    model: Mapping[str, Any]
+    threshold: float
+    """The gain in twice the log likelihood that chance alone reaches one time in a hundred, anywhere in the search."""
+    seed: int
+    excess_kurtosis: float = 0.0
+
+    def as_json(self) -> dict[str, Any]:
+        """The contract's JSON (`benchctl-diagnosis/1`), plain data."""
+        from benchctl.diagnosis.as_json import as_json
+
+        return as_json(self)

@@ -1,0 +1,120 @@
+"""Model files: what a simulated bench obeys, written by a diagnosis or by hand, played by `benchctl simulate --model`.
+
+    format = "benchctl-model/1"
+    recording = "..."              # where it comes from
+    [simulation]                   # a lab's model of the gyro, as open recordings bring it
+    [effects.thermal_lag]          # physics beside it, by its name in the vocabulary, with its parameters
+    tau_s = 312.0
+    [physics.table]                # the bench's own parts, as in bench.toml
+
+Nothing of this is needed. A file with the tables of `[physics]` at its top level (`[gyro]`, `[table]`, …) is a model
+file too.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from benchctl.toml_file import read_text
+from instruments.errors import UsageError
+
+FORMAT = "benchctl-model/1"
+
+_PARTS = ("simulation", "effects", "physics")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Model:
+    """The content of a model file.
+
+    `simulation` is the gyro's response, None where the gyro of `physics` is meant; `effects` are parameters by effect;
+    `recording` names what the model was made from.
+    """
+
+    simulation: Mapping[str, Any] | None = None
+    physics: Mapping[str, Any] = field(default_factory=dict)
+    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    recording: str = ""
+
+    @property
+    def bench_physics(self) -> dict[str, Any]:
+        """The `[physics]` of a simulated bench that obeys the model."""
+        return {**self.physics, **({} if self.simulation is None else {"response": self.simulation})}
+
+    def check(self) -> None:
+        """Raise a `UsageError` that names the table and field at fault, where there is one."""
+        from instruments.physics.effects.making import make_effects
+        from instruments.physics.response_gyro import ResponseParameters
+        from instruments.simulated.settings import WorldSettings, built
+
+        WorldSettings.from_mapping(self.physics, where="physics")
+        if self.simulation is not None:
+            built(ResponseParameters, self.simulation, "simulation")
+        make_effects(self.effects)
+
+
+def read_model(path: Path) -> Model:
+    """The model of a file, checked.
+
+    Raises
+    ------
+    UsageError
+        One line that names the file and, where it is at fault, the table and the field.
+    """
+    text = read_text(path, "model")
+    try:
+        model = _model(tomllib.loads(text))
+        model.check()
+    except tomllib.TOMLDecodeError as err:
+        raise UsageError(f"model {path}: not TOML: {err}") from err
+    except UsageError as err:
+        raise UsageError(f"model {path}: {err}") from err
+    return model
+
+
+def write_model(path: Path, model: Model) -> None:
+    """Write a model file that `read_model` reads back as it was.
+
+    Raises
+    ------
+    UsageError
+        Where the file cannot be written.
+    """
+    import tomli_w
+
+    document: dict[str, Any] = {"format": FORMAT, "recording": model.recording}
+    document |= {part: value for part in _PARTS if (value := getattr(model, part))}
+    text = f"# benchctl simulate PROCEDURE --model {path.name} -o FILE.h5 plays it\n{tomli_w.dumps(_plain(document))}"
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as err:
+        raise UsageError(f"model {path}: cannot be written: {err.strerror or err}") from err
+
+
+def _model(document: dict[str, Any]) -> Model:
+    stated = document.pop("format", FORMAT)
+    if stated != FORMAT:
+        raise UsageError(f'format: expected "{FORMAT}", got {stated!r}')
+    recording = document.pop("recording", "")
+    if not isinstance(recording, str):
+        raise UsageError(f"recording: expected text, got {recording!r}")
+    parts = {part: document.pop(part) for part in _PARTS if part in document}
+    for part, table in parts.items():
+        if not isinstance(table, dict):
+            raise UsageError(f"{part}: expected a table [{part}], got {table!r}")
+    if document and "physics" in parts:
+        raise UsageError(f"{next(iter(document))}: goes into [physics], which this file has")
+    return Model(recording=recording, **{"physics": document, **parts})
+
+
+def _plain(value: Any) -> Any:
+    """Values that TOML knows: dictionaries, lists, and Python's own numbers in place of numpy's."""
+    if isinstance(value, Mapping):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    return value.item() if hasattr(value, "item") else value

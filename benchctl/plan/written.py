@@ -1,0 +1,49 @@
+"""A plan written down again: as a procedure's file, and as the command that runs it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import MISSING, fields
+from typing import Any
+
+from benchctl.plan.procedure import Plan
+from benchctl.plan.steps import Step
+
+
+def plan_source(plan: Plan, says: str) -> str:
+    """A file with one procedure that yields the plan's very steps; its docstring begins with `says`."""
+    kinds = sorted({type(step).__name__ for step in plan.steps}, key=str.lower)
+    given = ", ".join(f"{name}={text}" for name, text in as_texts(plan.parameters).items())
+    return "\n".join(
+        [
+            f"from benchctl.plan import {', '.join([*kinds, 'procedure'])}",
+            "",
+            "",
+            "@procedure()",
+            f"def {plan.procedure}():",
+            f"    {' '.join(says.split())!r}",
+            f"    # the steps of {plan.procedure}({given})",
+            *(f"    yield {_call(step)}" for step in plan.steps),
+            "",
+        ]
+    )
+
+
+def as_texts(parameters: Mapping[str, Any]) -> dict[str, str]:
+    """Parameters as `-p NAME=VALUE` takes them."""
+    return {
+        name: ",".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
+        for name, value in parameters.items()
+    }
+
+
+def _call(step: Step) -> str:
+    """The call that makes a step; what is as it would be anyhow is left out."""
+    given = {field.name: getattr(step, field.name) for field in fields(step)}
+    usual = {field.name: field.default for field in fields(step) if field.default is not MISSING}
+    told = [f"{name}={_literal(value)}" for name, value in given.items() if name not in usual or usual[name] != value]
+    return f"{type(step).__name__}({', '.join(told)})"
+
+
+def _literal(value: Any) -> str:
+    return repr(value) if isinstance(value, int | str) else repr(float(value))

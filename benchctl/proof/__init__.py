@@ -1,0 +1,1 @@
+"""Sealed trials: concealed physics is drawn, run through the bench's wires, diagnosed blind, unsealed and scored."""

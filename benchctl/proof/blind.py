@@ -1,0 +1,72 @@
+"""The process that does not know: diagnoses a recording of which it is given nothing but the path.
+
+    python -m benchctl.proof.blind RECORDING --arm physics --out FILE.json [--without EFFECT,EFFECT]
+
+`--arm generic` runs the sparse regression in place of the diagnosis. The file holds what was said (`said`), the time
+that it took from the opening of the recording (`seconds`) and the largest memory of the process (`peak_bytes`).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from benchctl.recordings.reader import open_recording
+from instruments.errors import BenchError
+
+
+def physics(path: Path, without: tuple[str, ...]) -> dict[str, Any]:
+    """What the diagnosis says, without hypotheses of these effects."""
+    from benchctl.diagnosis import diagnose
+
+    with open_recording(path) as recording:
+        return diagnose(recording, without=without).as_json()
+
+
+def generic(path: Path) -> dict[str, Any]:
+    """What the sparse regression says."""
+    from benchctl.proof.generic.arm import regress
+
+    with open_recording(path) as recording:
+        return asdict(regress(recording))
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The process; its exit status is that of a verb."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("recording", type=Path)
+    parser.add_argument("--arm", choices=("physics", "generic"), default="physics")
+    parser.add_argument("--without", default="")
+    parser.add_argument("--out", type=Path, required=True)
+    asked = parser.parse_args(arguments)
+    began_s = time.monotonic()
+    try:
+        if asked.arm == "generic":
+            said = generic(asked.recording)
+        else:
+            said = physics(asked.recording, tuple(name for name in asked.without.split(",") if name))
+    except BenchError as err:
+        sys.stderr.write(f"{err}\n")
+        return err.exit_status
+    found = {"said": said, "seconds": time.monotonic() - began_s, "peak_bytes": peak_bytes()}
+    asked.out.write_text(json.dumps(found), encoding="utf-8")
+    return 0
+
+
+def peak_bytes() -> int | None:
+    """The largest memory that this process has held; None where the system does not say."""
+    if sys.platform == "win32":
+        return None
+    import resource
+
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+
+
+if __name__ == "__main__":
+    sys.exit(main())

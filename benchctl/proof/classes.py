@@ -1,0 +1,103 @@
+"""The classes of trials: what each conceals, and how many of them there are."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal
+
+from benchctl.diagnosis.result import Verdict
+from instruments.errors import UsageError
+
+ClassName = Literal[
+    "nothing",
+    "moved",
+    "single",
+    "quarter",
+    "tenth",
+    "faint",
+    "pair",
+    "triple",
+    "wandering",
+    "wandering+one",
+    "outsider",
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialClass:
+    """A kind of trial.
+
+    Attributes
+    ----------
+    says
+        What it conceals, in words.
+    verdict
+        What a diagnosis should come to.
+    weight
+        How many there are in a proof of the usual size.
+    effects
+        How many effects of the vocabulary are concealed beside a wandering bias.
+    share
+        Their size, as a share of the full one; None: as small as makes them worth `FAINT_GAIN`.
+    wandering
+        Whether the bias wanders.
+    """
+
+    says: str
+    verdict: Verdict
+    weight: int
+    effects: int = 0
+    share: float | None = 1.0
+    wandering: bool = False
+
+
+FAINT_GAIN = 200.0
+"""What a faint effect is worth in twice the log likelihood."""
+
+CLASSES: MappingProxyType[ClassName, TrialClass] = MappingProxyType(
+    {
+        "nothing": TrialClass(says="nothing missing", verdict="consistent", weight=100),
+        "moved": TrialClass(says="coefficients moved only", verdict="recalibrate", weight=24),
+        "single": TrialClass(says="single effects", verdict="missing-physics", weight=60, effects=1),
+        "quarter": TrialClass(
+            says="a quarter of the size", verdict="missing-physics", weight=24, effects=1, share=0.25
+        ),
+        "tenth": TrialClass(says="a tenth of the size", verdict="missing-physics", weight=24, effects=1, share=0.1),
+        "faint": TrialClass(says="faint", verdict="missing-physics", weight=24, effects=1, share=None),
+        "pair": TrialClass(says="pairs", verdict="missing-physics", weight=20, effects=2),
+        "triple": TrialClass(says="triples", verdict="missing-physics", weight=12, effects=3),
+        "wandering": TrialClass(says="wandering bias only", verdict="missing-physics", weight=16, wandering=True),
+        "wandering+one": TrialClass(
+            says="wandering bias and one effect", verdict="missing-physics", weight=16, effects=1, wandering=True
+        ),
+        "outsider": TrialClass(says="its own hypothesis withheld", verdict="unknown-structure", weight=20, effects=1),
+    }
+)
+
+USUAL_TRIALS = sum(kind.weight for kind in CLASSES.values())
+
+
+def class_names(names: Collection[str]) -> tuple[ClassName, ...]:
+    """The classes of these names, in their order; `UsageError` for one that there is not."""
+    for name in names:
+        if name not in CLASSES:
+            raise UsageError(f"class {name!r}: there is no such class of trials; there are {', '.join(CLASSES)}")
+    return tuple(name for name in CLASSES if name in names)
+
+
+def allotted(trials: int, only: Collection[str] = ()) -> tuple[ClassName, ...]:
+    """The class of each trial: in proportion to the weights and spread evenly, so that any beginning is a fair sample.
+
+    More trials of the same classes begin with the same ones. `only` names the classes, all where it is empty.
+    """
+    chosen = {name: kind.weight for name, kind in CLASSES.items() if not only or name in only}
+    total = sum(chosen.values())
+    given = dict.fromkeys(chosen, 0)
+    order: list[ClassName] = []
+    for count in range(1, trials + 1):
+        name = max(chosen, key=lambda each: chosen[each] * count / total - given[each])
+        given[name] += 1
+        order.append(name)
+    return tuple(order)

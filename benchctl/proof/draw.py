@@ -1,0 +1,146 @@
+"""Draws what the trials of a proof conceal: by chance, and the same for the same seed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import brentq
+
+from benchctl.plan import Plan
+from benchctl.plan.find import find_procedure
+from benchctl.proof.classes import CLASSES, FAINT_GAIN, ClassName, TrialClass
+from benchctl.proof.outsiders import OUTSIDERS
+from benchctl.proof.planned import Planned, planned
+from benchctl.proof.sizes import DRAWN, STATISTICAL, WANDERING, Values, drawn_size, shrunk
+from benchctl.proof.truth import Truth
+from benchctl.proof.unit import TrialUnit, draw_unit
+from instruments.errors import UsageError
+
+PROCEDURE = "diagnostic"
+
+LEAST_GAIN = 1000.0
+"""A concealed effect, faint ones apart, is worth at least that: less is no question of physics but of noise."""
+
+_TRIES = 60
+_LEAST_SHARE = 1e-7
+
+_ALIKE = (
+    frozenset({"timing_offset", "sensor_bandwidth", "angular_acceleration", "mount_resonance", "clock_drift"}),
+    frozenset({"warm_up", "bias_drift", *WANDERING}),
+    frozenset({"scale_warm_up", "scale_ageing"}),
+    frozenset({"saturation", "fringe_ambiguity", "rate_nonlinearity"}),
+    frozenset({"thermal_lag", "thermal_hysteresis"}),
+    frozenset({"adc_coarse", "adc_nonlinearity"}),
+)
+"""Of each of these no trial conceals two: one run cannot hold them apart."""
+
+_DELAYS = frozenset({"sensor_bandwidth", "mount_resonance"})
+"""A quarter or less of their size lies so far above the motion that they are a delay, and have its name."""
+
+_ABRUPT = frozenset({"saturation", "fringe_ambiguity"})
+"""Effects that cannot be faint: beside them there are a few samples or none."""
+
+
+def draw(seed: int, index: int, kind: ClassName) -> Truth:
+    """What trial `index` of a proof conceals."""
+    wanted = CLASSES[kind]
+    rng = np.random.default_rng([seed, index])
+    nonce = np.random.default_rng([seed, index, 1]).bytes(16).hex()
+    moved = kind == "moved" or (kind != "nothing" and bool(rng.random() < 0.3))
+    for _ in range(_TRIES):
+        names = _chosen(rng, kind, wanted)
+        unit = draw_unit(rng, moved=moved, lacking=_lacking(names), warm="thermal_lag" in names)
+        withheld, lives_in = _outside(names[0]) if kind == "outsider" else ((), ())
+        begun = Truth(
+            index=index,
+            kind=kind,
+            unit=unit,
+            seed=0,
+            moved=moved,
+            withheld=withheld,
+            lives_in=lives_in,
+            nonce=nonce,
+        )
+        truth = _sized(rng, begun, names)
+        if truth is not None:
+            return truth
+    raise UsageError(f"trial {index}: no {wanted.says} in {_TRIES} draws that the procedure {PROCEDURE} brings out")
+
+
+def plan_of(unit: TrialUnit) -> Plan:
+    """What a unit is put through."""
+    return find_procedure(PROCEDURE).expand(unit.parameters)
+
+
+def _outside(name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """What is withheld, and where that lives."""
+    look_alikes, lives_in = OUTSIDERS[name]
+    return (name, *look_alikes), lives_in
+
+
+def _chosen(rng: np.random.Generator, kind: ClassName, wanted: TrialClass) -> list[str]:
+    """The names of what is concealed."""
+    names = [str(rng.choice(WANDERING))] if wanted.wandering else []
+    pool = _pool(kind, wanted)
+    while len(names) < wanted.effects + wanted.wandering:
+        name = pool[int(rng.integers(len(pool)))]
+        if not _alike(name, names):
+            names.append(name)
+    return names
+
+
+def _pool(kind: ClassName, wanted: TrialClass) -> Sequence[str]:
+    if kind == "outsider":
+        return tuple(OUTSIDERS)
+    if wanted.share == 1.0:
+        return tuple(name for name in DRAWN if not (wanted.wandering and name in WANDERING))
+    without = STATISTICAL | _DELAYS | (_ABRUPT if wanted.share is None else frozenset())
+    return tuple(name for name in DRAWN if name not in without)
+
+
+def _alike(name: str, names: Collection[str]) -> bool:
+    return name in names or any(name in group and not group.isdisjoint(names) for group in _ALIKE)
+
+
+def _lacking(names: Collection[str]) -> frozenset[str]:
+    """Terms that the lab's model must lack, for them to be missing physics."""
+    terms = {"rate_nonlinearity": "k_omega", "scale_temperature": "k_T"}
+    return frozenset(term for name, term in terms.items() if name in names)
+
+
+def _sized(rng: np.random.Generator, truth: Truth, names: Sequence[str]) -> Truth | None:
+    """The truth with effects of the size that its class asks for; None where the run would not bring them out."""
+    share = CLASSES[truth.kind].share
+    run = planned(plan_of(truth.unit), truth.unit)
+    for name in names:
+        full = drawn_size(name, rng, truth.unit)
+        size = shrunk(name, full, _faint_share(run, truth, name, full) if share is None else share, truth.unit)
+        alone = replace(truth, effects={name: size})
+        truth = replace(truth, effects={**truth.effects, name: size})
+        if name not in STATISTICAL and share is not None and run.gain(alone.made()) < LEAST_GAIN:
+            return None
+    known = STATISTICAL.isdisjoint(names)
+    return replace(
+        truth, seed=int(rng.integers(2**31)), gain=_rounded(run.gain(truth.made())) if names and known else None
+    )
+
+
+def _faint_share(run: Planned, truth: Truth, name: str, full: Values) -> float:
+    """The share of an effect's full size that is worth `FAINT_GAIN`, to a few percent."""
+
+    def excess(log_share: float) -> float:
+        size = shrunk(name, full, math.exp(log_share), truth.unit)
+        return math.log(max(run.gain(replace(truth, effects={name: size}).made()), 1e-9) / FAINT_GAIN)
+
+    low, high = math.log(_LEAST_SHARE), 0.0
+    if excess(high) < 0.0:
+        return 1.0
+    return _rounded(math.exp(brentq(excess, low, high, xtol=0.01)))
+
+
+def _rounded(value: float) -> float:
+    """To four digits: the last bits of a sum depend on the machine and its threads, a sealed truth must not."""
+    return float(f"{value:.4g}")

@@ -1,0 +1,171 @@
+"""The motion and the temperatures that a plan asks for, and what an effect would change of the output: without noise.
+
+It serves to know, before anything is recorded, how much a concealed effect is worth: twice the log likelihood that it
+brings once the lab's own parameters have been refitted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+import scipy.signal
+from scipy.ndimage import uniform_filter1d
+
+from benchctl.plan import ConstantRate, Plan, Sine, Step, ThermalRamp
+from benchctl.proof.unit import TrialUnit
+from instruments.interfaces import FloatArray
+from instruments.physics.chain import STAGES, Signals, gyro_baseline, run_chain
+from instruments.physics.effects.effect import PhysicalEffect
+from instruments.physics.effects.kinds import ClockEffect, EncoderEffect
+
+_ROOM_C = 23.0
+_PAUSE_S = 1.5
+"""Between two steps the table comes to rest or to its next rate, unrecorded."""
+
+_SETTLING_S = 0.5
+_AVERAGED_S = 0.04
+"""About as long is averaged over where a rate is made of an encoder's angles."""
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A unit's run, as planned; `starts` are the places of the steps' first samples, where the motion jumps."""
+
+    unit: TrialUnit
+    signals: Signals
+    starts: tuple[int, ...]
+
+    def gain(self, effects: Sequence[PhysicalEffect]) -> float:
+        """Twice the log likelihood that effects together are worth, the lab's parameters refitted."""
+        change = (self._output(effects) - self._clean)[self._settled]
+        left = change - self._basis @ (self._basis.T @ change)
+        variance = self.unit.noise_v**2 + self.unit.adc_step_v**2 / 12.0
+        return float(left @ left / variance)
+
+    @cached_property
+    def _settled(self) -> npt.NDArray[np.bool_]:
+        """All but the beginnings of the steps, where the planned motion jumps and filters ring, shape (n,)."""
+        settled = np.ones(self.signals.time_s.size, np.bool_)
+        for start in self.starts:
+            settled[start : start + round(_SETTLING_S / self.signals.interval_s)] = False
+        return settled
+
+    @cached_property
+    def _clean(self) -> FloatArray:
+        return self._output(())
+
+    @cached_property
+    def _basis(self) -> FloatArray:
+        """An orthonormal basis of what the lab's parameters can follow, shape (rows, p)."""
+        belief, rate = self.unit.belief, self.signals.rate_dps[self._settled]
+        warmer = self.signals.coil_c[self._settled] - belief.T0_c
+        columns = [np.ones_like(rate), rate]
+        columns += [rate * warmer ** (k + 1) for k in range(len(belief.k_T))]
+        columns += [rate ** (2 * k + 3) for k in range(len(belief.k_omega))]
+        basis, _ = np.linalg.qr(np.column_stack([column / np.abs(column).max() for column in columns]))
+        return basis
+
+    def _output(self, effects: Sequence[PhysicalEffect]) -> FloatArray:
+        plain = [effect for effect in effects if not isinstance(effect, (ClockEffect, EncoderEffect))]
+        baseline = gyro_baseline(self.unit.gyro, self.unit.earth_dps, self.signals.interval_s)
+        output = run_chain(self.signals, baseline, plain, STAGES).output_v
+        slope = self._slope(output)
+        for effect in effects:
+            if isinstance(effect, ClockEffect):
+                output = output + slope * (effect.gyro_time_s(self.signals.time_s) - self.signals.time_s)
+            elif isinstance(effect, EncoderEffect):
+                # an encoder that reads too much by e tells a rate that is too large by e', and the gyro seems to
+                # answer less
+                error = effect.error_deg(self.signals.angle_deg)
+                seen = uniform_filter1d(self._slope(error), round(_AVERAGED_S / self.signals.interval_s))
+                output = output - self.unit.gyro.K0_v_per_dps * seen
+        return output
+
+    def _slope(self, values: FloatArray) -> FloatArray:
+        """The derivative by time inside the steps, zero where one begins."""
+        slope = np.gradient(values, self.signals.interval_s)
+        starts = np.array(self.starts[1:], dtype=np.int64)
+        slope[starts] = slope[starts - 1] = 0.0
+        return slope
+
+
+def planned(plan: Plan, unit: TrialUnit) -> Planned:
+    """The run of a plan by a unit."""
+    interval_s = 1.0 / unit.sample_rate_hz
+    parts, now_s, angle_deg = [], 0.0, unit.start_angle_deg
+    for step in plan.steps:
+        time_s = np.arange(0.0, step.streamed_s, interval_s)
+        angle, rate, acceleration = _motion(step, time_s)
+        parts.append((now_s + time_s, angle_deg + angle, rate, acceleration))
+        now_s += step.streamed_s + _PAUSE_S
+        angle_deg = float(parts[-1][1][-1])
+    time_s, angle, rate, acceleration = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    housing, slope = _housing(plan, unit, time_s)
+    signals = Signals(
+        interval_s=interval_s,
+        time_s=time_s,
+        angle_deg=angle,
+        rate_dps=rate,
+        acceleration_dps2=acceleration,
+        housing_c=housing,
+        coil_c=housing,
+        sensed_rate_dps=rate,
+        output_v=np.zeros_like(time_s),
+        encoder_deg=angle,
+        thermistor_c=housing,
+        coil_rate_c_per_s=slope,
+    )
+    starts = np.cumsum([0, *(part[0].size for part in parts[:-1])])
+    return Planned(unit=unit, signals=signals, starts=tuple(starts.tolist()))
+
+
+def _motion(step: Step, time_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Angle from the step's beginning on [deg], rate and acceleration, each of shape (n,)."""
+    match step:
+        case ConstantRate():
+            return step.rate_dps * time_s, np.full_like(time_s, step.rate_dps), np.zeros_like(time_s)
+        case Sine():
+            return _swing(step.amplitude_dps, step.frequency_hz, time_s)
+        case ThermalRamp() if step.swing_dps:
+            return _swing(step.swing_dps, step.swing_hz, time_s)
+        case _:
+            return np.zeros_like(time_s), np.zeros_like(time_s), np.zeros_like(time_s)
+
+
+def _swing(peak_dps: float, frequency_hz: float, time_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    omega = 2.0 * np.pi * frequency_hz
+    sine, cosine = np.sin(omega * time_s), np.cos(omega * time_s)
+    return peak_dps / omega * sine, peak_dps * cosine, -peak_dps * omega * sine
+
+
+def _housing(plan: Plan, unit: TrialUnit, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The housing's temperature [°C] and how fast it changes [°C/s], at instants of shape (n,)."""
+    second = np.arange(0.0, time_s[-1] + 2.0)
+    corners = list(_corners(plan))
+    asked = np.interp(second, [at for at, _ in corners], [celsius for _, celsius in corners])
+    air = _lagged(asked, unit.air_lag_s)
+    housing = _lagged(air, unit.housing_lag_s)
+    return np.interp(time_s, second, housing), np.interp(time_s, second, (air - housing) / unit.housing_lag_s)
+
+
+def _corners(plan: Plan) -> Iterator[tuple[float, float]]:
+    """Where the set point bends: time [s], temperature [°C]."""
+    ramps = [step for step in plan.steps if isinstance(step, ThermalRamp)]
+    now_s = 0.0
+    yield now_s, ramps[0].from_c if ramps else _ROOM_C
+    for step in plan.steps:
+        if isinstance(step, ThermalRamp):
+            yield now_s, step.from_c
+            yield now_s + step.streamed_s, step.to_c
+        now_s += step.streamed_s + _PAUSE_S
+
+
+def _lagged(x: FloatArray, tau_s: float) -> FloatArray:
+    """Through a first-order lag, a sample a second."""
+    share = -np.expm1(-1.0 / tau_s)
+    y: FloatArray = scipy.signal.lfilter([share], [1.0, share - 1.0], x - x[0]) + x[0]
+    return y

@@ -1,0 +1,194 @@
+"""Runs the trials of a proof: a process that seals and records, processes that answer blind, then the unsealing.
+
+Each finished trial is kept as a file; a proof that was interrupted goes on where it stopped. No truth is on the disk
+before it is unsealed: the process that records draws its own, and this one draws it again once the answers are there,
+and holds it against the digest.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchctl.campaign.stop import StopRequest
+from benchctl.proof.classes import ClassName, allotted
+from benchctl.proof.draw import draw
+from benchctl.proof.processes import ProcessFailedError, run_module
+from benchctl.proof.score import Score, score_diagnosis, score_regression
+from benchctl.proof.trial import Answer, Trial, read_trial, write_trial
+from benchctl.proof.truth import Truth
+from benchctl.recordings.atomic import disk_errors, whole_file
+from instruments.errors import InstrumentError, UsageError
+
+SETTINGS, TRIALS = "proof.json", "trials"
+
+_LONGEST_S = 900.0
+
+Told = Callable[[int, str], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProofSettings:
+    """What is to be proved.
+
+    `only` names the classes, all where it is empty; `generic` is whether the sparse regression runs beside the
+    diagnosis, `keep` whether recordings stay, `jobs` how many trials run at once.
+    """
+
+    seed: int
+    trials: int
+    only: tuple[ClassName, ...] = ()
+    generic: bool = True
+    keep: bool = False
+    jobs: int = 2
+
+
+def run_proof(settings: ProofSettings, folder: Path, *, told: Told, stop: StopRequest) -> Iterator[Trial]:
+    """The trials as they finish, those first that the folder already holds.
+
+    Parameters
+    ----------
+    settings
+        What is to be proved.
+    folder
+        Where the trials are kept: new, empty, or that of the same proof.
+    told
+        Is told, from any thread, the number of a trial and what becomes of it.
+    stop
+        A wish to stop ends the processes that run, and raises `StoppedError`.
+
+    Raises
+    ------
+    UsageError
+        Where the folder holds another proof or cannot be written.
+    InstrumentError
+        Where the simulated bench failed.
+    """
+    _claim(folder, settings)
+    missing = []
+    for index, kind in enumerate(allotted(settings.trials, settings.only)):
+        path = _path(folder, index)
+        if path.exists():
+            yield read_trial(path)
+        else:
+            missing.append((index, kind))
+    with ThreadPoolExecutor(settings.jobs) as pool:
+        runs = [pool.submit(_Run(settings, folder, told, stop), index, kind) for index, kind in missing]
+        try:
+            for run in as_completed(runs):
+                yield run.result()
+        finally:
+            for run in runs:
+                run.cancel()
+
+
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """Runs one trial."""
+
+    settings: ProofSettings
+    folder: Path
+    told: Told
+    stop: StopRequest
+
+    def __call__(self, index: int, kind: ClassName) -> Trial:
+        self.stop.heed()
+        if self.settings.keep:
+            work = self.folder / f"recording-{index:04d}"
+            shutil.rmtree(work, ignore_errors=True)
+            work.mkdir()
+        else:
+            work = Path(tempfile.mkdtemp(prefix=f".{index:04d}-", dir=self.folder))
+        try:
+            trial = self._trial(index, kind, work)
+        finally:
+            if not self.settings.keep:
+                shutil.rmtree(work, ignore_errors=True)
+        write_trial(_path(self.folder, index), trial)
+        self.told(index, "right" if trial.physics.right else "wrong")
+        return trial
+
+    def _trial(self, index: int, kind: ClassName, work: Path) -> Trial:
+        sealed = self._sealed(index, kind, work)
+        physics = self._asked("physics", sealed["recording"], work, sealed["without"])
+        generic = self._asked("generic", sealed["recording"], work, ()) if self.settings.generic else None
+        truth = draw(self.settings.seed, index, kind)
+        if truth.digest() != sealed["digest"]:
+            raise UsageError(f"trial {index}: what was sealed as {sealed['digest']} is not what is unsealed")
+        return Trial(
+            index=index,
+            kind=kind,
+            digest=sealed["digest"],
+            truth=truth.as_json(),
+            rows=sealed["rows"],
+            recorded_s=sealed["wall_s"],
+            physics=_scored(truth, physics, score_diagnosis),
+            generic=None if generic is None else _scored(truth, generic, score_regression),
+        )
+
+    def _sealed(self, index: int, kind: ClassName, work: Path) -> dict[str, Any]:
+        """Draw, seal and record in a process of its own; what it told."""
+        asked = {"--seed": self.settings.seed, "--index": index, "--class": kind, "--out": work / "campaign"}
+        arguments = [str(word) for pair in asked.items() for word in pair]
+        try:
+            text = run_module("benchctl.proof.seal", *arguments, stop=self.stop, longest_s=_LONGEST_S)
+        except ProcessFailedError as err:
+            self.stop.ask(f"trial {index}")
+            raise InstrumentError(f"trial {index}: the simulated bench could not be recorded: {err}") from err
+        told: dict[str, Any] = {}
+        for line in text.splitlines():
+            told |= json.loads(line)
+        self.told(index, f"sealed, sha256 {told['digest']}")
+        return told
+
+    def _asked(self, arm: str, recording: str, work: Path, without: Sequence[str]) -> dict[str, Any]:
+        """What an arm says in a process of its own, which knows the recording's path and nothing else."""
+        out = work / f"{arm}.json"
+        arguments = [recording, "--arm", arm, "--out", str(out), "--without", ",".join(without)]
+        try:
+            run_module("benchctl.proof.blind", *arguments, stop=self.stop, longest_s=_LONGEST_S)
+        except ProcessFailedError as err:
+            return {"error": str(err)}
+        found: dict[str, Any] = json.loads(out.read_text(encoding="utf-8"))
+        return found
+
+
+def _scored(truth: Truth, found: Mapping[str, Any], score: Callable[[Truth, Mapping[str, Any]], Score]) -> Answer:
+    if "error" in found:
+        return Answer(score=None, error=found["error"])
+    said = found["said"]
+    findings = said.get("findings", [])
+    return Answer(
+        score=score(truth, said),
+        stated=tuple(said["effects"] if "effects" in said else [one["effect"] for one in findings]),
+        verdict=said.get("verdict", ""),
+        coordinates=tuple(said.get("unexplained", {}).get("coordinates", ())),
+        unexplained=bool(said.get("unexplained", {}).get("significant", False)),
+        alternatives={one["effect"]: [other["effect"] for other in one["alternatives"]] for one in findings},
+        seconds=found["seconds"],
+        peak_bytes=found["peak_bytes"],
+    )
+
+
+def _claim(folder: Path, settings: ProofSettings) -> None:
+    """Make the folder this proof's: trials may be added to it, all else must stay as it was."""
+    identity = {"seed": settings.seed, "only": list(settings.only), "generic": settings.generic}
+    path = folder / SETTINGS
+    with disk_errors(folder):
+        (folder / TRIALS).mkdir(parents=True, exist_ok=True)
+        before = json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
+    if before is not None and before != identity:
+        raise UsageError(f"{folder}: holds another proof, {before}; this one is {identity}; name another --out")
+    if before is None:
+        with whole_file(path) as temporary:
+            temporary.write_text(json.dumps(identity) + "\n", encoding="utf-8")
+
+
+def _path(folder: Path, index: int) -> Path:
+    return folder / TRIALS / f"{index:04d}.json"

@@ -1,0 +1,148 @@
+"""How right an answer is, once the truth is unsealed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from benchctl.proof.truth import Truth
+from instruments.physics.effects.effect import Parameter
+from instruments.physics.effects.registry import effect
+
+PHASE_DEG = 10.0
+"""How near a phase must come to count as within a tenth; a quarter is two and a half times that."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterScore:
+    """A parameter of an effect that was rightly named.
+
+    `error` is relative to the truth; of a phase it is in units of a hundred degrees, so that 0.1 is `PHASE_DEG`; of a
+    whole number it is 0 or infinite.
+    """
+
+    name: str
+    truth: float
+    value: float
+    error: float
+    inside_ci95: bool
+
+    def within(self, share: float) -> bool:
+        """Whether the value is that near the truth."""
+        return self.error <= share
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Score:
+    """How right an answer is.
+
+    Attributes
+    ----------
+    right
+        Whether it is what its class asks for: exactly the drawn effects and nothing else; of an outsider, unknown
+        structure in the right coordinate and no name.
+    missed, made_up
+        Effects that were drawn and not named, and named without having been drawn.
+    verdict_right
+        Whether the verdict is that of the class; None where the answer has none.
+    located
+        Of an outsider: whether the coordinate that is named first is one where it lives.
+    parameters
+        Those of effects that were rightly named.
+    heldout_ratio
+        Held-out residual over the noise that was found.
+    """
+
+    right: bool
+    missed: tuple[str, ...]
+    made_up: tuple[str, ...]
+    verdict_right: bool | None = None
+    located: bool | None = None
+    parameters: tuple[ParameterScore, ...] = ()
+    heldout_ratio: float | None = None
+
+
+def score_diagnosis(truth: Truth, said: Mapping[str, Any]) -> Score:
+    """Score a diagnosis, given as its JSON."""
+    found = {finding["effect"]: finding for finding in said["findings"]}
+    missed, made_up = _differences(truth, found)
+    verdict_right = said["verdict"] == truth.verdict
+    located = _located(truth, said["unexplained"]) if truth.withheld else None
+    right = not missed and not made_up
+    fit = said["fit"]
+    return Score(
+        right=right and verdict_right and bool(located) if truth.withheld else right,
+        missed=missed,
+        made_up=made_up,
+        verdict_right=verdict_right,
+        located=located,
+        parameters=tuple(
+            score
+            for name in truth.effects
+            if name in found
+            for score in _parameters(name, truth.effects[name], found[name]["parameters"])
+        ),
+        heldout_ratio=fit["heldout_after_v"] / fit["noise_v"] if fit["noise_v"] and fit["heldout_after_v"] else None,
+    )
+
+
+def score_regression(truth: Truth, said: Mapping[str, Any]) -> Score:
+    """Score the sparse regression; it has no word for unknown structure, so that with an outsider it is never right."""
+    missed, made_up = _differences(truth, dict.fromkeys(said["effects"]))
+    return Score(
+        right=not missed and not made_up and not truth.withheld,
+        missed=missed,
+        made_up=made_up,
+        located=False if truth.withheld else None,
+        heldout_ratio=said["heldout_ratio"],
+    )
+
+
+def _differences(truth: Truth, found: Mapping[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    return tuple(sorted(truth.nameable - found.keys())), tuple(sorted(found.keys() - truth.effects.keys()))
+
+
+def _located(truth: Truth, unexplained: Mapping[str, Any]) -> bool:
+    named = unexplained["coordinates"]
+    return bool(unexplained["significant"] and named and not set(named[0].split("*")).isdisjoint(truth.lives_in))
+
+
+def _parameters(
+    identifier: str, drawn: Mapping[str, float], stated: Mapping[str, Mapping[str, Any]]
+) -> list[ParameterScore]:
+    described = effect(identifier).parameters
+    scores = []
+    for name, value in drawn.items():
+        if name not in stated or stated[name]["value"] is None:
+            continue
+        estimate, (low, high) = stated[name]["value"], stated[name]["ci95"]
+        period = 360.0 / drawn.get("order", 1.0) if described[name].role == "phase" else None
+        scores.append(
+            ParameterScore(
+                name=f"{identifier}.{name}",
+                truth=value,
+                value=estimate,
+                error=_error(described[name], value, estimate, period),
+                inside_ci95=_inside(value, low, high, period),
+            )
+        )
+    return scores
+
+
+def _error(parameter: Parameter, truth: float, value: float, period_deg: float | None) -> float:
+    if period_deg is not None:
+        return abs(math.remainder(value - truth, period_deg)) / (10.0 * PHASE_DEG)
+    if parameter.role == "choice":
+        return 0.0 if round(value) == round(truth) else math.inf
+    return abs(value - truth) / abs(truth)
+
+
+def _inside(truth: float, low: float | None, high: float | None, period_deg: float | None) -> bool:
+    if low is None or high is None:
+        return False
+    if period_deg is None:
+        return low <= truth <= high
+    middle = 0.5 * (low + high)
+    return abs(math.remainder(truth - middle, period_deg)) <= 0.5 * (high - low)

@@ -1,0 +1,71 @@
+"""The process that knows: draws a trial's truth, seals it with a digest, and records the bench that obeys it.
+
+    python -m benchctl.proof.seal --seed 1 --index 7 --class single --out FOLDER
+
+prints the digest before anything is recorded, then how the recording went and of which effects the diagnosis must have
+no hypothesis, each as a line of JSON. What it leaves is the recording, which says nothing of the truth: neither its
+provenance nor its journal holds the physics.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from benchctl.campaign.opened import open_bench
+from benchctl.campaign.runner import Outcome, run_campaign
+from benchctl.campaign.stop import stop_on_signals
+from benchctl.proof.draw import draw, plan_of
+from benchctl.proof.truth import Truth
+from instruments.errors import BenchError
+
+
+def record(truth: Truth, folder: Path) -> Outcome:
+    """Run the sealed bench through its wires; the recording is described by the bench as its lab knows it."""
+    with stop_on_signals() as stop, open_bench(truth.sealed_bench()) as opened:
+        described = replace(opened, bench=truth.unit.public_bench())
+        outcome = run_campaign(plan_of(truth.unit), described, folder, stop=stop)
+    if outcome.error is not None:
+        raise outcome.error
+    return outcome
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The process; its exit status is that of a verb."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, required=True)
+    parser.add_argument("--index", type=int, required=True)
+    parser.add_argument("--class", dest="kind", required=True)
+    parser.add_argument("--out", type=Path, required=True)
+    asked = parser.parse_args(arguments)
+    began_s = time.monotonic()
+    try:
+        truth = draw(asked.seed, asked.index, asked.kind)
+        _tell({"digest": truth.digest()})
+        outcome = record(truth, asked.out)
+    except BenchError as err:
+        sys.stderr.write(f"{err}\n")
+        return err.exit_status
+    _tell(
+        {
+            "recording": str(outcome.recording),
+            "rows": outcome.samples,
+            "without": list(truth.withheld),
+            "wall_s": time.monotonic() - began_s,
+        }
+    )
+    return 0
+
+
+def _tell(line: dict[str, Any]) -> None:
+    sys.stdout.write(json.dumps(line) + "\n")
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

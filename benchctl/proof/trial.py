@@ -1,0 +1,109 @@
+"""One trial, from the seal to the score, as it is kept."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from benchctl.proof.classes import ClassName
+from benchctl.proof.score import ParameterScore, Score
+from benchctl.recordings.atomic import whole_file
+from instruments.errors import UsageError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """What an arm said of a recording and how right that was; `error` where it said nothing.
+
+    `stated` are the effects that it named, `unexplained` whether it saw unknown structure beside them, `coordinates`
+    where; `alternatives` are the look-alikes of each effect.
+    """
+
+    score: Score | None
+    stated: tuple[str, ...] = ()
+    verdict: str = ""
+    unexplained: bool = False
+    coordinates: tuple[str, ...] = ()
+    alternatives: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    seconds: float = math.nan
+    peak_bytes: int | None = None
+    error: str = ""
+
+    @property
+    def right(self) -> bool:
+        """Whether it was what its class asks for."""
+        return self.score is not None and self.score.right
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """A finished trial; `truth` is what was sealed under `digest`, `generic` None where that arm was left out."""
+
+    index: int
+    kind: ClassName
+    digest: str
+    truth: Mapping[str, Any]
+    rows: int
+    recorded_s: float
+    physics: Answer
+    generic: Answer | None
+
+    @property
+    def drawn(self) -> tuple[str, ...]:
+        """The concealed effects that a diagnosis has hypotheses of."""
+        return tuple(name for name in self.truth["effects"] if name not in self.truth["withheld"])
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data."""
+        plain: dict[str, Any] = _finite(asdict(self))
+        return plain
+
+
+def write_trial(path: Path, trial: Trial) -> None:
+    """Keep a trial, whole or not at all."""
+    with whole_file(path) as temporary:
+        temporary.write_text(json.dumps(trial.as_json(), ensure_ascii=False, indent=1) + "\n", encoding="utf-8")
+
+
+def read_trial(path: Path) -> Trial:
+    """A trial that was kept; `UsageError` where the file is not one."""
+    try:
+        kept = json.loads(path.read_text(encoding="utf-8"))
+        return Trial(**{**kept, "physics": _answer(kept["physics"]), "generic": _answer(kept["generic"])})
+    except (OSError, ValueError, TypeError, KeyError) as err:
+        raise UsageError(f"{path}: is no trial of this program's; remove it, and it is run again ({err})") from err
+
+
+def _answer(kept: dict[str, Any] | None) -> Any:
+    if kept is None:
+        return None
+    score = kept["score"]
+    if score is not None:
+        parameters = tuple(
+            ParameterScore(**{**one, "error": math.inf if one["error"] is None else one["error"]})
+            for one in score["parameters"]
+        )
+        score = Score(
+            **{
+                **score,
+                "parameters": parameters,
+                "missed": tuple(score["missed"]),
+                "made_up": tuple(score["made_up"]),
+            }
+        )
+    seconds = math.nan if kept["seconds"] is None else kept["seconds"]
+    texts = {name: tuple(kept[name]) for name in ("stated", "coordinates")}
+    return Answer(**{**kept, **texts, "score": score, "seconds": seconds})
+
+
+def _finite(value: Any) -> Any:
+    """JSON has no infinity and no NaN: they become null."""
+    if isinstance(value, Mapping):
+        return {name: _finite(item) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

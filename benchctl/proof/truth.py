@@ -1,0 +1,105 @@
+"""What a trial conceals, and the seal on it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from benchctl.bench import Bench
+from benchctl.diagnosis.result import Verdict
+from benchctl.proof.classes import CLASSES, ClassName
+from benchctl.proof.unit import TrialUnit
+from instruments.physics.effects.effect import PhysicalEffect
+from instruments.physics.effects.making import make_effects
+
+Effects = Mapping[str, Mapping[str, float]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Truth:
+    """What a trial conceals.
+
+    Attributes
+    ----------
+    index
+        Its number in the proof, from 0.
+    kind
+        Its class.
+    unit
+        The gyro and the bench.
+    seed
+        Draws the bench's noise.
+    effects
+        What is missing in the lab's model, in the words of the vocabulary.
+    moved
+        Whether the lab's parameters are of an earlier day.
+    gain
+        What the effects are worth together in twice the log likelihood, as planned; None where that is not known.
+    withheld
+        Hypotheses that the diagnosis is not given.
+    lives_in
+        Coordinates in which what cannot be named may rightly be located.
+    nonce
+        Random text that keeps the digest from being guessed.
+    """
+
+    index: int
+    kind: ClassName
+    unit: TrialUnit
+    seed: int
+    effects: Effects = field(default_factory=dict)
+    moved: bool = False
+    gain: float | None = None
+    withheld: tuple[str, ...] = ()
+    lives_in: tuple[str, ...] = ()
+    nonce: str
+
+    @property
+    def verdict(self) -> Verdict:
+        """What a diagnosis should come to."""
+        return CLASSES[self.kind].verdict
+
+    @property
+    def nameable(self) -> frozenset[str]:
+        """The effects that a diagnosis should name: all that it has hypotheses of."""
+        return frozenset(self.effects) - frozenset(self.withheld)
+
+    def made(self) -> tuple[PhysicalEffect, ...]:
+        """The effects themselves, as the bench has them."""
+        circumstances = {
+            "T0_c": self.unit.gyro.T0_c,
+            "range_dps": self.unit.range_dps,
+            "adc_step_v": self.unit.adc_step_v,
+            "noise_v_rms": self.unit.noise_v,
+            "seed": self.seed,
+        }
+        return make_effects(self.effects, circumstances)
+
+    def sealed_bench(self) -> Bench:
+        """The bench with all that is concealed in it; only the process that records knows it."""
+        return self.unit.public_bench().model_copy(
+            update={"physics": self.unit.physics(self.seed), "effects": {k: dict(v) for k, v in self.effects.items()}}
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data: all that matters of it."""
+        return {
+            "index": self.index,
+            "class": self.kind,
+            "effects": {name: dict(values) for name, values in self.effects.items()},
+            "moved": self.moved,
+            "gain": self.gain,
+            "withheld": list(self.withheld),
+            "lives_in": list(self.lives_in),
+            "seed": self.seed,
+            "physics": self.unit.physics(self.seed),
+            "nonce": self.nonce,
+        }
+
+    def digest(self) -> str:
+        """SHA-256 of it as JSON."""
+        text = json.dumps(self.as_json(), sort_keys=True, ensure_ascii=False)
+        return hashlib.sha256(text.encode()).hexdigest()

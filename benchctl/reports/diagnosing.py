@@ -1,0 +1,98 @@
+"""From recordings to a diagnosis, its report and its model file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from benchctl import diagnosis
+from benchctl.diagnosis.result import Diagnosis
+from benchctl.model_file import Model, read_model, write_model
+from benchctl.recordings.joined import join
+from benchctl.recordings.model import Meta, StepInfo
+from benchctl.recordings.reader import open_recording
+from benchctl.reports import text
+from benchctl.reports.diagnosis_page import write_diagnosis_report
+from benchctl.reports.results import make_folder, name_of, output_unit, source_digest
+from instruments.errors import UsageError
+
+Part = Literal["gyro", "drive", "chamber"]
+
+_UNITS: Mapping[Part, str] = {"drive": "deg/s", "chamber": "degC"}
+REPORT, MODEL = "diagnosis.html", "model.toml"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Diagnosed:
+    """A diagnosis with what its report says of the recordings; `unit` is that of the diagnosed quantity."""
+
+    diagnosis: Diagnosis
+    meta: Meta
+    infos: tuple[StepInfo, ...]
+    digest: str
+    unit: str
+
+
+def diagnose_recordings(
+    paths: Sequence[Path],
+    *,
+    model: Path | None = None,
+    part: Part = "gyro",
+    seed: int = 0,
+    progress: Callable[[str, float], None] | None = None,
+) -> Diagnosed:
+    """Diagnose one recording, or several of one unit jointly, by the model that the first names or that of a file.
+
+    Raises `UsageError` where a recording cannot be read or diagnosed, or they are of different units.
+    """
+    with ExitStack() as stack:
+        recordings = [stack.enter_context(open_recording(path)) for path in paths]
+        joined = join(recordings)
+        believed, notes = (None, ()) if model is None else _believed(model)
+        found = diagnosis.diagnose(joined, model=believed, part=part, seed=seed, progress=progress)
+        names = " + ".join(name_of(path) for path in paths)
+        return Diagnosed(
+            diagnosis=replace(found, recording=names, notes=(*found.notes, *notes)),
+            meta=joined.meta,
+            infos=joined.infos,
+            digest=", ".join(source_digest(recording) for recording in recordings),
+            unit=text.unit_text(_UNITS.get(part) or output_unit(joined.meta)),
+        )
+
+
+def write_diagnosed(diagnosed: Diagnosed, folder: Path) -> dict[str, Path]:
+    """Write report and model file, each whole or not at all; where they are, by what they are.
+
+    Raises `UsageError` where the folder may not be written to.
+    """
+    make_folder(folder)
+    written = {"report": folder / REPORT}
+    write_diagnosis_report(
+        written["report"],
+        diagnosed.diagnosis,
+        diagnosed.meta,
+        diagnosed.infos,
+        digest=diagnosed.digest,
+        unit=diagnosed.unit,
+    )
+    if diagnosed.diagnosis.model:
+        written["model"] = folder / MODEL
+        write_model(written["model"], _as_model(diagnosed.diagnosis.model))
+    return written
+
+
+def _believed(path: Path) -> tuple[Mapping[str, Any], tuple[str, ...]]:
+    """The lab's model in a file, and what of the file a diagnosis does not begin with, in words."""
+    model = read_model(path)
+    if model.simulation is None:
+        raise UsageError(f"model {path}: has no [simulation]: it says nothing of what the gyro should have put out")
+    others = ", ".join(model.effects)
+    notes = (f"The effects of {path.name} ({others}) are not taken for granted: they were looked for.",)
+    return model.simulation, notes if others else ()
+
+
+def _as_model(told: Mapping[str, Any]) -> Model:
+    return Model(**{name: part for name, part in told.items() if name != "format"})

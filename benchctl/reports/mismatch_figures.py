@@ -1,0 +1,191 @@
+"""How a mismatch between a recording and models of it is drawn: along a coordinate, step by step, in an excerpt.
+
+Every drawing shows any number of models, each with one colour and one marker throughout.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from benchctl.reports import diagnosis_words as words
+from benchctl.reports.figures import GREY, INK, LEVEL_COLOURS, FloatArray, dots
+from benchctl.reports.reduction import binned
+
+BAND = "#e4e7ea"
+_TICKS = 7
+_BLOCKS = 200
+"""Means of an excerpt that are drawn as a line through its points."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Look:
+    """How one model is drawn, everywhere."""
+
+    label: str
+    colour: str
+    marker: str
+    alpha: float = 1.0
+
+    @property
+    def key(self) -> Line2D:
+        """Its entry in a legend of lines."""
+        return Line2D(
+            [],
+            [],
+            color=self.colour,
+            alpha=self.alpha,
+            marker=self.marker,
+            markersize=2.5,
+            linewidth=0.9,
+            label=self.label,
+        )
+
+
+BEFORE = Look(label="before", colour=LEVEL_COLOURS["raw"], marker="o", alpha=0.55)
+AFTER = Look(label="after", colour=LEVEL_COLOURS["joint"], marker="o")
+AS_IT_CAME = Look(label="model as it came", colour=GREY, marker="x")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepMark:
+    """A step in the strip: when it began [s], and whether it is shaded."""
+
+    t_start: float
+    shaded: bool = False
+
+
+def along(
+    axes: Axes,
+    coordinate: str,
+    edges: FloatArray,
+    means: Sequence[tuple[Look, FloatArray]],
+    error: FloatArray,
+    unit: str,
+    *,
+    chance: FloatArray | None = None,
+) -> float:
+    """Means (m,) of residuals [unit] in bins with m+1 edges, NaN where empty, ± their error; `chance` as a band.
+
+    Returns the factor by which `unit` was multiplied, so that more can be drawn.
+    """
+    largest = np.nanmax(np.abs([np.zeros(error.size), *(mean for _, mean in means)]))
+    factor, shown = words.scaled(unit, float(largest))
+    middle = bin_middles(coordinate, edges)
+    if chance is not None:
+        band = np.nan_to_num(factor * np.append(chance, chance[-1:]))
+        axes.fill_between(edges, -band, band, step="post", color=BAND, linewidth=0)
+    axes.axhline(0.0, color=INK, linewidth=0.5)
+    for look, mean in means:
+        held = np.isfinite(mean)
+        axes.errorbar(
+            middle[held],
+            factor * mean[held],
+            yerr=factor * np.nan_to_num(error[held]),
+            color=look.colour,
+            alpha=look.alpha,
+            linewidth=0.9,
+            marker=look.marker,
+            markersize=2.2,
+        )
+    axes.set_xlabel(words.coordinate_axis(coordinate), labelpad=1.5)
+    axes.set_ylabel(shown, labelpad=1.5)
+    axes.locator_params(axis="both", nbins=4)
+    if coordinate == "rate_sign":
+        axes.set_xticks((-1, 0, 1))
+    if _is_logarithmic(coordinate, edges):
+        axes.set_xscale("log")
+    return factor
+
+
+def bin_middles(coordinate: str, edges: FloatArray) -> FloatArray:
+    """Where a bin's mean is drawn: half way, on a logarithmic axis too; m+1 edges to (m,)."""
+    if _is_logarithmic(coordinate, edges):
+        return np.sqrt(edges[1:] * edges[:-1])
+    return (edges[1:] + edges[:-1]) / 2
+
+
+def step_by_step(
+    axes: Axes, marks: Sequence[StepMark], rms: Sequence[tuple[Look, FloatArray]], noise: float, unit: str, shade: str
+) -> None:
+    """Rms (m,) of every step's residual [unit], in their order, on a logarithmic scale; `shade` says what is shaded."""
+    place = np.arange(1, len(marks) + 1)
+    factor, shown = words.scaled(unit, max(noise, *(float(np.median(values)) for _, values in rms)))
+    for at, mark in zip(place, marks, strict=True):
+        if mark.shaded:
+            axes.axvspan(at - 0.5, at + 0.5, color=BAND, linewidth=0)
+    for look, values in rms:
+        axes.plot(
+            place,
+            factor * values,
+            linestyle="none",
+            marker=look.marker,
+            markersize=3.0,
+            color=look.colour,
+            label=look.label,
+        )
+    axes.axhline(factor * noise, color=INK, linewidth=0.8, linestyle="--", label="noise")
+    axes.set(yscale="log", ylabel=f"rms of the residual ({shown})", xlabel="step, and when it began")
+    axes.set_xlim(0.3, len(marks) + 0.7)
+    ticks = np.unique(np.linspace(1, len(marks), min(_TICKS, len(marks))).astype(int))
+    axes.set_xticks(ticks, [f"{at}\n{_clock(marks[at - 1].t_start)}" for at in ticks])
+    _label_less_than_a_decade(axes)
+    handles, labels = axes.get_legend_handles_labels()
+    if any(mark.shaded for mark in marks):
+        handles, labels = [*handles, Patch(color=BAND)], [*labels, shade]
+    axes.figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
+
+
+def excerpt(
+    output: Axes,
+    left: Axes,
+    time_s: FloatArray,
+    measured: FloatArray,
+    models: Sequence[tuple[Look, FloatArray]],
+    unit: str,
+) -> None:
+    """A short part of a step: the output with the models' on one, what they leave on the other; arrays (n,)."""
+    time_s = time_s - time_s[0]
+    dots(output, time_s, measured, INK)
+    for look, values in models:
+        output.plot(time_s, values, color=look.colour, linewidth=0.9)
+    output.set_ylabel(f"output ({unit})")
+    residuals = [(look, measured - values) for look, values in models]
+    factor, shown = words.scaled(unit, float(np.nanmax(np.abs(residuals[0][1]), initial=0.0)))
+    for look, residual in residuals:
+        dots(left, time_s, factor * residual, look.colour, size=1.4)
+    for look, residual in residuals:
+        means = binned(time_s, factor * residual, _BLOCKS)
+        left.plot(means.centre, means.mean, color="white", linewidth=2.6)
+        left.plot(means.centre, means.mean, color=look.colour, linewidth=1.3)
+    left.axhline(0.0, color=INK, linewidth=0.5)
+    left.set_ylabel(f"what is left ({shown})")
+    left.locator_params(axis="y", nbins=5)
+    rms = [f"{factor * float(np.sqrt(np.nanmean(residual**2))):.3g}" for _, residual in residuals]
+    left.set_title(f"rms {' → '.join(rms)} {shown}")
+
+
+def _is_logarithmic(coordinate: str, edges: FloatArray) -> bool:
+    return coordinate == "frequency" and bool(edges[0] > 0)
+
+
+def _clock(seconds: float) -> str:
+    minutes = round(seconds / 60)
+    return f"{minutes // 60} h {minutes % 60:02d}" if minutes >= 60 else f"{minutes} min"
+
+
+def _label_less_than_a_decade(axes: Axes) -> None:
+    """Where little more than a decade is seen, a logarithmic axis needs more labels than its powers of ten."""
+    low, high = axes.get_ylim()
+    if high / low < 100:
+        powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+        ticks = [step * 10.0**power for power in powers for step in (1, 2, 5)]
+        shown = [tick for tick in ticks if low <= tick <= high]
+        axes.set_yticks(shown, [f"{tick:g}" for tick in shown])
+        axes.minorticks_off()

@@ -1,0 +1,61 @@
+"""Where results land, and which recording they are of."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+from benchctl.recordings.model import Meta
+from benchctl.recordings.reader import OPEN_DESCRIPTION, Recording
+from benchctl.recordings.schema import CAMPAIGN, RECORDING
+from instruments.errors import UsageError
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder for results; raises `UsageError` where it cannot be made or written to."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as err:
+        raise UsageError(f"--out {folder}: cannot be made: {err.strerror or err}") from err
+    if not os.access(folder, os.W_OK):
+        raise UsageError(f"{folder}: may not be written to; name another place for the results with --out DIR")
+
+
+def source_digest(recording: Recording) -> str:
+    """Our own digest, or those of the files that a foreign recording came in."""
+    if recording.digest:
+        return recording.digest
+    sources = json.loads(recording.meta.provenance.get("sources", "{}"))
+    return " ".join(source["sha256"] for source in sources.values())
+
+
+def may_be_made(folder: Path) -> bool:
+    """Whether results could be written there, as far as permissions tell; nothing is made."""
+    there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+    return there.is_dir() and os.access(there, os.W_OK | os.X_OK)
+
+
+def results_folder(path: Path) -> Path:
+    """Where the results on a recording land: in a campaign's folder; else in one named after the recording.
+
+    That lies beside a file; an open recording is somebody else's, and its results land in the current folder.
+    """
+    if path.is_dir():
+        return Path(f"{name_of(path)}.diagnosis") if _is_open(path) else path
+    return path.parent if path.name == RECORDING else path.with_name(f"{path.stem}.diagnosis")
+
+
+def name_of(path: Path) -> str:
+    """The name of a recording without its way: of a campaign that of its folder."""
+    path = path.resolve()
+    return path.parent.name if path.name == RECORDING else path.name
+
+
+def output_unit(meta: Meta) -> str:
+    """The unit of the gyro's output: volts, but of some imports a rate."""
+    return str(meta.extra.get("gyro_output_unit", "V"))
+
+
+def _is_open(folder: Path) -> bool:
+    return (folder / OPEN_DESCRIPTION).exists() and not any((folder / name).exists() for name in (RECORDING, CAMPAIGN))

@@ -1,0 +1,107 @@
+"""What a piece of omitted physics must say of itself: one description serves the simulated bench and the diagnosis.
+
+An effect is a frozen dataclass whose fields are its parameters, under the names and units of the vocabulary, and, with
+defaults, its circumstances (a reference temperature, a seed), which nobody fits. Its class says the rest.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import ClassVar, Literal, Self
+
+from instruments.physics.chain import Signals, Stage
+
+Role = Literal["size", "shape", "phase", "choice"]
+"""`size`: the effect grows in proportion to it; `shape`: a time constant, a cutoff; `phase`: an angle, periodic, in
+degrees; `choice`: one of `scan`, whole numbers for example."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """A parameter of an effect.
+
+    Attributes
+    ----------
+    unit
+        Its unit, in CF style where there is one.
+    meaning
+        In words, short.
+    low, high
+        Bounds beyond which the effect is another one, or none.
+    role
+        How a search treats it.
+    scan
+        Where a search begins: of a size one value, small; of others values that cover what is likely, near enough that
+        one of them leads to the right one.
+    zero
+        The value at which the effect is gone (`math.inf` for a cutoff); None where it does not depend on this one.
+    logarithmic
+        Whether it is positive and its ratios count.
+    """
+
+    unit: str
+    meaning: str
+    low: float
+    high: float
+    role: Role
+    scan: tuple[float, ...]
+    zero: float | None = None
+    logarithmic: bool = False
+
+
+class DescribedEffect(ABC):
+    """Physics beside a part's baseline; a subclass is a frozen dataclass and sets every class variable.
+
+    Attributes
+    ----------
+    identifier
+        Its name in the vocabulary.
+    words
+        What it is, in one or two sentences, for someone who has not heard of it.
+    equation
+        Its equation, in the symbols of the vocabulary.
+    coordinate
+        Where its residual is seen: a coordinate of a diagnosis, or two joined by `*`.
+    excited_by
+        The motion or temperature that brings it out.
+    look_alikes
+        Identifiers of effects that can be mistaken for it.
+    parameters
+        Its parameters by name; in the order of its fields.
+    """
+
+    identifier: ClassVar[str]
+    words: ClassVar[str]
+    equation: ClassVar[str]
+    coordinate: ClassVar[str]
+    excited_by: ClassVar[str]
+    look_alikes: ClassVar[tuple[str, ...]]
+    parameters: ClassVar[Mapping[str, Parameter]]
+
+    @abstractmethod
+    def says(self) -> str:
+        """The finding in one sentence, with its numbers."""
+
+    @classmethod
+    def make(cls, values: Mapping[str, float], circumstances: Mapping[str, float] | None = None) -> Self:
+        """An effect from its parameters by name; of the circumstances those that it has are taken."""
+        known = {field.name for field in fields(cls)}  # type: ignore[arg-type]  # subclasses are dataclasses
+        given = {name: value for name, value in (circumstances or {}).items() if name in known}
+        return cls(**{**given, **values})
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Its parameters by name."""
+        return {name: float(getattr(self, name)) for name in self.parameters}
+
+
+class PhysicalEffect(DescribedEffect):
+    """Physics of the gyro and what measures it; `stage` is that of the chain after whose baseline it acts."""
+
+    stage: ClassVar[Stage]
+
+    @abstractmethod
+    def apply(self, signals: Signals) -> Signals:
+        """The signals with the effect: of a stretch that may go on from an earlier one, by `Signals.memory`."""

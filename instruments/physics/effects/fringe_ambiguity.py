@@ -1,0 +1,62 @@
+"""Beyond a rate the interferometer goes back on its fringe."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from instruments.physics.chain import Signals, Stage
+from instruments.physics.effects.effect import Parameter, PhysicalEffect
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FringeAmbiguity(PhysicalEffect):
+    """The rate folds back at ±fold_dps, as often as need be (domain facts, FOLD): a triangle of the true rate."""
+
+    fold_dps: float
+
+    identifier: ClassVar[str] = "fringe_ambiguity"
+    stage: ClassVar[Stage] = "sensed_rate"
+    words: ClassVar[str] = (
+        "Beyond a certain rate the output falls again as the rate grows: the interferometer has passed the top of its"
+        " fringe, and two rates give the same volts."
+    )
+    equation: ClassVar[str] = "ω → fold − |(ω + fold) mod 4·fold − 2·fold|"
+    coordinate: ClassVar[str] = "rate"
+    excited_by: ClassVar[str] = "rates at the end of the range and beyond"
+    look_alikes: ClassVar[tuple[str, ...]] = ("saturation", "rate_nonlinearity")
+    parameters: ClassVar[Mapping[str, Parameter]] = {
+        "fold_dps": Parameter(
+            unit="degree/s",
+            meaning="the rate at which the output turns back",
+            low=1.0,
+            high=5000.0,
+            role="shape",
+            scan=(20.0, 30.0, 40.0, 55.0, 75.0, 95.0, 115.0, 140.0, 170.0, 200.0, 250.0, 350.0),
+            zero=math.inf,
+            logarithmic=True,
+        )
+    }
+
+    def apply(self, signals: Signals) -> Signals:
+        """The folded rate."""
+        rate = signals.sensed_rate_dps
+        if max(rate.max(), -rate.min()) <= self.fold_dps:
+            return signals
+        folded = rate + self.fold_dps
+        np.mod(folded, 4.0 * self.fold_dps, out=folded)
+        folded -= 2.0 * self.fold_dps
+        np.abs(folded, out=folded)
+        np.subtract(self.fold_dps, folded, out=folded)
+        return replace(signals, sensed_rate_dps=folded)
+
+    def says(self) -> str:
+        """The finding in one sentence."""
+        return (
+            f"Beyond {self.fold_dps:.4g} °/s the output turns back: the interferometer has passed the top of its"
+            " fringe, and two rates give the same volts."
+        )

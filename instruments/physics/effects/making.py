@@ -1,0 +1,69 @@
+"""From tables of parameters, as a model file or a bench.toml states them, to effects."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import MISSING, fields
+
+from instruments.errors import UsageError
+from instruments.physics.effects.effect import Parameter, PhysicalEffect
+from instruments.physics.effects.registry import effect
+
+LATE = ("sensor_bandwidth", "saturation", "mains_pickup", "adc_nonlinearity", "adc_coarse", "outliers", "dropouts")
+"""Effects that act after the others of their stage, in this order: amplifier, cable, converter, transmission."""
+
+
+def make_effects(
+    tables: Mapping[str, Mapping[str, float]],
+    circumstances: Mapping[str, float] | None = None,
+    *,
+    where: str = "effects",
+) -> tuple[PhysicalEffect, ...]:
+    """Effects from their parameters, by identifier, in the order in which those of one stage act.
+
+    A table may also state circumstances of its effect; those win over the `circumstances` that all share.
+
+    Raises
+    ------
+    UsageError
+        Names the effect or field that is not known, missing, no finite number or out of bounds, as `[where.effect]`.
+    """
+    order = {identifier: place for place, identifier in enumerate(LATE)}
+    made = [_made(identifier, table, circumstances or {}, where) for identifier, table in tables.items()]
+    return tuple(sorted(made, key=lambda one: order.get(one.identifier, -1)))
+
+
+def _made(
+    identifier: str, table: Mapping[str, float], circumstances: Mapping[str, float], where: str
+) -> PhysicalEffect:
+    try:
+        kind = effect(identifier)
+    except UsageError as err:
+        raise UsageError(f"[{where}] {err}") from err
+    place = f"[{where}.{identifier}]"
+    if not isinstance(table, Mapping):
+        raise UsageError(f"{place} expected a table of its parameters, got {table!r}")
+    items = fields(kind)  # type: ignore[arg-type]  # effects are dataclasses
+    known = [item.name for item in items]
+    for name, value in table.items():
+        if name not in known:
+            raise UsageError(f"{place} {name}: no such field; there are {', '.join(known)}")
+        _check(f"{place} {name}", value, kind.parameters.get(name))
+    for item in items:
+        if item.default is MISSING and item.name not in table:
+            raise UsageError(f"{place} {item.name}: this field is needed and is not there")
+    return kind.make(table, circumstances)
+
+
+def _check(place: str, value: object, parameter: Parameter | None) -> None:
+    if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
+        raise UsageError(f"{place}: expected a number, got {value!r}")
+    if parameter is None:
+        if not math.isfinite(value):
+            raise UsageError(f"{place}: expected a finite number, got {value!r}")
+        return
+    if value != parameter.zero and not parameter.low <= value <= parameter.high:
+        raise UsageError(f"{place}: expected {parameter.low:g} to {parameter.high:g} ({parameter.unit}), got {value:g}")
+    if parameter.role == "choice" and value != round(value):
+        raise UsageError(f"{place}: expected a whole number, got {value:g}")

@@ -1,0 +1,82 @@
+"""The gyro does not turn with the table: its mount gives way."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from instruments.interfaces import FloatArray
+from instruments.physics.chain import Signals, Stage
+from instruments.physics.effects.effect import Parameter
+from instruments.physics.effects.kinds import FORGETTING_TIME_CONSTANTS, FilterEffect
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MountResonance(FilterEffect):
+    """Base excitation of a spring and damper between table and gyro (domain facts, RES).
+
+    The gyro's rate is the table's through (2ζωₙs + ωₙ²)/(s² + 2ζωₙs + ωₙ²).
+    """
+
+    frequency_hz: float
+    damping: float
+
+    identifier: ClassVar[str] = "mount_resonance"
+    stage: ClassVar[Stage] = "sensed_rate"
+    filtered: ClassVar[Literal["output_v", "sensed_rate_dps"]] = "sensed_rate_dps"
+    words: ClassVar[str] = (
+        "The gyro sits on something that gives way like a spring: it overshoots and rings after every reversal, and"
+        " near its resonance it turns further than the table does. The encoder sees none of that."
+    )
+    equation: ClassVar[str] = "Ω → h * Ω, H(s) = (2ζωₙs + ωₙ²)/(s² + 2ζωₙs + ωₙ²), ωₙ = 2π·frequency, ζ = damping"
+    coordinate: ClassVar[str] = "acceleration"
+    excited_by: ClassVar[str] = "reversals, and oscillations near the resonance"
+    look_alikes: ClassVar[tuple[str, ...]] = ("sensor_bandwidth", "timing_offset", "angular_acceleration")
+    parameters: ClassVar[Mapping[str, Parameter]] = {
+        "frequency_hz": Parameter(
+            unit="Hz",
+            meaning="natural frequency ωₙ/2π of the gyro on its mount",
+            low=0.3,
+            high=2000.0,
+            role="shape",
+            scan=(3.0, 5.0, 8.0, 12.0, 18.0, 27.0, 40.0, 60.0, 90.0, 140.0, 200.0),
+            zero=math.inf,
+            logarithmic=True,
+        ),
+        "damping": Parameter(
+            unit="1",
+            meaning="damping ratio ζ",
+            low=0.002,
+            high=2.0,
+            role="shape",
+            scan=(0.02, 0.1, 0.4),
+            logarithmic=True,
+        ),
+    }
+
+    def transfer_function(self) -> tuple[FloatArray, FloatArray]:
+        """Numerator and denominator in powers of s, highest first."""
+        slowness = 1.0 / (2.0 * math.pi * self.frequency_hz)
+        damped = 2.0 * self.damping * slowness
+        return np.array([damped, 1.0]), np.array([slowness**2, damped, 1.0])
+
+    @property
+    def memory_s(self) -> float:
+        """The slowest pole lies at ζωₙ, beyond critical damping at (ζ − √(ζ² − 1))·ωₙ."""
+        slowest = self.damping - math.sqrt(max(self.damping**2 - 1.0, 0.0))
+        return FORGETTING_TIME_CONSTANTS / (2.0 * math.pi * self.frequency_hz * slowest)
+
+    def apply(self, signals: Signals) -> Signals:
+        """The rate that the gyro has on its mount."""
+        return signals if math.isinf(self.frequency_hz) else super(MountResonance, self).apply(signals)
+
+    def says(self) -> str:
+        """The finding in one sentence."""
+        return (
+            f"The gyro's mount gives way: it rings at {self.frequency_hz:.3g} Hz with a damping ratio of"
+            f" {self.damping:.2g}, which the encoder does not see."
+        )

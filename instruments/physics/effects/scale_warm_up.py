@@ -1,0 +1,70 @@
+"""The scale factor settles after the recording began."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from instruments.physics.chain import Signals, Stage
+from instruments.physics.effects.effect import Parameter, PhysicalEffect
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScaleWarmUp(PhysicalEffect):
+    """The scale factor is × (1 + fraction·e^(−t/tau)) (domain facts, WARM); t counts from `start_s`."""
+
+    fraction: float
+    tau_s: float
+    start_s: float = 0.0
+
+    identifier: ClassVar[str] = "scale_warm_up"
+    stage: ClassVar[Stage] = "scale"
+    words: ClassVar[str] = (
+        "The gyro was not yet warm when the recording began: its scale factor comes to its final value as an"
+        " exponential in time, whatever the chamber does."
+    )
+    equation: ClassVar[str] = "U − U0 → (U − U0)·(1 + fraction·e^(−t/tau))"
+    coordinate: ClassVar[str] = "rate*time"
+    excited_by: ClassVar[str] = "rotation from the first minutes on, and again long after"
+    look_alikes: ClassVar[tuple[str, ...]] = ("scale_ageing", "thermal_lag", "scale_temperature", "thermal_hysteresis")
+    parameters: ClassVar[Mapping[str, Parameter]] = {
+        "fraction": Parameter(
+            unit="1",
+            meaning="relative error of the scale factor when the recording begins",
+            low=-0.5,
+            high=0.5,
+            role="size",
+            scan=(1e-5,),
+            zero=0.0,
+        ),
+        "tau_s": Parameter(
+            unit="s",
+            meaning="time constant with which it settles",
+            low=5.0,
+            high=36000.0,
+            role="shape",
+            scan=(30.0, 100.0, 300.0, 900.0, 2700.0),
+            logarithmic=True,
+        ),
+    }
+
+    def apply(self, signals: Signals) -> Signals:
+        """The output of a scale factor that settles."""
+        volts = signals.time_s - self.start_s
+        volts *= -1.0 / self.tau_s
+        np.exp(volts, out=volts)
+        volts *= self.fraction
+        volts += 1.0
+        volts *= signals.output_v
+        return replace(signals, output_v=volts)
+
+    def says(self) -> str:
+        """The finding in one sentence."""
+        return (
+            f"The scale factor begins {100.0 * abs(self.fraction):.3g} %"
+            f" {'low' if self.fraction < 0.0 else 'high'} and settles with a time constant of {self.tau_s:.3g} s,"
+            " at any temperature: the gyro was warming up."
+        )

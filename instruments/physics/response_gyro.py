@@ -1,0 +1,73 @@
+"""A gyro that obeys a calibration to the letter: the response as a lab believes in it, and nothing beside.
+
+    U = U0 + K0·k(T)·k(ω)·ω + n,    k(T) = 1 + a1·ΔT + a2·ΔT² + …,    k(ω) = 1 + b2·ω² + b4·ω⁴ + …
+
+with ΔT = T − T0, T what the gyro's thermistor states, ω the table's rate and n white noise (the paper's model; open
+recordings bring it as their `simulation`). The Earth's rate is in U0, as in the calibration; the output has no
+low-pass, and the coil is as warm as its thermistor, unless an effect says otherwise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from instruments.errors import UsageError
+from instruments.interfaces import FloatArray
+from instruments.physics.chain import Baseline, Signals
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ResponseParameters:
+    """The response: `k_T` = (a1, a2, …) [°C⁻¹, °C⁻², …], `k_omega` = (b2, b4, …) [(°/s)⁻², (°/s)⁻⁴, …].
+
+    `noise_v_rms` is the deviation of every sample, at whatever rate it is taken; the output stops at ±`output_limit_v`.
+    """
+
+    K0_v_per_dps: float
+    U0_v: float
+    T0_c: float
+    k_T: tuple[float, ...]  # noqa: N815 - the letters of the model
+    k_omega: tuple[float, ...]
+    noise_v_rms: float
+    output_limit_v: float
+
+    def __post_init__(self) -> None:
+        if self.noise_v_rms < 0.0 or self.output_limit_v <= 0.0:
+            raise UsageError(
+                f"a noise of {self.noise_v_rms} V and an output limit of {self.output_limit_v} V:"
+                " give a noise of 0 or more and a limit above 0"
+            )
+
+
+def response_v(parameters: ResponseParameters, rate_dps: FloatArray, temperature_c: FloatArray) -> FloatArray:
+    """K0·k(T)·k(ω)·ω [V], without the bias, for rates [deg/s] and temperatures [°C], all of shape (n,)."""
+    volts = _one_plus(parameters.k_omega, rate_dps * rate_dps)
+    volts *= rate_dps
+    if parameters.k_T:
+        volts *= _one_plus(parameters.k_T, temperature_c - parameters.T0_c)
+    volts *= parameters.K0_v_per_dps
+    return volts
+
+
+def response_baseline(parameters: ResponseParameters) -> Baseline:
+    """The stages on the grid; what the coil feels is the table's rate."""
+
+    def scale(signals: Signals) -> Signals:
+        return replace(signals, output_v=response_v(parameters, signals.sensed_rate_dps, signals.coil_c))
+
+    def add_bias(signals: Signals) -> Signals:
+        return replace(signals, output_v=signals.output_v + parameters.U0_v)
+
+    return {"scale": scale, "bias": add_bias}
+
+
+def _one_plus(coefficients: tuple[float, ...], x: FloatArray) -> FloatArray:
+    """1 + c1·x + c2·x² + …, an array of its own."""
+    total = np.zeros_like(x)
+    for coefficient in reversed(coefficients):
+        total += coefficient
+        total *= x
+    total += 1.0
+    return total

@@ -1,0 +1,91 @@
+"""`benchctl compare`: two recordings of one procedure, or one beside the models of its gyro."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tomli_w
+
+from benchctl.cli.app import run_verb
+from tests.benchctl.diagnosis.moving import K0, NOISE_V, RATE_DPS, SIMULATION, write_moving
+from tests.benchctl.reports.page import Page
+
+
+@pytest.fixture(autouse=True)
+def _here(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def compare(*arguments: str | Path) -> int:
+    return run_verb(["compare", *map(str, arguments)])
+
+
+def test_a_recording_stands_beside_the_labs_model_and_the_new_one(capsys: pytest.CaptureFixture[str]) -> None:
+    write_moving(Path("real.h5"), squared_v=1e-5)
+    effects = {"rate_squared": {"v_per_dps2": 1e-5}}
+    Path("new.toml").write_text(
+        tomli_w.dumps({"format": "benchctl-model/1", "simulation": SIMULATION, "effects": effects})
+    )
+    assert compare("real.h5", "--model", "new.toml", "--json", "out.json") == 0
+    told = json.loads(Path("out.json").read_text())
+    assert told["schema"] == "benchctl-compare/1"
+    assert told["against"] == ["the lab's model", "the new model"]
+    turning = told["steps"][1]
+    assert turning["mean_v"]["the lab's model"] == pytest.approx(1e-5 * RATE_DPS**2, rel=0.02)
+    assert turning["rms_v"]["the new model"] == pytest.approx(NOISE_V, rel=0.1)
+    assert told["noise_v"] == pytest.approx(NOISE_V, rel=0.05)
+    rate = told["coordinates"]["rate"]
+    assert rate["mean_v"]["the lab's model"][-1] == pytest.approx(1e-5 * 60.0**2, rel=0.15)
+    assert "step, rms of measured less simulated" in capsys.readouterr().out
+    page = Page(Path(told["report"]).read_text(encoding="utf-8"))
+    assert told["report"] == "real.diagnosis/comparison.html"
+    assert len(page.figures) == 3
+    assert page.refers_elsewhere() == []
+    assert "Comparison: real.h5" in page.words
+    assert "constant_rate at +23 constant rate 16." in page.words
+
+
+def test_two_recordings_of_one_procedure_are_laid_over_each_other(capsys: pytest.CaptureFixture[str]) -> None:
+    write_moving(Path("real.h5"))
+    write_moving(Path("simulated.h5"), K0_v_per_dps=0.99 * K0, phase=0.7, seed=3, kinds=("static", "sine", "sine"))
+    assert compare("simulated.h5", "real.h5", "--json", "out.json") == 0
+    out = capsys.readouterr().out
+    assert "only in the real one: constant_rate at +23" in out
+    assert "report: real.diagnosis/comparison.html" in out
+    told = json.loads(Path("out.json").read_text())
+    assert told["against"] == ["simulated.h5"]
+    sine = told["steps"][1]
+    assert sine["rms_v"]["simulated.h5"] == pytest.approx(0.01 * K0 * 60 / np.sqrt(2), rel=0.05)
+    assert "only in the simulated one: sine at +23" in told["remarks"]
+
+
+def test_a_program_that_asks_for_json_alone_gets_that(capsys: pytest.CaptureFixture[str]) -> None:
+    write_moving(Path("real.h5"))
+    assert compare("real.h5", "--json", "out.json", "--quiet") == 0
+    assert capsys.readouterr() == ("", "")
+    assert sorted(path.name for path in Path().iterdir()) == ["out.json", "real.h5"]
+    assert "report" not in json.loads(Path("out.json").read_text())
+
+
+def test_a_recording_that_names_no_model_needs_something_to_be_compared_with(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    write_moving(Path("real.h5"), simulation=None)
+    assert compare("real.h5") == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "names no model that it could be compared with; name one with --model FILE" in line
+    assert not Path("real.diagnosis").exists()
+
+
+def test_two_recordings_and_a_model_are_one_too_many(capsys: pytest.CaptureFixture[str]) -> None:
+    write_moving(Path("real.h5"))
+    assert compare("real.h5", "real.h5", "--model", "m.toml") == 2
+    assert "two recordings, or one and --model FILE" in capsys.readouterr().err
+
+
+def test_the_same_comparison_is_the_same_page() -> None:
+    write_moving(Path("real.h5"))
+    assert compare("real.h5", "--out", "a", "--quiet") == 0
+    assert compare("real.h5", "--out", "b", "--quiet") == 0
+    assert Path("a/comparison.html").read_bytes() == Path("b/comparison.html").read_bytes()

@@ -1,0 +1,242 @@
+"""The page on a diagnosis says what the diagnosis says, to somebody who was not there."""
+
+import dataclasses
+import math
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchctl.diagnosis.result import Estimate, NotFound, Slice
+from benchctl.recordings.model import BenchFacts, Meta, StepInfo, Unit
+from benchctl.reports import diagnosis_words as words
+from benchctl.reports.diagnosis_figures import map_figure, significance, steps_figure, traces_figure
+from benchctl.reports.diagnosis_lines import lines
+from benchctl.reports.diagnosis_page import diagnosis_page, write_diagnosis_report
+from benchctl.reports.figures import style
+from tests.benchctl.diagnosis.example import NOISE_V, nothing_missing, pair, unknown_structure
+from tests.benchctl.reports.page import Page
+
+INFO = StepInfo(index=1, name="static +23", kind="static", t_start=0.0, t_end=40.0, chamber_setpoint_c=23.0, samples=9)
+
+
+def meta_of(status="imported", serial="DUT-1"):
+    return Meta(status=status, unit=Unit(serial=serial, range_dps=145.0), bench=BenchFacts(sample_rate_hz=125.0))
+
+
+def page_of(diagnosis, meta=None, unit="V"):
+    return diagnosis_page(diagnosis, meta or meta_of(), [INFO], digest="beef", unit=unit)
+
+
+def undrawn(diagnosis):
+    """Without what takes time to draw."""
+    return replace(diagnosis, slices=(), steps=(), traces=())
+
+
+@pytest.fixture(scope="module")
+def pair_html():
+    return page_of(pair())
+
+
+@pytest.fixture(scope="module")
+def pair_page(pair_html):
+    return Page(pair_html)
+
+
+def test_the_head_has_the_verdict_every_finding_and_what_is_to_be_run_next(pair_page):
+    head = pair_page.words[: pair_page.words.index("1 Where model and recording part")]
+    assert "Physics is missing" in head
+    assert pair().says in head
+    for finding in pair().findings:
+        assert finding.says in head
+    assert pair().next_experiment.says in head
+    assert "1.94 mV 3.80 × the noise" in head
+    assert "516 µV 1.01 × the noise" in head
+    assert "12 steps that were held out" in head
+
+
+def test_a_finding_has_words_equation_values_place_evidence_and_alternatives(pair_page):
+    told = pair_page.words
+    assert "The fibre coil is not at the temperature of its thermistor" in told
+    assert "τ·dT_coil/dt = T − T_coil" in told
+    assert {590.8, 80.17, 331.5} <= set(pair_page.numbers)
+    assert "(591 ± 16) s" in told
+    assert "change of the gyro's temperature, 0.0210 to 0.0580 °C/s; 93 % of what the noise does not" in told
+    assert "Largest in: ramp to +55, rate +145.0 at +55." in told
+    assert "4321.5; chance alone may reach 21.7" in told
+    assert "811.2, on data that chose and fitted nothing" in told
+    assert "thermal hysteresis 1 % 9.2" in told
+
+
+def test_what_was_looked_for_stands_with_the_size_that_would_have_shown(pair_page):
+    told = pair_page.words
+    assert "dead zone half_width_dps = 0.012 °/s" in told
+    assert "scale warm up fraction = 2.1 × 10⁻⁵ tau_s = 600" in told
+    unseen = told[told.index("7 What could not be seen") : told.index("8 The model's own parameters")]
+    assert "supply sensitivity no supply voltage was recorded" in unseen
+    assert pair().notes[0] in unseen
+    assert "dead zone " not in unseen.replace(pair().notes[0], "")
+
+
+def test_the_next_experiment_is_a_command(pair_page):
+    assert "benchctl run temperature_sweep --bench bench.toml -p points=3" in pair_page.words
+    assert "separates thermal lag from thermal hysteresis, by about 58" in pair_page.words
+
+
+def test_the_models_own_parameters_say_what_they_were_and_how_far_they_moved(pair_page):
+    own = pair_page.words[pair_page.words.index("8 The model's own parameters") :]
+    assert "K0_v_per_dps 0.0160000 V/(°/s)" in own
+    assert "21 standard errors, 0.020 %" in own
+    assert "delay_s – (21 ± 25) × 10⁻⁶ s was not in the model" in own
+    assert "[effects.thermal_lag]" in own
+
+
+def test_where_nothing_is_missing_the_page_says_so_and_how_sure_that_is():
+    told = Page(page_of(undrawn(nothing_missing()))).words
+    assert "Consistent The model agrees with the recording to within the noise." in told
+    assert "no effect gains more than the 21.7" in told
+    assert "Nothing is open." in told
+    assert "What is left cannot be told from noise." in told
+
+
+def test_unknown_structure_names_its_coordinates_and_forces_no_name():
+    told = Page(page_of(unknown_structure())).words
+    assert "Unknown structure" in told
+    assert "Unexplained: What is left repeats 17 times a turn" in told
+    assert "angle of the table; angle of the table together with gyro's temperature" in told
+    assert "62 % of the mismatch" in told
+    assert "After: angle of the table." in told
+
+
+def test_an_effect_that_is_not_in_the_vocabulary_is_told_from_the_finding_alone():
+    strange = replace(pair().findings[0], effect="coil_ringing")
+    told = Page(page_of(undrawn(replace(pair(), findings=(strange,))))).words
+    assert "1. Coil ringing" in told
+    assert strange.says in told
+
+
+def test_the_page_needs_nothing_else_has_each_id_once_and_is_the_same_twice(pair_html):
+    assert page_of(pair()) == pair_html
+    page = Page(pair_html)
+    assert page.refers_elsewhere() == []
+    assert len(page.ids) == len(set(page.ids))
+    assert "http" not in pair_html
+    assert len(page.figures) == 3
+    assert all(figure["aria-label"] for figure in page.figures)
+
+
+def test_names_from_outside_cannot_run():
+    wicked = "<script>x</script>"
+    odd = replace(undrawn(pair()), recording=wicked, says=wicked, notes=(wicked,))
+    html = page_of(odd, meta_of(serial=wicked))
+    assert "<script" not in html
+    assert wicked in Page(html).words
+
+
+def test_a_diagnosis_with_nothing_to_draw_and_nothing_known_is_a_page_all_the_same():
+    bare = replace(
+        undrawn(pair()),
+        findings=(),
+        not_found=(),
+        notes=(),
+        baseline={},
+        model={},
+        fit=replace(pair().fit, noise_v=0.0, heldout_before_v=math.nan, heldout_after_v=math.nan),
+    )
+    page = Page(page_of(bare))
+    assert page.figures == []
+    assert "nan" not in page.words.split()
+    assert "No effect was looked for in vain." in page.words
+    assert "Every effect that was looked for would have shown" in page.words
+
+
+def test_slices_without_samples_are_drawn_empty():
+    empty = Slice(
+        coordinate="chamber_temp",
+        edges=np.linspace(0, 1, 5),
+        count=np.zeros(4),
+        before_v=np.full(4, np.nan),
+        after_v=np.full(4, np.nan),
+        standard_error_v=np.full(4, np.nan),
+        threshold=4.0,
+    )
+    assert significance(empty, empty.after_v) == 0.0
+    assert (
+        "chamber's temperature" not in Page(page_of(replace(undrawn(pair()), slices=(empty,)))).words.split("After:")[0]
+    )
+
+
+def test_the_figures_name_coordinates_units_and_times():
+    one = pair()
+    with style():
+        panels = map_figure(one.slices, "V").axes
+        assert [axes.get_xlabel() for axes in panels][:3] == ["time (s)", "rate (°/s)", "|rate| (°/s)"]
+        assert {axes.get_ylabel() for axes in panels} == {"µV", "mV"}
+        titles = [axes.get_title(loc="right") for axes in panels]
+        assert all("→" in title for title in titles)
+        (strip,) = steps_figure(one.steps, NOISE_V, "V").axes
+        assert strip.get_yscale() == "log"
+        assert strip.get_xticklabels()[-1].get_text() == "60\n54 min"
+        left = traces_figure(one.traces, "V").axes[1]
+        assert left.get_title(loc="left").startswith("rms ")
+
+
+def test_significance_is_the_largest_mean_over_its_error():
+    angle = next(one for one in pair().slices if one.coordinate == "angle")
+    expected = np.nanmax(np.abs(angle.before_v) / angle.standard_error_v)
+    assert significance(angle, angle.before_v) == pytest.approx(expected)
+    assert significance(angle, angle.before_v) > angle.threshold > significance(angle, angle.after_v)
+
+
+def test_sizes_are_told_in_the_multiple_that_reads_well():
+    assert words.size(1.94e-3, "V") == "1.94\u00a0mV"
+    assert words.size(-5.1e-4, "V") == "−510\u00a0µV"
+    assert words.size(0.0421, "°/s") == "0.0421\u00a0°/s"
+    assert words.size(2.5, "V") == "2.50\u00a0V"
+    assert words.size(math.nan, "V") == "–\u00a0V"
+
+
+def test_certainty_is_not_claimed():
+    assert words.probability(1.0) == "> 99.9\u00a0%"
+    assert words.probability(0.0) == "< 0.1\u00a0%"
+    assert words.probability(0.985) == "98.5\u00a0%"
+
+
+def test_ranges_without_an_end_read_as_below_and_above():
+    where = dataclasses.replace(pair().findings[0].where, coordinate="acceleration", ranges=((300.0, math.inf),))
+    assert "acceleration, above 300\u00a0°/s²;" in words.place(where)
+    below = dataclasses.replace(where, ranges=((-math.inf, -300.0),))
+    assert "acceleration, below −300\u00a0°/s²;" in words.place(below)
+
+
+def test_lines_for_the_terminal_are_short_and_complete():
+    told = list(lines(pair(), "V"))
+    assert told[0] == f"missing-physics: {pair().says}"
+    assert "1. thermal_lag (99\u00a0%): The fibre coil is colder" in told[1]
+    assert told[2] == "     tau_s = 590.8\u00a0s  [575.1, 606.5]"
+    assert told[3] == "     or else: thermal_hysteresis (1\u00a0%)"
+    assert "could not be seen in this recording: supply_sensitivity" in told
+    assert told[-1] == "  benchctl run temperature_sweep --bench bench.toml -p points=3"
+    assert any(line.startswith("unexplained, along angle of the table") for line in lines(unknown_structure(), "V"))
+
+
+def test_a_long_diagnosis_becomes_a_page_in_three_seconds(tmp_path):
+    one = pair()
+    many = tuple(replace(step, t_start=step.t_start + 3600.0 * k) for k in range(6) for step in one.steps)
+    long = replace(one, steps=many, not_found=tuple(_absent(k) for k in range(40)))
+    began = time.process_time()
+    write_diagnosis_report(tmp_path / "d.html", long, meta_of(), [INFO], digest="beef")
+    assert time.process_time() - began < 3.0
+    assert (tmp_path / "d.html").stat().st_size < 2_000_000
+
+
+def test_an_estimate_that_was_chosen_has_no_interval():
+    chosen = Estimate(value=2.0, low=2.0, high=2.0, unit="1")
+    assert (words.estimate(chosen), words.interval(chosen)) == ("2", "–")
+    open_ended = Estimate(value=80.0, low=60.0, high=math.inf, unit="Hz")
+    assert words.estimate(open_ended) == "80.00\u00a0Hz"
+
+
+def _absent(number):
+    return NotFound(effect=f"effect_{number}", parameter="size", smallest=10.0**-number, unit="V")
