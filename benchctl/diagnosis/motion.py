@@ -29,7 +29,7 @@ _WIDE = (0.2, 0.4, 20.0, 40.0)
 
 _LEVEL_S = 0.2
 _RESTING = 6.0
-"""Power of the rate, in units of what is usual at the quietest, below which the table rests."""
+"""Power of the rate, in units of that of the encoder's noise between the two filters, below which the table rests."""
 
 _BEGIN, _FULL = 1.5, 3.0
 """Power of the difference between wide and narrow, in units of its median, where mixing begins and where it is full."""
@@ -63,7 +63,8 @@ def motion_of(angle_deg: FloatArray, sample_rate_hz: float) -> Motion:
     rate_filters = tuple(_differentiator(sample_rate_hz, *edge, 1) for edge in edges)
     narrow, wide = (_filtered(angle_deg, kernel) for kernel in rate_filters)
     sudden = _sudden(wide - narrow, sample_rate_hz)
-    rate = _still(narrow + sudden * (wide - narrow), sample_rate_hz)
+    noise = float(np.median((wide - narrow) ** 2))
+    rate = _still(narrow + sudden * (wide - narrow), noise, sample_rate_hz)
     smooth = [_filtered(angle_deg, _differentiator(sample_rate_hz, *edge, 0)) for edge in edges]
     turning = [_filtered(angle_deg, _differentiator(sample_rate_hz, *edge, 2)) for edge in edges]
     return Motion(
@@ -75,14 +76,13 @@ def motion_of(angle_deg: FloatArray, sample_rate_hz: float) -> Motion:
     )
 
 
-def _still(rate_dps: FloatArray, sample_rate_hz: float) -> FloatArray:
+def _still(rate_dps: FloatArray, noise: float, sample_rate_hz: float) -> FloatArray:
     """Rates averaged over a second wherever the table does not turn, shape (n,).
 
     At rest the encoder's noise is all that a rate holds, and a dead zone, which passes none of it, would seem to fit.
     """
     window = max(3, int(_LEVEL_S * 2 * sample_rate_hz))
     power = uniform_filter1d(rate_dps**2, window)
-    noise = float(np.quantile(power, 0.02))
     resting = (power < _RESTING * noise).astype(np.float64)
     resting = (uniform_filter1d(resting, 2 * window) > 1.0 - 1e-9).astype(np.float64)
     second = max(3, int(sample_rate_hz))

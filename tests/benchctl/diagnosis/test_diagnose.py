@@ -43,7 +43,7 @@ def test_another_part_than_the_gyro_is_refused_in_one_line() -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(600)
-@needs_shared
+@needs_shared("checks")
 def test_the_three_open_examples_come_out_right() -> None:
     command = [sys.executable, "-m", "benchctl", "diagnose", "{rec}", "--json", "{out}", "--quiet"]
     check = subprocess.run(
