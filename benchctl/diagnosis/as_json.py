@@ -50,7 +50,6 @@ def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "steps": [_step(one) for one in diagnosis.steps],
         "notes": list(diagnosis.notes),
         "threshold": _rounded(diagnosis.threshold),
-        "excess_kurtosis": _rounded(diagnosis.excess_kurtosis),
         "seed": int(diagnosis.seed),
     }
 

@@ -26,6 +26,7 @@ from benchctl.diagnosis.result import (
 from benchctl.diagnosis.select import Selection, gain_of, select
 from benchctl.recordings.reader import Recording
 from instruments.errors import UsageError
+from instruments.physics.effects.bias_random_walk import BiasRandomWalk
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -126,30 +127,31 @@ def _findings(problem: GyroProblem, chosen: Selection) -> tuple[Finding, ...]:
                 alternatives=alternatives,
             )
         )
-    if chosen.walk_gain_of_likelihood > 0.0:
-        noise = chosen.whitener.model
-        size = noise.walk_per_sqrt_s(after.deviation, problem.interval_s)
-        spread = 1.0 / math.sqrt(max(after.rows * noise.walk_gain, 1.0))
+    wander = _wander(chosen)
+    if wander is not None:
+        size = wander.v_per_sqrt_s
+        unit = wander.parameters["v_per_sqrt_s"].unit
+        spread = math.exp(_Z95 / math.sqrt(max(after.rows * chosen.whitener.walk_gain, 1.0)))
         findings.append(
             Finding(
-                effect="bias_random_walk",
+                effect=wander.identifier,
                 probability=0.99,
-                parameters={
-                    "v_per_sqrt_s": Estimate(
-                        value=size,
-                        low=size * math.exp(-_Z95 * spread),
-                        high=size * math.exp(_Z95 * spread),
-                        unit="V s-0.5",
-                    )
-                },
-                where=where_of(problem, chosen, "time"),
+                parameters={"v_per_sqrt_s": Estimate(value=size, low=size / spread, high=size * spread, unit=unit)},
+                where=where_of(problem, chosen, wander.coordinate),
                 explains=_explained(chosen),
                 gain=chosen.walk_gain_of_likelihood,
                 gain_heldout=0.0,
-                says=f"The bias wanders: a random walk of {size:.3g} V in the root of a second.",
+                says=wander.says(),
             )
         )
     return tuple(findings)
+
+
+def _wander(chosen: Selection) -> BiasRandomWalk | None:
+    """The random walk of the bias, where the data demand one."""
+    if chosen.walk_gain_of_likelihood == 0.0:
+        return None
+    return BiasRandomWalk(v_per_sqrt_s=chosen.whitener.walk_per_sqrt_s(chosen.after.deviation))
 
 
 def _explained(chosen: Selection) -> float:
@@ -181,8 +183,8 @@ def _verdict(
         return "missing-physics"
     coldest, hottest = (float(value) for value in (problem.frame.temp_c.min(), problem.frame.temp_c.max()))
     span = max(abs(coldest - problem.chain.law.T0_c), abs(hottest - problem.chain.law.T0_c))
-    for place, (name, one) in enumerate(estimates.items()):
-        change = abs(one.value - float(problem.baseline_start[place]))
+    for name, one, was in zip(estimates, estimates.values(), problem.baseline_start.tolist(), strict=True):
+        change = abs(one.value - was)
         if name == "U0_v":
             share = change / problem.full_scale
         elif name == "K0_v_per_dps":
@@ -259,11 +261,10 @@ def _model(problem: GyroProblem, chosen: Selection) -> dict[str, Any]:
         "T0_c": law.T0_c,
         "k_T": values[2:split],
         "k_omega": values[split:],
-        "noise_v_rms": chosen.whitener.model.white_deviation(chosen.after.deviation),
+        "noise_v_rms": chosen.whitener.white_deviation(chosen.after.deviation),
         **({} if limit is None else {"output_limit_v": float(limit)}),
     }
-    effects = {effect.identifier: effect.values for effect in chosen.after.point.effects}
-    if chosen.walk_gain_of_likelihood > 0.0:
-        size = chosen.whitener.model.walk_per_sqrt_s(chosen.after.deviation, problem.interval_s)
-        effects["bias_random_walk"] = {"v_per_sqrt_s": size}
+    wander = _wander(chosen)
+    found = chosen.after.point.effects if wander is None else (*chosen.after.point.effects, wander)
+    effects = {effect.identifier: effect.values for effect in found}
     return {"format": "benchctl-model/1", "simulation": simulation, "effects": effects}

@@ -1,7 +1,7 @@
 """A joint fit: the lab's own parameters and those of every effect in the model at once, by Gauss and Newton.
 
 All that a fit needs of the rows, it keeps per step: the products of the whitened derivatives with each other and with
-the residual. Fits that leave steps out, and what they predict for those, then cost no look at the data.
+the residual. What it leaves on steps that it was not fitted to then costs no look at the data.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ def _bounded(number: Free, value: float) -> float:
     return min(max(value, parameter.low), parameter.high)
 
 
-@dataclass(frozen=True, slots=False, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Products:
     """Sums over each step's rows: information (m, p, p), gradient (m, p), squares (m,) and rows that count (m,)."""
 
@@ -108,13 +108,6 @@ class Products:
             float(self.squares[steps].sum()),
             float(self.rows[steps].sum()),
         )
-
-    def left_out(self, fitted: BoolArray, judged: BoolArray) -> float:
-        """Squares of the judged steps under parameters moved to the best of the fitted ones."""
-        information, gradient, _, _ = self.of(fitted)
-        move = solve(information, gradient)
-        information, gradient, squares, _ = self.of(judged)
-        return squares - 2 * float(move @ gradient) + float(move @ information @ move)
 
 
 def solve(information: FloatArray, gradient: FloatArray) -> FloatArray:
@@ -167,10 +160,14 @@ class Fit:
         return math.sqrt(self.squares / max(self.rows - len(self.numbers), 1.0))
 
     @cached_property
+    def inverse_information(self) -> FloatArray:
+        """The covariance of the free numbers for innovations of deviation one, shape (p, p)."""
+        return inverse(self.products.of(self.fitted)[0])
+
+    @property
     def covariance(self) -> FloatArray:
         """Covariance of the free numbers, shape (p, p)."""
-        information, _, _, _ = self.products.of(self.fitted)
-        return np.asarray(inverse(information) * self.deviation**2)
+        return np.asarray(self.inverse_information * self.deviation**2)
 
 
 def fit(problem: Problem, whitener: Whitener, start: Point, fitted: BoolArray, *, rounds: int = _MOST_ROUNDS) -> Fit:

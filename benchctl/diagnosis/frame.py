@@ -58,12 +58,6 @@ class Frame:
         """The number of samples."""
         return int(self.time_s.size)
 
-    def of_steps(self, steps: IntArray | list[int]) -> npt.NDArray[np.bool_]:
-        """Which rows belong to steps, given by their place in `infos`; shape (n,)."""
-        chosen = np.zeros(len(self.infos) + 1, np.bool_)
-        chosen[np.asarray(steps, dtype=np.int64)] = True
-        return chosen[self.step]
-
 
 def frame_of(recording: Recording) -> Frame:
     """Read a recording into a frame.

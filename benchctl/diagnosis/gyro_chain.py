@@ -21,6 +21,7 @@ from benchctl.diagnosis.frame import Frame
 from instruments.physics.chain import Signals, Stage
 from instruments.physics.effects.effect import PhysicalEffect
 from instruments.physics.effects.kinds import ClockEffect, EncoderEffect, FilterEffect
+from instruments.physics.response_gyro import scaled_v
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -40,23 +41,9 @@ class Law:
 
     def volts(self, baseline: FloatArray, rate_dps: FloatArray, coil_c: FloatArray) -> FloatArray:
         """K0·k(T)·k(ω)·ω, shape (n,)."""
-        split = 2 + self.temperature_terms
-        output = _one_plus(baseline[split:], rate_dps * rate_dps)
-        output *= rate_dps
-        if self.temperature_terms:
-            output *= _one_plus(baseline[2:split], coil_c - self.T0_c)
-        output *= baseline[0]
-        return output
-
-
-def _one_plus(coefficients: FloatArray, x: FloatArray) -> FloatArray:
-    """1 + c1·x + c2·x² + …, shape (n,)."""
-    total = np.zeros_like(x)
-    for coefficient in coefficients[::-1]:
-        total += coefficient
-        total *= x
-    total += 1.0
-    return total
+        K0, _, *terms = baseline.tolist()
+        k_T, k_omega = terms[: self.temperature_terms], terms[self.temperature_terms :]
+        return scaled_v(K0, k_T, k_omega, rate_dps, coil_c - self.T0_c)
 
 
 @dataclass(slots=True)

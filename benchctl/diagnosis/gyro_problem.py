@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -38,10 +38,10 @@ class GyroProblem:
     simulation: Mapping[str, Any]
     full_scale: float
     range_dps: float
-    without: frozenset[str] = frozenset()
+    without: frozenset[str]
+    adc_step_v: float
+    usable: BoolArray
     unit: str = "V"
-    adc_step_v: float = 0.0
-    usable: BoolArray = field(default_factory=lambda: np.zeros(0, np.bool_))
 
     @property
     def measured(self) -> FloatArray:
@@ -77,11 +77,6 @@ class GyroProblem:
     def step_kinds(self) -> tuple[str, ...]:
         """Kinds of the steps."""
         return tuple(info.kind for info in self.frame.infos)
-
-    @property
-    def step_places(self) -> tuple[float, ...]:
-        """The chamber's set point in each step [°C]."""
-        return tuple(info.chamber_setpoint_c for info in self.frame.infos)
 
     @cached_property
     def baseline_names(self) -> tuple[str, ...]:

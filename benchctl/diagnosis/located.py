@@ -6,11 +6,13 @@ import math
 
 import numpy as np
 
+from benchctl.diagnosis.bins import bin_of
 from benchctl.diagnosis.gyro_problem import GyroProblem
 from benchctl.diagnosis.result import Slice, StepFigures, Where
 from benchctl.diagnosis.select import Selection
 
 _BINS = 40
+_COARSE_BINS = 10
 _CHANCE_DEVIATIONS = 4.0
 _MOST_OF_EXCESS = 0.8
 
@@ -28,7 +30,7 @@ def slices_of(problem: GyroProblem, chosen: Selection) -> tuple[Slice, ...]:
         if low >= high:
             continue
         edges = np.linspace(low, high, _BINS + 1)
-        place = np.clip(np.searchsorted(edges, values[known], side="right") - 1, 0, _BINS - 1)
+        place = bin_of(values[known], edges)
         count = np.bincount(place, minlength=_BINS).astype(np.float64)
         least = np.maximum(count, 1.0)
         before = np.bincount(place, chosen.before.residual[known], minlength=_BINS) / least
@@ -55,9 +57,9 @@ def where_of(problem: GyroProblem, chosen: Selection, coordinate: str) -> Where:
     values = problem.coordinates.get(coordinate.split("*")[0])
     if values is None or not np.isfinite(values).all():
         return Where(coordinate=coordinate, steps=steps)
-    edges = np.linspace(float(values.min()), float(values.max()), _BINS // 4 + 1)
-    place = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, _BINS // 4 - 1)
-    held = np.maximum(np.bincount(place, excess, minlength=_BINS // 4), 0.0)
+    edges = np.linspace(float(values.min()), float(values.max()), _COARSE_BINS + 1)
+    place = bin_of(values, edges)
+    held = np.maximum(np.bincount(place, excess, minlength=_COARSE_BINS), 0.0)
     total = float(held.sum())
     if total <= 0.0:
         return Where(coordinate=coordinate, steps=steps)

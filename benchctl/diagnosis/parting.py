@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from benchctl.diagnosis.bins import bin_of
+
 FloatArray = npt.NDArray[np.float64]
 
 _BINS = 24
@@ -133,7 +135,7 @@ def _along(steps: Sequence[ComparedStep], names: Sequence[str], coordinate: str,
     place = place[known]
     low, high = (float(place.min()), float(place.max())) if place.size else (0.0, 0.0)
     edges = np.linspace(low, high if high > low else low + 1.0, _BINS + 1)
-    column = np.clip(np.searchsorted(edges, place, side="right") - 1, 0, _BINS - 1)
+    column = bin_of(place, edges)
     count = np.bincount(column, minlength=_BINS).astype(np.float64)
 
     def means(name: str) -> FloatArray:

@@ -62,10 +62,6 @@ class Problem(Protocol):
         """Their kinds."""
 
     @property
-    def step_places(self) -> tuple[float, ...]:
-        """Their set point, °C, or what else they are to be spread over."""
-
-    @property
     def usable(self) -> BoolArray:
         """Rows that may be fitted; the others are known to be spoilt."""
 

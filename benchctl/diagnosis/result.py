@@ -214,7 +214,6 @@ class Diagnosis:
     threshold: float
     """The gain in twice the log likelihood that chance alone reaches one time in a hundred, anywhere in the search."""
     seed: int
-    excess_kurtosis: float = 0.0
 
     def as_json(self) -> dict[str, Any]:
         """The contract's JSON (`benchctl-diagnosis/1`), plain data."""

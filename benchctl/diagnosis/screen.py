@@ -73,7 +73,7 @@ def screen(
     """Score all probes against a fitted model, on the steps that it was fitted to."""
     rows = fitted.fitted[problem.step]
     known = fitted.derivatives * rows[:, None]
-    covariance = inverse(known.T @ known)
+    covariance = fitted.inverse_information
     white = fitted.white * rows
     total = float(white @ white)
     count = max(float((whitener.weight[rows] > 0.0).sum()) - len(fitted.numbers), 1.0)

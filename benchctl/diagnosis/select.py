@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
 from benchctl.diagnosis.fit import Fit, Point, fit, inverse, products_of, whitened_columns
-from benchctl.diagnosis.noise import NoiseModel, Whitener
+from benchctl.diagnosis.noise import Whitener
 from benchctl.diagnosis.probes import probes_of
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.screen import Screening, screen
@@ -71,25 +72,24 @@ class _Search:
         self._problem, self._fitted, self._seed, self._progress = problem, fitted, seed, progress
         self._probes = [probe for kind in problem.effects.values() for probe in probes_of(problem, kind)]
         self._whitener = Whitener(
-            model=NoiseModel(),
             stretches=problem.stretches,
             interval_s=problem.interval_s,
             weight=problem.usable.astype(np.float64),
         )
 
     def run(self, held: BoolArray) -> Selection:
-        present = self._fit(Point(baseline=self._problem.baseline_start))
+        untouched = Point(baseline=self._problem.baseline_start)
+        before = present = self._fit(untouched)
         rivals: dict[str, dict[str, float]] = {}
         walk = 0.0
         for number in range(_MOST_FINDINGS + 1):
-            share = number / (_MOST_FINDINGS + 1)
             screening = screen(
                 self._problem,
                 self._whitener,
                 present,
                 self._probes,
                 seed=self._seed,
-                progress=lambda name, share=share: self._progress(name, share),  # type: ignore[misc]  # default binds it
+                progress=partial(self._told, number / (_MOST_FINDINGS + 1)),
             )
             if number == _MOST_FINDINGS:
                 break
@@ -99,14 +99,13 @@ class _Search:
             promise = 0.0 if best is None else gain_of(best, present)
             if whitener is not None and gain > max(promise, screening.threshold):
                 walk, self._whitener = gain, whitener
-                present = self._fit(present.point)
+                before, present = self._fit(untouched), self._fit(present.point)
                 continue
             if best is None or promise <= screening.threshold or gain_of(best, present, held) <= 0.0:
                 break
             name = best.point.effects[-1].identifier
             rivals[name] = {one.point.effects[-1].identifier: gain_of(best, one) for one in tried if one is not best}
             present = self._pruned(best, screening.threshold)
-        before = self._fit(Point(baseline=self._problem.baseline_start))
         return Selection(
             before=before,
             after=present,
@@ -116,6 +115,9 @@ class _Search:
             walk_gain_of_likelihood=walk,
             heldout=held,
         )
+
+    def _told(self, share: float, name: str) -> None:
+        self._progress(name, share)
 
     def _fit(self, point: Point) -> Fit:
         return fit(self._problem, self._whitener, point, self._fitted)
@@ -144,10 +146,10 @@ class _Search:
 
     def _walk(self, present: Fit) -> tuple[float, Whitener | None]:
         """What a wandering bias would explain beside the model in hand; None where it is in it, or none is seen."""
-        if self._whitener.model.walk_gain > 0.0 or len(self._problem.stretches) > 1:
+        if self._whitener.walk_gain > 0.0 or len(self._problem.stretches) > 1:
             return 0.0, None
         squares: list[float] = []
-        candidates = [replace(self._whitener, model=NoiseModel(walk_gain=gain)) for gain in _WALK_GAINS]
+        candidates = [replace(self._whitener, walk_gain=gain) for gain in _WALK_GAINS]
         for whitener in candidates:
             white = whitener(present.residual)
             columns = whitened_columns(whitener, present.raw_derivatives)

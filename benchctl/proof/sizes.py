@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
 
 import numpy as np
 
@@ -134,9 +133,6 @@ def shrunk(identifier: str, values: Values, share: float, unit: TrialUnit) -> Va
         return _SHRUNK[identifier](values, share, unit)
     described = effect(identifier).parameters
     return {name: share * value if described[name].role == "size" else value for name, value in values.items()}
-
-
-SIZES = MappingProxyType(_DRAWS)
 
 
 def _nearer(value: float, gone: float, share: float) -> float:

@@ -9,6 +9,7 @@ low-pass, and the coil is as warm as its thermistor, unless an effect says other
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,11 +44,20 @@ class ResponseParameters:
 
 def response_v(parameters: ResponseParameters, rate_dps: FloatArray, temperature_c: FloatArray) -> FloatArray:
     """K0·k(T)·k(ω)·ω [V], without the bias, for rates [deg/s] and temperatures [°C], all of shape (n,)."""
-    volts = _one_plus(parameters.k_omega, rate_dps * rate_dps)
+    return scaled_v(
+        parameters.K0_v_per_dps, parameters.k_T, parameters.k_omega, rate_dps, temperature_c - parameters.T0_c
+    )
+
+
+def scaled_v(
+    K0_v_per_dps: float, k_T: Sequence[float], k_omega: Sequence[float], rate_dps: FloatArray, delta_c: FloatArray
+) -> FloatArray:
+    """K0·k(T)·k(ω)·ω [V] for rates [deg/s] and temperatures above T0 [°C], both of shape (n,)."""
+    volts = _one_plus(k_omega, rate_dps * rate_dps)
     volts *= rate_dps
-    if parameters.k_T:
-        volts *= _one_plus(parameters.k_T, temperature_c - parameters.T0_c)
-    volts *= parameters.K0_v_per_dps
+    if k_T:
+        volts *= _one_plus(k_T, delta_c)
+    volts *= K0_v_per_dps
     return volts
 
 
@@ -63,7 +73,7 @@ def response_baseline(parameters: ResponseParameters) -> Baseline:
     return {"scale": scale, "bias": add_bias}
 
 
-def _one_plus(coefficients: tuple[float, ...], x: FloatArray) -> FloatArray:
+def _one_plus(coefficients: Sequence[float], x: FloatArray) -> FloatArray:
     """1 + c1·x + c2·x² + …, an array of its own."""
     total = np.zeros_like(x)
     for coefficient in reversed(coefficients):

@@ -51,6 +51,8 @@ class FilterEffect(PhysicalEffect):
 
     def apply(self, signals: Signals) -> Signals:
         """The filtered signal; without the samples just before, its input was long as it begins."""
+        if any(getattr(self, name) == parameter.zero for name, parameter in self.parameters.items()):
+            return signals
         numerator, denominator = self._difference_equation(signals.interval_s)
         x: FloatArray = getattr(signals, self.filtered)
         next_index, *kept = signals.memory.get(self.identifier, (-np.inf,))

@@ -10,7 +10,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from instruments.interfaces import FloatArray
-from instruments.physics.chain import Signals, Stage
+from instruments.physics.chain import Stage
 from instruments.physics.effects.effect import Parameter
 from instruments.physics.effects.kinds import FORGETTING_TIME_CONSTANTS, FilterEffect
 
@@ -69,10 +69,6 @@ class MountResonance(FilterEffect):
         """The slowest pole lies at ζωₙ, beyond critical damping at (ζ − √(ζ² − 1))·ωₙ."""
         slowest = self.damping - math.sqrt(max(self.damping**2 - 1.0, 0.0))
         return FORGETTING_TIME_CONSTANTS / (2.0 * math.pi * self.frequency_hz * slowest)
-
-    def apply(self, signals: Signals) -> Signals:
-        """The rate that the gyro has on its mount."""
-        return signals if math.isinf(self.frequency_hz) else super(MountResonance, self).apply(signals)
 
     def says(self) -> str:
         """The finding in one sentence."""

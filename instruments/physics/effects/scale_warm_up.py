@@ -6,10 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-import numpy as np
-
 from instruments.physics.chain import Signals, Stage
 from instruments.physics.effects.effect import Parameter, PhysicalEffect
+from instruments.physics.effects.settling import SETTLING_TIME, left
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,22 +39,12 @@ class ScaleWarmUp(PhysicalEffect):
             scan=(1e-5,),
             zero=0.0,
         ),
-        "tau_s": Parameter(
-            unit="s",
-            meaning="time constant with which it settles",
-            low=5.0,
-            high=36000.0,
-            role="shape",
-            scan=(30.0, 100.0, 300.0, 900.0, 2700.0),
-            logarithmic=True,
-        ),
+        "tau_s": SETTLING_TIME,
     }
 
     def apply(self, signals: Signals) -> Signals:
         """The output of a scale factor that settles."""
-        volts = signals.time_s - self.start_s
-        volts *= -1.0 / self.tau_s
-        np.exp(volts, out=volts)
+        volts = left(signals.time_s, self.start_s, self.tau_s)
         volts *= self.fraction
         volts += 1.0
         volts *= signals.output_v

@@ -10,7 +10,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from instruments.interfaces import FloatArray
-from instruments.physics.chain import Signals, Stage
+from instruments.physics.chain import Stage
 from instruments.physics.effects.effect import Parameter
 from instruments.physics.effects.kinds import FORGETTING_TIME_CONSTANTS, FilterEffect
 
@@ -62,10 +62,6 @@ class SensorBandwidth(FilterEffect):
         """The slowest pole lies at ω_c, or for order 2 at ω_c/√2."""
         slowest = 1.0 if round(self.order) == 1 else math.sqrt(0.5)
         return FORGETTING_TIME_CONSTANTS / (2.0 * math.pi * self.cutoff_hz * slowest)
-
-    def apply(self, signals: Signals) -> Signals:
-        """The smoothed output."""
-        return signals if math.isinf(self.cutoff_hz) else super(SensorBandwidth, self).apply(signals)
 
     def says(self) -> str:
         """The finding in one sentence."""

@@ -1,0 +1,26 @@
+"""What warms up: an exponential in time since the recording began."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from instruments.interfaces import FloatArray
+from instruments.physics.effects.effect import Parameter
+
+SETTLING_TIME = Parameter(
+    unit="s",
+    meaning="time constant with which it settles",
+    low=5.0,
+    high=36000.0,
+    role="shape",
+    scan=(30.0, 100.0, 300.0, 900.0, 2700.0),
+    logarithmic=True,
+)
+
+
+def left(time_s: FloatArray, start_s: float, tau_s: float) -> FloatArray:
+    """e^(−t/tau), t counted from `start_s`: an array of its own, shape (n,)."""
+    share = time_s - start_s
+    share *= -1.0 / tau_s
+    np.exp(share, out=share)
+    return share
