@@ -6,6 +6,7 @@
     [effects.thermal_lag]          # physics beside it, by its name in the vocabulary, with its parameters
     tau_s = 312.0
     [physics.table]                # the bench's own parts, as in bench.toml
+    [parts.drive]                  # a lab's model of its table's drive, or of its chamber, as diagnosed (`part_models`)
 
 Nothing of this is needed. A file with the tables of `[physics]` at its top level (`[gyro]`, `[table]`, …) is a model
 file too.
@@ -19,12 +20,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from benchctl.part_models import check_parts
 from benchctl.toml_file import read_text
 from instruments.errors import UsageError
 
 FORMAT = "benchctl-model/1"
 
-_PARTS = ("simulation", "effects", "physics")
+_PARTS = ("simulation", "effects", "physics", "parts")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,12 +34,14 @@ class Model:
     """The content of a model file.
 
     `simulation` is the gyro's response, None where the gyro of `physics` is meant; `effects` are parameters by effect;
-    `recording` names what the model was made from.
+    `parts` are models of the drive and the chamber, which no simulated bench plays; `recording` names what the model
+    was made from.
     """
 
     simulation: Mapping[str, Any] | None = None
     physics: Mapping[str, Any] = field(default_factory=dict)
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    parts: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     recording: str = ""
 
     @property
@@ -55,6 +59,7 @@ class Model:
         if self.simulation is not None:
             built(ResponseParameters, self.simulation, "simulation")
         make_effects(self.effects)
+        check_parts(self.parts)
 
 
 def read_model(path: Path) -> Model:

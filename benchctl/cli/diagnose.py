@@ -59,7 +59,7 @@ def diagnose(
         folder = report_folder(recordings[0], out, json_to, quiet)
         for path in recordings:
             refuse_changed(path, "diagnosed")
-        stands = bench_of(recordings[0], bench) if settle else None
+        stands = bench_of(recordings, bench) if settle else None
 
         def search(paths: list[Path]) -> Diagnosed:
             with search_progress(quiet) as progress:

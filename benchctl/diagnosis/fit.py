@@ -20,7 +20,10 @@ from instruments.physics.effects.effect import DescribedEffect, Parameter
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
 
+_BLOCK = 64
+_LEAST_KNOWN = 0.05
 _MOST_ROUNDS = 12
 _CLOSE = 0.02
 """Rounds end when twice the log likelihood is expected to gain less."""
@@ -166,8 +169,25 @@ class Fit:
 
     @property
     def covariance(self) -> FloatArray:
-        """Covariance of the free numbers, shape (p, p)."""
+        """Covariance of the free numbers where the noise is white, shape (p, p)."""
         return np.asarray(self.inverse_information * self.deviation**2)
+
+    def robust_covariance(self, step: IntArray) -> FloatArray:
+        """Covariance of the free numbers, shape (p, p), whatever the noise; `step` (n,) is the problem's.
+
+        Never smaller than white noise would make it; larger where the residual's products with the derivatives, summed
+        over half a second each, scatter more (White, Econometrica 48, 1980).
+        """
+        inverse_information = self.inverse_information
+        usual = self.covariance
+        rows = self.fitted[step]
+        products = self.derivatives * (self.white * rows)[:, None]
+        sums = np.add.reduceat(products, np.arange(0, rows.size, _BLOCK), axis=0)
+        scattered = np.diag(inverse_information @ (sums.T @ sums) @ inverse_information)
+        usual_variance = np.diag(usual)
+        ratio = np.where(usual_variance > 0.0, scattered / np.where(usual_variance > 0.0, usual_variance, 1.0), 1.0)
+        wider = np.sqrt(np.maximum(ratio, 1.0))
+        return np.asarray(usual * np.outer(wider, wider))
 
 
 def fit(problem: Problem, whitener: Whitener, start: Point, fitted: BoolArray, *, rounds: int = _MOST_ROUNDS) -> Fit:
@@ -186,7 +206,7 @@ def fit(problem: Problem, whitener: Whitener, start: Point, fitted: BoolArray, *
         information, gradient, total, rows = linear[2].of(fitted)
         values = np.array([point.value(number, i) for i, number in enumerate(numbers)])
         damped = information + damping * np.diag(np.diag(information))
-        step = solve(damped, gradient)
+        step = _inside(point, numbers, values, damped, gradient)
         variance = max(total / max(rows, 1.0), 1e-300)
         trial = point.moved(numbers, values + step)
         trial_predicted = problem.predict(trial.baseline, trial.effects)
@@ -214,6 +234,58 @@ def fit(problem: Problem, whitener: Whitener, start: Point, fitted: BoolArray, *
         products=linear[2],
         fitted=fitted,
     )
+
+
+def _inside(
+    point: Point, numbers: tuple[Free, ...], values: FloatArray, information: FloatArray, gradient: FloatArray
+) -> FloatArray:
+    """The step; a number that stands at a bound and would go beyond holds still, and the others go their own way."""
+    step = solve(information, gradient)
+    moved = point.moved(numbers, values + step)
+    here = np.array([point.value(number, i) for i, number in enumerate(numbers)])
+    there = np.array([moved.value(number, i) for i, number in enumerate(numbers)])
+    free = (there != here) | (step == 0.0)
+    if free.all():
+        return step
+    held = np.zeros_like(step)
+    held[free] = solve(information[np.ix_(free, free)], gradient[free])
+    return held
+
+
+def gain_of(better: Fit, worse: Fit, steps: BoolArray | None = None) -> float:
+    """By how much twice the log likelihood is larger, on the fitted steps or on others, with the same noise."""
+    chosen = better.fitted if steps is None else steps
+    rows = float(better.products.rows[chosen].sum())
+    good, bad = (max(float(one.products.squares[chosen].sum()), 1e-300) for one in (better, worse))
+    return rows * math.log(bad / good)
+
+
+def gain_kept(better: Fit, worse: Fit, folds: IntArray) -> float:
+    """By how much twice the log likelihood is larger on steps that a model was not fitted to.
+
+    `folds` (m,) deals the fitted steps out; each fold is predicted from the others, by one Newton step away from the
+    fit to all: the products per step are all that it takes. What only the fold itself knows (the level at the start
+    of a walk) stays as it is.
+    """
+    good, bad = _squares_kept(better, folds), _squares_kept(worse, folds)
+    return better.rows * math.log(max(bad, 1e-300) / max(good, 1e-300))
+
+
+def _squares_kept(one: Fit, folds: IntArray) -> float:
+    products = one.products
+    information, gradient, *_ = products.of(one.fitted)
+    values, vectors = np.linalg.eigh(inverse(information))
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    total = 0.0
+    for fold in np.unique(folds[one.fitted]).tolist():
+        own = products.of(one.fitted & (folds == fold))
+        # in these coordinates all steps together know every direction alike, and the others' share is what is left
+        share, axes = np.linalg.eigh(np.eye(values.size) - root.T @ own[0] @ root)
+        known = share > _LEAST_KNOWN
+        step = axes[:, known] / share[known] @ (axes[:, known].T @ (root.T @ (gradient - own[1])))
+        moved = root @ step
+        total += own[2] - 2.0 * float(moved @ own[1]) + float(moved @ own[0] @ moved)
+    return total
 
 
 def _squares(problem: Problem, white: FloatArray, fitted: BoolArray) -> float:
@@ -286,5 +358,5 @@ def _nudge(problem: Problem, number: Free, value: float, index: int) -> float:
     if parameter.role == "phase":
         return 0.05
     if parameter.logarithmic:
-        return 1e-3
-    return 1e-3 * max(abs(value), abs(parameter.scan[0]))
+        return parameter.nudge
+    return parameter.nudge * max(abs(value), abs(parameter.scan[0]))

@@ -8,7 +8,7 @@ in frequency, and a shift in time as a spline of fifth degree.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -26,7 +26,12 @@ from instruments.physics.response_gyro import scaled_v
 FloatArray = npt.NDArray[np.float64]
 
 _KEPT = 6
+_KEPT_VOLTS = 3
+_TURNED_ROWS = 64
 _DEGREE = 5
+_PAUSE = -1
+"""The first index of what is no stretch of samples, but what was known in between."""
+
 _COARSE_ORDER = 8.0
 """Errors of an encoder that change faster than so often a turn do not pass the filter of the rate as they are."""
 
@@ -52,17 +57,30 @@ class GyroChain:
 
     frame: Frame
     law: Law
+    _volts: dict[tuple[float, ...], tuple[list[Signals], list[Signals]]] = field(default_factory=dict)
     _kept: dict[str, dict[tuple[PhysicalEffect, ...], list[Signals]]] = field(default_factory=dict)
 
     def predict(self, baseline: FloatArray, effects: Sequence[PhysicalEffect]) -> FloatArray:
         """Volts of shape (n,) for K0, U0, … of shape (p,) and effects, which act in the order of their stages."""
-        parts = self._coil(effects)
-        scaled = [replace(part, output_v=self.law.volts(baseline, part.sensed_rate_dps, part.coil_c)) for part in parts]
-        scaled = self._stage(scaled, "scale", effects)
+        scaled = self._stage(self._scaled(baseline, effects), "scale", effects)
         biased = [replace(part, output_v=part.output_v + baseline[1]) for part in scaled]
         for stage in ("bias", "electronics", "sampling"):
             biased = self._stage(biased, stage, effects)
-        return np.concatenate([part.output_v for part in biased])
+        return np.concatenate([part.output_v for part in biased if not _is_pause(part)])
+
+    def _scaled(self, baseline: FloatArray, effects: Sequence[PhysicalEffect]) -> list[Signals]:
+        """The law's volts, without the bias."""
+        parts = self._coil(effects)
+        values = tuple(baseline.tolist())
+        key = (id(parts), values[0], *values[2:])
+        found = self._volts.get(key)
+        if found is None or found[0] is not parts:
+            rated = [self.law.volts(baseline, part.sensed_rate_dps, part.coil_c) for part in parts]
+            found = parts, [replace(part, output_v=volts) for part, volts in zip(parts, rated, strict=True)]
+            self._volts[key] = found
+            while len(self._volts) > _KEPT_VOLTS:
+                self._volts.pop(next(iter(self._volts)), None)
+        return found[1]
 
     def _coil(self, effects: Sequence[PhysicalEffect]) -> list[Signals]:
         early = tuple(effect for effect in effects if effect.stage in ("motion", "sensed_rate", "coil_temperature"))
@@ -96,12 +114,16 @@ class GyroChain:
             if effect.stage != stage or isinstance(effect, (ClockEffect, EncoderEffect)):
                 continue
             if isinstance(effect, FilterEffect):
-                parts = [_filtered(part, effect) for part in parts]
+                parts = [part if _is_pause(part) else _filtered(part, effect) for part in parts]
                 continue
             done: list[Signals] = []
+            stretch, origin_s = 0, np.nan
             for part in parts:
-                memory = done[-1].memory if done else {}
-                done.append(effect.apply(replace(part, memory=memory)))
+                # in another recording all begins anew
+                goes_on = self.frame.origins_s[stretch] == origin_s
+                done.append(effect.apply(replace(part, memory=done[-1].memory if goes_on else {})))
+                origin_s = self.frame.origins_s[stretch]
+                stretch += not _is_pause(part)
             parts = done
         return parts
 
@@ -115,14 +137,37 @@ class GyroChain:
         for effect in effects:
             if isinstance(effect, ClockEffect):
                 parts = [self._shifted(part, effect) for part in parts]
-        return parts
+        return [one for i, part in enumerate(parts) for one in (*self._pause(i), part)]
+
+    def _pause(self, stretch: int) -> Iterator[Signals]:
+        """What is known of the time before a stretch: the table rests, the thermistor goes its way."""
+        pause = self.frame.pauses[stretch] if self.frame.pauses else None
+        if pause is None:
+            return
+        rest = np.zeros_like(pause.time_s)
+        yield Signals(
+            interval_s=pause.interval_s,
+            time_s=pause.time_s - self.frame.origins_s[stretch],
+            angle_deg=rest,
+            rate_dps=rest,
+            acceleration_dps2=rest,
+            housing_c=pause.temp_c,
+            coil_c=pause.temp_c,
+            sensed_rate_dps=rest,
+            output_v=rest,
+            encoder_deg=rest,
+            thermistor_c=pause.temp_c,
+            coil_rate_c_per_s=pause.temp_rate_c_per_s,
+            first_index=_PAUSE,
+            auxiliary=dict.fromkeys(self.frame.auxiliary, rest),
+        )
 
     def _plain(self, stretch: int) -> Signals:
         frame, part = self.frame, self.frame.stretches[stretch]
         angle, rate, temp = frame.angle_deg[part], frame.rate_dps[part], frame.temp_c[part]
         return Signals(
             interval_s=frame.interval_s,
-            time_s=frame.time_s[part],
+            time_s=frame.time_s[part] - frame.origins_s[stretch],
             angle_deg=angle,
             rate_dps=rate,
             acceleration_dps2=frame.acceleration_dps2[part],
@@ -138,10 +183,12 @@ class GyroChain:
         )
 
     def _corrected(self, stretch: int, part: Signals, effect: EncoderEffect) -> Signals:
-        if getattr(effect, "order", np.inf) <= _COARSE_ORDER:
+        # what repeats with the angle like ripple went past the filters
+        if effect.waves_a_turn <= _COARSE_ORDER or effect.waves_a_turn in self.frame.motions[stretch].ripple.orders:
             return effect.true_motion(part)
         # finer than the filter of the rate: the error is taken off before it
-        error = effect.error_deg(self.frame.encoder_deg[self.frame.stretches[stretch]])
+        stated = self.frame.encoder_deg[self.frame.stretches[stretch]]
+        error = effect.error_deg(stated - effect.error_deg(stated))
         rate = part.rate_dps - self.frame.motions[stretch].rate_of(error)
         return replace(part, rate_dps=rate, sensed_rate_dps=rate)
 
@@ -162,6 +209,10 @@ class GyroChain:
         )
 
 
+def _is_pause(part: Signals) -> bool:
+    return part.first_index == _PAUSE
+
+
 def _spline_at(values: FloatArray, place: FloatArray) -> FloatArray:
     """Equidistant values at places between them, shape (n,)."""
     if values.size <= _DEGREE:
@@ -177,19 +228,28 @@ def _spline_at(values: FloatArray, place: FloatArray) -> FloatArray:
 
 
 def _filtered(part: Signals, effect: FilterEffect) -> Signals:
-    """A linear filter as a product in frequency; before its first sample a stretch was as it begins."""
+    """A linear filter as a product in frequency."""
     x: FloatArray = getattr(part, effect.filtered)
-    padding = int(min(effect.memory_s, 60.0) / part.interval_s) + 64
-    size = scipy.fft.next_fast_len(x.size + 2 * padding, real=True)
-    first, last = x[0], x[-1]
-    # from the last value back to the first along the padding, so that the period has no jump
-    long = np.empty(size)
-    long[: x.size] = x
-    ramp = size - x.size - padding
-    long[x.size : x.size + ramp] = np.linspace(last, first, ramp)
-    long[x.size + ramp :] = first
-    frequency = scipy.fft.rfftfreq(size, part.interval_s)
-    gain = effect.response(frequency)
-    y = scipy.fft.irfft(scipy.fft.rfft(long) * gain, size)[: x.size]
+    padding = int(min(effect.memory_s, 60.0) / part.interval_s) + 2 * _TURNED_ROWS
+    long = _endless(x, scipy.fft.next_fast_len(x.size + 2 * padding, real=True))
+    gain = effect.response(scipy.fft.rfftfreq(long.size, part.interval_s))
+    y = scipy.fft.irfft(scipy.fft.rfft(long) * gain, long.size)[: x.size]
     changed: dict[str, Any] = {effect.filtered: y}
     return replace(part, **changed)
+
+
+def _endless(x: FloatArray, size: int) -> FloatArray:
+    """One period, shape (size,), that begins with x (n,) and comes back to its begin without a jump or a kink.
+
+    Beyond its ends x is turned about them and dies away: a kink there would ring at half the sample rate all along.
+    """
+    reach = min(_TURNED_ROWS, x.size - 1)
+    fading = 0.5 + 0.5 * np.cos(np.pi * np.arange(1, reach + 1) / (reach + 1))
+    long = np.empty(size)
+    long[: x.size] = x
+    ramp = 0.5 - 0.5 * np.cos(np.pi * np.linspace(0.0, 1.0, size - x.size))
+    long[x.size :] = x[-1] + (x[0] - x[-1]) * ramp
+    if reach:
+        long[x.size : x.size + reach] += fading * (x[-1] - x[-2 : -2 - reach : -1])
+        long[size - reach :] += (fading * (x[0] - x[1 : reach + 1]))[::-1]
+    return long

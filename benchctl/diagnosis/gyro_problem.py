@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from benchctl.diagnosis.band_limited import HALF
+from benchctl.diagnosis.encoder_noise import rate_variance
 from benchctl.diagnosis.frame import Frame, frame_of
+from benchctl.diagnosis.free_band import Band, band_of
 from benchctl.diagnosis.gyro_chain import GyroChain, Law
-from benchctl.diagnosis.motion import HALF
+from benchctl.diagnosis.gyro_limits import at_rest, limits_of
+from benchctl.diagnosis.gyro_model import checked_model
+from benchctl.diagnosis.seen_by_both import lines_of_angle
+from benchctl.diagnosis.series import cut
+from benchctl.recordings.model import StepInfo
 from benchctl.recordings.reader import Recording
 from instruments.errors import UsageError
 from instruments.physics.effects.effect import DescribedEffect
@@ -24,12 +31,29 @@ IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 
 _TURN = 360.0
+_MOMENTARY = frozenset(
+    {
+        "adc_coarse",
+        "adc_nonlinearity",
+        "dead_zone",
+        "fringe_ambiguity",
+        "mount_resonance",
+        "rate_nonlinearity",
+        "rate_squared",
+        "saturation",
+        "scale_asymmetry",
+    }
+)
+"""What answers to the momentary rate or voltage, or rings above a band."""
+_FEWEST_STEPS = 12
+"""Of fewer steps none can be held out; they are cut into pieces."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class GyroProblem:
     """A `benchctl.diagnosis.problem.Problem`: the gyro's volts from the encoder's motion and the thermistor.
 
+    Its rows are those of the frame, or, of a motion beyond the filters' band, the slow part of some of them (`band`).
     `simulation` is the lab's model under the names of the open recording; `T0_c` its reference temperature.
     """
 
@@ -41,32 +65,46 @@ class GyroProblem:
     without: frozenset[str]
     adc_step_v: float
     usable: BoolArray
+    band: Band | None = None
     unit: str = "V"
+    believed: bool = True
 
-    @property
+    @cached_property
+    def noises(self) -> frozenset[str]:
+        """A random walk of the bias, flicker, noise that grows with the rate."""
+        return frozenset({"bias_random_walk", "flicker_noise", "noise_rate_dependent"} - self.without)
+
+    @cached_property
+    def regressor_variance(self) -> tuple[FloatArray, FloatArray]:
+        """What the encoder's noise adds [V²], and to half a step from row to row; (n,) each."""
+        whole, step = rate_variance(self.frame)
+        squared = float(self.simulation["K0_v_per_dps"]) ** 2 * (self.band is None)
+        return self._kept(squared * whole), self._kept(squared * step)
+
+    @cached_property
     def measured(self) -> FloatArray:
         """The gyro's output [V], shape (n,)."""
-        return self.frame.volts
+        return self._slow(self.frame.volts)
 
     @property
     def time_s(self) -> FloatArray:
         """Stamps since the start of the recording [s], shape (n,)."""
-        return self.frame.time_s
+        return self._kept(self.frame.time_s)
 
     @property
     def interval_s(self) -> float:
-        """Between two scans [s]."""
-        return self.frame.interval_s
+        """Between two rows [s]."""
+        return self.frame.interval_s if self.band is None else self.frame.interval_s * self.band.every
 
     @property
     def stretches(self) -> tuple[slice, ...]:
         """The parts without gaps."""
-        return self.frame.stretches
+        return self.frame.stretches if self.band is None else self.band.kept_stretches
 
     @property
     def step(self) -> IntArray:
         """Which step a row belongs to, shape (n,)."""
-        return self.frame.step
+        return self.frame.step if self.band is None else self.frame.step[self.band.rows]
 
     @property
     def step_names(self) -> tuple[str, ...]:
@@ -77,6 +115,11 @@ class GyroProblem:
     def step_kinds(self) -> tuple[str, ...]:
         """Kinds of the steps."""
         return tuple(info.kind for info in self.frame.infos)
+
+    @property
+    def steps(self) -> tuple[StepInfo, ...]:
+        """The recording's own steps."""
+        return self.frame.infos
 
     @cached_property
     def baseline_names(self) -> tuple[str, ...]:
@@ -112,18 +155,22 @@ class GyroProblem:
 
     @cached_property
     def effects(self) -> Mapping[str, type[DescribedEffect]]:
-        """Every effect of the vocabulary that changes a prediction, but for those that are withheld."""
+        """Every effect of the vocabulary that changes a prediction, but for those that are withheld.
+
+        How coarse a converter has become can only be said beside its own step, and what is not in proportion to the
+        rate only where the momentary one is known.
+        """
+        without = set(self.without) if self.adc_step_v > 0.0 else {*self.without, "adc_coarse"}
+        without |= _MOMENTARY if self.band is not None else set()
         return {
-            name: kind
-            for name, kind in effects().items()
-            if name not in self.without and not issubclass(kind, NoiseEffect)
+            name: kind for name, kind in effects().items() if name not in without and not issubclass(kind, NoiseEffect)
         }
 
     @cached_property
     def coordinates(self) -> Mapping[str, FloatArray]:
         """Where a mismatch can live, each of shape (n,)."""
         frame = self.frame
-        return {
+        every_row = {
             "time": frame.time_s,
             "rate": frame.rate_dps,
             "abs_rate": np.abs(frame.rate_dps),
@@ -136,10 +183,57 @@ class GyroProblem:
             "output": frame.volts,
             "step": frame.step.astype(np.float64),
         }
+        return {name: self._kept(values) for name, values in every_row.items()}
 
     def predict(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
         """Volts, shape (n,)."""
-        return self.chain.predict(baseline, effects)
+        return self._slow(self.chain.predict(baseline, effects))
+
+    def _kept(self, values: FloatArray) -> FloatArray:
+        return values if self.band is None else values[self.band.rows]
+
+    def _slow(self, values: FloatArray) -> FloatArray:
+        return values if self.band is None else self.band.slow(values)
+
+    def matters(self, name: str, change: float) -> float:
+        """A share of full scale for the bias, of the scale factor for the others, at the edge of what was recorded."""
+        if name == "U0_v":
+            return abs(change) / self.full_scale
+        if name == "K0_v_per_dps":
+            return abs(change / float(self.simulation["K0_v_per_dps"]))
+        power = int(name.rsplit("_", 1)[1])
+        away_c = float(np.abs(self.frame.temp_c - self.chain.law.T0_c).max())
+        return abs(change) * (away_c if name.startswith("k_T") else self.range_dps) ** power
+
+    def model_of(self, baseline: FloatArray, effects: Sequence[DescribedEffect], noise: float) -> dict[str, Any]:
+        """The tables `simulation` and `effects`; `noise` [V] is that of a sample."""
+        values, law = baseline.tolist(), self.chain.law
+        split = 2 + law.temperature_terms
+        limit = self.simulation.get("output_limit_v")
+        simulation = {
+            "K0_v_per_dps": values[0],
+            "U0_v": values[1],
+            "T0_c": law.T0_c,
+            "k_T": values[2:split],
+            "k_omega": values[split:],
+            "noise_v_rms": noise,
+            **({} if limit is None else {"output_limit_v": float(limit)}),
+        }
+        return {"simulation": simulation, "effects": {effect.identifier: effect.values for effect in effects}}
+
+    def remarks(self, before: FloatArray, after: FloatArray, heldout: BoolArray) -> tuple[str, ...]:
+        """What this recording cannot show, and whether encoder and gyro agree where they see the same lines of angle."""
+        del before, after, heldout
+        frame = self.frame
+        moving = _usable(frame, np.inf, None)
+        lines = lines_of_angle(
+            angle_deg=frame.encoder_deg,
+            rate_dps=frame.rate_dps,
+            felt=(frame.volts - float(self.simulation["U0_v"])) / float(self.simulation["K0_v_per_dps"]),
+            rows=moving,
+            interval_s=frame.interval_s,
+        )
+        return (*limits_of(frame, self.simulation, self.band), *lines)
 
 
 def gyro_problem(
@@ -147,22 +241,27 @@ def gyro_problem(
 ) -> GyroProblem:
     """The problem of a recording and of the model that its lab believes in, or of another `model` in its place.
 
-    Raises `UsageError` where there is no model, or no scan of encoder, gyro and thermistor.
+    Raises `UsageError` where there is no model, a model with a wrong field, or no scan of encoder and gyro.
     """
-    frame = frame_of(recording)
     simulation = model or recording.meta.simulation
     if simulation is None:
         raise UsageError(
             f"{recording.path}: says of no model what the gyro should have put out;"
             " name one with --model FILE (K0_v_per_dps, U0_v, T0_c, k_T, k_omega)"
         )
-    range_dps = recording.meta.unit.range_dps or float(np.abs(frame.rate_dps).max())
+    digital = recording.meta.extra.get("gyro_output_unit") == "deg/s"
+    where = "[simulation] of the model" if model else f"{recording.path}: [simulation]"
+    simulation = checked_model(simulation, where=where, digital=digital)
     law = Law(
         T0_c=float(simulation["T0_c"]),
         temperature_terms=len(simulation["k_T"]),
         rate_terms=len(simulation["k_omega"]),
     )
+    frame = _cut(at_rest(frame_of(recording, temperature_c=law.T0_c)))
+    range_dps = recording.meta.unit.range_dps or float(np.abs(frame.rate_dps).max())
     facts = recording.meta.bench
+    band = band_of(frame.stretches, 1.0 / frame.interval_s, frame.rate_dps, frame.volts) if frame.beyond else None
+    usable = _usable(frame, float(simulation.get("output_limit_v") or np.inf), band)
     return GyroProblem(
         frame=frame,
         chain=GyroChain(frame, law),
@@ -171,14 +270,27 @@ def gyro_problem(
         range_dps=range_dps,
         without=frozenset(without),
         adc_step_v=2 * facts.adc_range_v / 2**facts.adc_bits if facts.adc_bits else 0.0,
-        usable=_usable(frame, float(simulation.get("output_limit_v") or np.inf)),
+        usable=usable if band is None else usable[band.rows],
+        band=band,
     )
 
 
-def _usable(frame: Frame, limit_v: float) -> BoolArray:
-    """Rows whose rate is made of whole windows of angles, and whose output is a number within the limit."""
+def _cut(frame: Frame) -> Frame:
+    """The frame with steps enough to hold some out."""
+    if len(frame.infos) >= _FEWEST_STEPS:
+        return frame
+    pieces = cut(frame.infos, frame.step, frame.time_s)
+    return replace(frame, infos=pieces.infos, step=pieces.step)
+
+
+def _usable(frame: Frame, limit_v: float, band: Band | None) -> BoolArray:
+    """Rows that are made of whole windows of what was measured, and whose output is a number within the limit."""
     usable = np.isfinite(frame.volts) & (np.abs(frame.volts) < limit_v)
+    reach = HALF if band is None else HALF + band.reach
     for part in frame.stretches:
-        usable[part.start : part.start + HALF] = False
-        usable[max(part.stop - HALF, part.start) : part.stop] = False
+        usable[part.start : part.start + reach] = False
+        usable[max(part.stop - reach, part.start) : part.stop] = False
+    if frame.filled is not None and band is None:  # a low pass hardly notices a sample that was filled in
+        for row in np.flatnonzero(frame.filled).tolist():
+            usable[max(row - reach, 0) : row + reach + 1] = False
     return usable

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 
 from benchctl.diagnosis.bins import bin_of
-from benchctl.diagnosis.gyro_problem import GyroProblem
+from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Slice, StepFigures, Where
 from benchctl.diagnosis.select import Selection
 
@@ -17,7 +18,7 @@ _CHANCE_DEVIATIONS = 4.0
 _MOST_OF_EXCESS = 0.8
 
 
-def slices_of(problem: GyroProblem, chosen: Selection) -> tuple[Slice, ...]:
+def slices_of(problem: Problem, chosen: Selection) -> tuple[Slice, ...]:
     """The residual's mean in bins of every coordinate that the recording varies."""
     rows = problem.usable
     deviation = chosen.after.deviation
@@ -49,9 +50,8 @@ def slices_of(problem: GyroProblem, chosen: Selection) -> tuple[Slice, ...]:
     return tuple(slices)
 
 
-def where_of(problem: GyroProblem, chosen: Selection, coordinate: str) -> Where:
-    """The ranges of a coordinate, and the steps, that hold most of what the noise does not account for."""
-    excess = chosen.before.white**2 - chosen.after.white**2
+def where_of(problem: Problem, excess: npt.NDArray[np.float32], coordinate: str) -> Where:
+    """The ranges of a coordinate, and the steps, that hold most of an `excess` of squares, shape (n,)."""
     per_step = np.bincount(problem.step, excess, minlength=len(problem.step_names))
     steps = tuple(problem.step_names[i] for i in np.argsort(-per_step)[:3])
     values = problem.coordinates.get(coordinate.split("*")[0])
@@ -70,7 +70,7 @@ def where_of(problem: GyroProblem, chosen: Selection, coordinate: str) -> Where:
     return Where(coordinate=coordinate, ranges=ranges, steps=steps, share_of_excess=float(held[kept].sum()) / total)
 
 
-def step_figures(problem: GyroProblem, chosen: Selection) -> tuple[StepFigures, ...]:
+def step_figures(problem: Problem, chosen: Selection) -> tuple[StepFigures, ...]:
     """Every step's rms residual: by the model as it came, refitted, and with the findings."""
     came = problem.measured - problem.predict(problem.baseline_start, ())
     rows = np.bincount(problem.step, problem.usable, minlength=len(problem.step_names))
@@ -80,7 +80,7 @@ def step_figures(problem: GyroProblem, chosen: Selection) -> tuple[StepFigures, 
         return [math.sqrt(value) for value in (squares / np.maximum(rows, 1)).tolist()]
 
     columns = zip(
-        problem.frame.infos,
+        problem.steps,
         chosen.heldout.tolist(),
         rms(came),
         rms(chosen.before.residual),

@@ -5,34 +5,35 @@ sampling rate, and both look like physics. A linear-phase filter is fitted inste
 from 0 Hz to the edge of the band of motion and falling to zero above; its gain error in the band is below 1e-5.
 
 Two of them are mixed: a narrow one, which passes little noise, wherever its result agrees with that of a wide one to
-within noise, and the wide one in what is sudden.
+within noise, and the wide one in what is sudden. Ripple that repeats with the angle is known better than from samples
+of a moment: it is taken off before the filters, and its exact derivative put back behind them.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import uniform_filter1d
-from scipy.signal import oaconvolve
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
+
+from benchctl.diagnosis.band_limited import NARROW, WIDE, differentiator, edges_hz, filtered
+from benchctl.diagnosis.ripple import NO_RIPPLE, Ripple
 
 FloatArray = npt.NDArray[np.float64]
-
-HALF = 32
-"""Samples on either side that a rate is made of."""
-
-_NARROW = (0.1, 0.2, 10.0, 20.0)
-_WIDE = (0.2, 0.4, 20.0, 40.0)
-"""Edges of pass and stop band as shares of the sampling rate, and their limits in Hz."""
 
 _LEVEL_S = 0.2
 _RESTING = 6.0
 """Power of the rate, in units of that of the encoder's noise between the two filters, below which the table rests."""
 
-_BEGIN, _FULL = 1.5, 3.0
-"""Power of the difference between wide and narrow, in units of its median, where mixing begins and where it is full."""
+_BEGIN, _FULL = 4.0, 8.0
+"""Power of the difference between wide and narrow, in units of its median, where mixing begins and where it is full.
+
+Noise must not get there: rows in which it happens to agree with the motion would be those that count.
+"""
+
+_AROUND_S = 0.3
+"""What is sudden begins, unseen in noise, so much before it is seen, and ends so much after."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,7 +41,7 @@ class Motion:
     """Angle [deg, unwrapped], rate [deg/s] and acceleration [deg/s²] of the table, each of shape (n,).
 
     `sudden`, 0 to 1, is the share of the wide filter; `filters` are the rate filters (narrow, wide), to be convolved
-    with angles.
+    with angles; `ripple` went past them.
     """
 
     angle_deg: FloatArray
@@ -48,31 +49,40 @@ class Motion:
     acceleration_dps2: FloatArray
     sudden: FloatArray
     filters: tuple[FloatArray, FloatArray]
+    ripple: Ripple
 
     def rate_of(self, angle_deg: FloatArray) -> FloatArray:
         """The rate that this motion's own filters make of other angles of the same samples, shape (n,)."""
-        narrow, wide = (_filtered(angle_deg, kernel) for kernel in self.filters)
+        narrow, wide = (filtered(angle_deg, kernel) for kernel in self.filters)
         narrow += self.sudden * (wide - narrow)
         return narrow
 
 
-def motion_of(angle_deg: FloatArray, sample_rate_hz: float) -> Motion:
-    """The motion behind equidistant, unwrapped angles of an encoder, shape (n,), one stretch without gaps."""
-    shares = (_NARROW, _WIDE)
-    edges = [(min(a * sample_rate_hz, c), min(b * sample_rate_hz, d)) for a, b, c, d in shares]
-    rate_filters = tuple(_differentiator(sample_rate_hz, *edge, 1) for edge in edges)
-    narrow, wide = (_filtered(angle_deg, kernel) for kernel in rate_filters)
+def motion_of(angle_deg: FloatArray, sample_rate_hz: float, ripple: Ripple = NO_RIPPLE) -> Motion:
+    """The motion behind equidistant, unwrapped angles of an encoder, shape (n,), one stretch without gaps.
+
+    `ripple` is what repeats with the angle, known from elsewhere: θ = φ + ripple(θ), and φ is what is filtered.
+    """
+    added = ripple.angle_deg(angle_deg)
+    even = angle_deg - added
+    edges = [edges_hz(band, sample_rate_hz) for band in (NARROW, WIDE)]
+    rate_filters = tuple(differentiator(sample_rate_hz, *edge, 1) for edge in edges)
+    narrow, wide = (filtered(even, kernel) for kernel in rate_filters)
     sudden = _sudden(wide - narrow, sample_rate_hz)
     noise = float(np.median((wide - narrow) ** 2))
-    rate = _still(narrow + sudden * (wide - narrow), noise, sample_rate_hz)
-    smooth = [_filtered(angle_deg, _differentiator(sample_rate_hz, *edge, 0)) for edge in edges]
-    turning = [_filtered(angle_deg, _differentiator(sample_rate_hz, *edge, 2)) for edge in edges]
+    even_rate = _still(narrow + sudden * (wide - narrow), noise, sample_rate_hz)
+    smooth = [filtered(even, differentiator(sample_rate_hz, *edge, 0)) for edge in edges]
+    turning = [filtered(even, differentiator(sample_rate_hz, *edge, 2)) for edge in edges]
+    share = 1.0 / (1.0 - ripple.slope(angle_deg))
+    rate = even_rate * share
+    acceleration = turning[0] + sudden * (turning[1] - turning[0])
     return Motion(
-        angle_deg=smooth[0] + sudden * (smooth[1] - smooth[0]),
+        angle_deg=smooth[0] + sudden * (smooth[1] - smooth[0]) + added,
         rate_dps=rate,
-        acceleration_dps2=turning[0] + sudden * (turning[1] - turning[0]),
+        acceleration_dps2=(acceleration + ripple.bend_per_deg(angle_deg) * rate**2) * share,
         sudden=sudden,
         filters=(rate_filters[0], rate_filters[1]),
+        ripple=ripple,
     )
 
 
@@ -90,49 +100,13 @@ def _still(rate_dps: FloatArray, noise: float, sample_rate_hz: float) -> FloatAr
     return np.asarray(np.where(resting > 0.0, averaged, rate_dps))
 
 
-def _filtered(values: FloatArray, kernel: FloatArray) -> FloatArray:
-    """Values through a filter; beyond the ends they go on with the slope that they end with."""
-    reach = kernel.size // 2
-    size = min(reach, values.size - 1)
-    before = 2 * values[0] - values[size:0:-1]
-    after = 2 * values[-1] - values[-2 : -2 - size : -1]
-    missing = reach - size
-    first, last = (before[0], after[-1]) if size else (values[0], values[-1])
-    long = np.concatenate([np.full(missing, first), before, values, after, np.full(missing, last)])
-    origin = long[0]
-    filtered: FloatArray = oaconvolve(long - origin, kernel, mode="valid")
-    return filtered + float(origin * kernel.sum())
-
-
 def _sudden(difference: FloatArray, sample_rate_hz: float) -> FloatArray:
     """Where the wide filter sees more than noise beyond the narrow one, 0 to 1, shape (n,)."""
     power = uniform_filter1d(difference**2, max(3, int(_LEVEL_S * sample_rate_hz)))
     usual = float(np.median(power))
     if usual <= 0.0:
         return np.ones_like(power)
-    share = np.clip((power / usual - _BEGIN) / (_FULL - _BEGIN), 0.0, 1.0)
+    around = maximum_filter1d(power, 2 * int(_AROUND_S * sample_rate_hz) + 1)
+    share = np.clip((around / usual - _BEGIN) / (_FULL - _BEGIN), 0.0, 1.0)
     smooth: FloatArray = uniform_filter1d(share, max(3, int(_LEVEL_S / 2 * sample_rate_hz)))
     return smooth
-
-
-@lru_cache(maxsize=64)
-def _differentiator(sample_rate_hz: float, passing_hz: float, stopping_hz: float, order: int) -> FloatArray:
-    """Least-squares linear-phase filter, shape (2·HALF+1,): d^order/dt^order in the pass band, 0 in the stop band."""
-    k = np.arange(1, HALF + 1)
-    passing = np.linspace(1e-3, passing_hz, 400)
-    stopping = np.linspace(stopping_hz, sample_rate_hz / 2, 300)
-    frequency = np.concatenate([passing, stopping])
-    omega = 2 * np.pi * frequency
-    ideal = np.where(frequency <= passing_hz, omega**order, 0.0)
-    # what is asked of the pass band is a small relative error
-    weight = np.where(frequency <= passing_hz, 1e4 / np.maximum(omega, 3.0) ** order, 6.0 / (2 * np.pi) ** order)
-    phase = np.outer(omega / sample_rate_hz, k)
-    basis = 2 * np.sin(phase) if order == 1 else np.hstack([np.ones((omega.size, 1)), 2 * np.cos(phase)])
-    ideal = -ideal if order == 2 else ideal
-    taps, *_ = np.linalg.lstsq(basis * weight[:, None], ideal * weight, rcond=None)
-    if order == 1:
-        taps /= 2 * np.sum(taps * k) / sample_rate_hz  # exact for a constant rate
-        return np.concatenate([taps[::-1], [0.0], -taps])
-    kernel = np.concatenate([taps[:0:-1], taps])
-    kernel += ((order == 0) - kernel.sum()) / kernel.size  # exact for an angle at rest
-    return kernel

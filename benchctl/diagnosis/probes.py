@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,13 +21,15 @@ class Probe:
     """One place: an effect for each column that its sizes and phases give there.
 
     `sizes` are the values in whose proportion the columns grow; empty where the effect has no size: then the one column
-    is the whole effect.
+    is the whole effect. `places` is how many independent places it was chosen from by a look at the data: what chance
+    brings grows with it.
     """
 
     kind: type[DescribedEffect]
     columns: tuple[DescribedEffect, ...]
     sizes: tuple[float, ...]
     circumstances: dict[str, float]
+    places: float = 1.0
 
     @property
     def identifier(self) -> str:
@@ -53,27 +55,33 @@ class Probe:
 
 
 def probes_of(problem: Problem, kind: type[DescribedEffect]) -> Iterator[Probe]:
-    """The places where the search for an effect begins in a problem."""
+    """The places where the search for an effect begins in a problem; none where the residual itself proposes them."""
+    if any(parameter.by_scan for parameter in kind.parameters.values()):
+        return
     held = [name for name, parameter in kind.parameters.items() if parameter.role in ("shape", "choice")]
+    for place in itertools.product(*(kind.parameters[name].scan for name in held)):
+        yield probe_at(problem, kind, dict(zip(held, place, strict=True)))
+
+
+def probe_at(
+    problem: Problem, kind: type[DescribedEffect], place: Mapping[str, float], *, places: float = 1.0
+) -> Probe:
+    """The probe of an effect at values of its shapes and choices, chosen by a look at so many independent places."""
     sizes, phases = _of_role(kind, "size"), _of_role(kind, "phase")
     circumstances = dict(problem.circumstances)
-    nothing = dict.fromkeys(sizes, 0.0) | dict.fromkeys(phases, 0.0)
-    for place in itertools.product(*(kind.parameters[name].scan for name in held)):
-        values = nothing | dict(zip(held, place, strict=True))
-        if not sizes:
-            columns = [kind.make(values, circumstances)]
-            scale: list[float] = []
-        elif phases:
-            size = kind.parameters[sizes[0]].scan[0]
-            quarter = 90.0 / values.get("order", 1.0)
-            columns = [
-                kind.make(values | {sizes[0]: size, phases[0]: phase}, circumstances) for phase in (0.0, quarter)
-            ]
-            scale = [size, size]
-        else:
-            scale = [kind.parameters[name].scan[0] for name in sizes]
-            columns = [kind.make(values | {name: size}, circumstances) for name, size in zip(sizes, scale, strict=True)]
-        yield Probe(kind=kind, columns=tuple(columns), sizes=tuple(scale), circumstances=circumstances)
+    values = dict.fromkeys(sizes, 0.0) | dict.fromkeys(phases, 0.0) | dict(place)
+    if not sizes:
+        columns = [kind.make(values, circumstances)]
+        scale: list[float] = []
+    elif phases:
+        size = kind.parameters[sizes[0]].scan[0]
+        quarter = 90.0 / values.get("order", 1.0)
+        columns = [kind.make(values | {sizes[0]: size, phases[0]: phase}, circumstances) for phase in (0.0, quarter)]
+        scale = [size, size]
+    else:
+        scale = [kind.parameters[name].scan[0] for name in sizes]
+        columns = [kind.make(values | {name: size}, circumstances) for name, size in zip(sizes, scale, strict=True)]
+    return Probe(kind=kind, columns=tuple(columns), sizes=tuple(scale), circumstances=circumstances, places=places)
 
 
 def _of_role(kind: type[DescribedEffect], role: str) -> list[str]:

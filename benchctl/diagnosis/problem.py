@@ -12,6 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from benchctl.recordings.model import StepInfo
 from instruments.physics.effects.effect import DescribedEffect
 
 FloatArray = npt.NDArray[np.float64]
@@ -62,6 +63,10 @@ class Problem(Protocol):
         """Their kinds."""
 
     @property
+    def steps(self) -> tuple[StepInfo, ...]:
+        """What the steps are, when each began and ended; a part may cut a recording's steps into pieces."""
+
+    @property
     def usable(self) -> BoolArray:
         """Rows that may be fitted; the others are known to be spoilt."""
 
@@ -78,6 +83,18 @@ class Problem(Protocol):
         """Their values as the lab believes them, shape (p,)."""
 
     @property
+    def believed(self) -> bool:
+        """Whether `baseline_start` is a lab's model; where not, it was estimated from the recording itself."""
+
+    @property
+    def noises(self) -> frozenset[str]:
+        """Identifiers of the hypotheses about the noise: a wandering bias, noise that grows with the rate."""
+
+    @property
+    def regressor_variance(self) -> tuple[FloatArray, FloatArray]:
+        """Variance [unit²] that noise of what is predicted from adds, and of half a step from row to row; (n,) each."""
+
+    @property
     def circumstances(self) -> Mapping[str, float]:
         """What effects want to know beside their parameters."""
 
@@ -91,3 +108,12 @@ class Problem(Protocol):
 
     def predict(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
         """The model's value of `measured`, shape (n,), for baseline parameters (p,) and effects."""
+
+    def matters(self, name: str, change: float) -> float:
+        """What a change of a parameter of the baseline does at most, as a share of full scale or of scale factor."""
+
+    def model_of(self, baseline: FloatArray, effects: Sequence[DescribedEffect], noise: float) -> dict[str, Any]:
+        """The tables of a model file for baseline parameters (p,) and effects; `noise` is the deviation of a row."""
+
+    def remarks(self, before: FloatArray, after: FloatArray, heldout: BoolArray) -> tuple[str, ...]:
+        """What this part adds in sentences, from residuals before and after and rows held out, all of shape (n,)."""

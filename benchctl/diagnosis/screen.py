@@ -4,6 +4,10 @@ A probe's columns are what the prediction changes by, whitened, with everything 
 off. By how much twice the log likelihood falls is then a matter of scalar products. On recordings in which nothing is
 missing those products are normal with a covariance that is known, the columns' own: so the largest fall that chance
 brings, over all probes of this very procedure and noise, is drawn a few thousand times without simulating a sample.
+
+Where noise is not as white as it is taken for (the encoder's own, through the filter of the rate), a product scatters
+more than that: by how much is read off its parts, summed over half a second each (White, Econometrica 48, 1980; Newey &
+West, Econometrica 55, 1987), and the gain counts for so much less.
 """
 
 from __future__ import annotations
@@ -25,6 +29,11 @@ FloatArray = npt.NDArray[np.float64]
 _UNSEEN = 1e-7
 """Share of a column's own power that must be left when the model in hand has been taken off: below it is rounding."""
 
+_BLOCK = 64
+"""Samples whose products are summed to see how they scatter: half a second."""
+_WORTH = 8.0
+"""Gains below it are not looked at twice."""
+
 _DRAWS = 4000
 _CHANCE = 0.001
 """How often chance may reach the threshold: one in a thousand, so that one in a hundred is kept when noise is odd."""
@@ -34,31 +43,38 @@ _CHANCE = 0.001
 class Scored:
     """A probe and what it promises: `gain` in twice the log likelihood, `weights` of its columns at the best.
 
-    `power` (columns,) is the sum of squares of each column's part that is its own, over the noise's variance.
+    `scatter`, at least 1, is by how much the gain varies more by chance than white noise lets it. `power` (columns,) is
+    the sum of squares of each column's part that is its own, over the noise's variance.
     """
 
     probe: Probe
     gain: float
+    scatter: float
     weights: FloatArray
     power: FloatArray
     columns: slice
 
+    @property
+    def promise(self) -> float:
+        """The gain less what chance adds to it."""
+        return self.gain / self.scatter - 2.0 * math.log(self.probe.places)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Screening:
-    """The outcome: probes with their promise, the correlations of all columns (m, m), and the threshold of chance."""
+    """The outcome: probes with their promise, and the threshold of chance."""
 
     scored: tuple[Scored, ...]
-    correlation: FloatArray
     threshold: float
 
     def best_of_each(self) -> list[Scored]:
         """The most promising probe of each effect, the most promising effect first."""
         best: dict[str, Scored] = {}
         for one in self.scored:
-            if one.gain > best.get(one.probe.identifier, one).gain or one.probe.identifier not in best:
+            known = best.get(one.probe.identifier)
+            if known is None or one.promise > known.promise:
                 best[one.probe.identifier] = one
-        return sorted(best.values(), key=lambda one: -one.gain)
+        return sorted(best.values(), key=lambda one: -one.promise)
 
 
 def screen(
@@ -68,9 +84,13 @@ def screen(
     probes: Sequence[Probe],
     *,
     seed: int,
+    threshold: float | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Screening:
-    """Score all probes against a fitted model, on the steps that it was fitted to."""
+    """Score all probes against a fitted model, on the steps that it was fitted to.
+
+    The threshold of chance is drawn for these probes, but where one is given.
+    """
     rows = fitted.fitted[problem.step]
     known = fitted.derivatives * rows[:, None]
     covariance = fitted.inverse_information
@@ -78,11 +98,14 @@ def screen(
     total = float(white @ white)
     count = max(float((whitener.weight[rows] > 0.0).sum()) - len(fitted.numbers), 1.0)
     variance = total / count
-    columns: list[npt.NDArray[np.float32]] = []
+    counted = np.flatnonzero(rows & (whitener.weight > 0.0))
+    drawn = threshold is None
+    columns = np.zeros((sum(len(probe.columns) for probe in probes), counted.size if drawn else 0), np.float32)
+    filled = 0
     scored: list[Scored] = []
     for probe in probes:
         progress(probe.identifier)
-        first, powers, group = len(columns), [], []
+        first, powers, group = filled, [], []
         for effect in probe.columns:
             changed = problem.predict(fitted.point.baseline, (*fitted.point.effects, effect)) - fitted.predicted
             if not np.isfinite(changed).all():
@@ -97,27 +120,43 @@ def screen(
                 after = 0.0
             powers.append(after / variance)
             group.append(column)
-            columns.append((column / (math.sqrt(after) or 1.0)).astype(np.float32))
+            if drawn:
+                columns[filled] = column[counted] / (math.sqrt(after) or 1.0)
+            filled += 1
         block = np.stack(group, axis=1)
         product = block.T @ white
         weights = inverse(block.T @ block) @ product
+        if not probe.sizes:  # there is no such thing as less than nothing of it
+            weights = np.maximum(weights, 0.0)
         drop = min(max(float(weights @ product), 0.0), total * (1 - 1e-12))
+        gain = -count * math.log1p(-drop / total)
         scored.append(
             Scored(
                 probe=probe,
-                gain=-count * math.log1p(-drop / total),
+                gain=gain,
+                scatter=scatter(block @ weights, white) if gain > _WORTH else 1.0,
                 weights=weights,
                 power=np.array(powers),
-                columns=slice(first, len(columns)),
+                columns=slice(first, filled),
             )
         )
-    matrix = np.stack(columns, axis=1) if columns else np.zeros((problem.measured.size, 0), np.float32)
-    correlation = (matrix.T @ matrix).astype(np.float64)
-    return Screening(
-        scored=tuple(scored),
-        correlation=correlation,
-        threshold=_threshold(correlation, [one.columns for one in scored], seed),
-    )
+    if threshold is None:
+        correlation = (columns @ columns.T).astype(np.float64)
+        threshold = _threshold(correlation, [one.columns for one in scored], seed)
+    return Screening(scored=tuple(scored), threshold=threshold)
+
+
+def scatter(explained: FloatArray, white: FloatArray) -> float:
+    """By how much a gain varies more than white noise lets it, at least 1.
+
+    `explained` (n,) is what is taken off the residual `white` (n,); rows that do not count are zero in both.
+    """
+    column, rest = explained, white - explained
+    blocks = np.arange(0, rest.size, _BLOCK)
+    sums = np.add.reduceat(column * rest, blocks)
+    variance = float(rest @ rest) / max(int(np.count_nonzero(rest)), 1)
+    usual = variance * float(column @ column)
+    return max(float(sums @ sums) / usual, 1.0) if usual > 0.0 else 1.0
 
 
 def _threshold(correlation: FloatArray, groups: Sequence[slice], seed: int) -> float:

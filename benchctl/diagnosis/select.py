@@ -1,159 +1,294 @@
-"""Selection: the effects that the data demand, added one by one, refitted together, and dropped where not needed."""
+"""Selection: what the data demand, added one by one, refitted together, and dropped where it is not needed any more."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
-from benchctl.diagnosis.fit import Fit, Point, fit, inverse, products_of, whitened_columns
+from benchctl.diagnosis.fit import Fit, Point, fit, gain_kept, gain_of
 from benchctl.diagnosis.noise import Whitener
+from benchctl.diagnosis.noise_model import NoiseModel
+from benchctl.diagnosis.occam import occam
 from benchctl.diagnosis.probes import probes_of
 from benchctl.diagnosis.problem import Problem
-from benchctl.diagnosis.screen import Screening, screen
+from benchctl.diagnosis.scans import SCANNED, proposals
+from benchctl.diagnosis.screen import Scored, Screening, scatter, screen
 from instruments.physics.effects.effect import DescribedEffect
 
 BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
 
 _MOST_FINDINGS = 5
-_TRIED = 8
-_WALK_GAINS = (0.0, *np.geomspace(3e-5, 0.1, 14).tolist())
+_TRIED = 6
+_RIVALS = 3
+_MOST_SWAPS = 6
+_SETTLING_SHARE = 0.9
+_WORTH_TRYING = 0.2
+"""Share of the best promise below which an effect is not fitted: where it starts is near enough for that."""
 _HELD_OUT = 6
 """One step in so many of a kind chooses nothing and fits nothing."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evidence:
+    """What speaks for an effect in the model.
+
+    `gain` is lost in twice the log likelihood if it is dropped, all else refitted; `heldout` on held-out steps. Chance
+    scatters by `scatter` more than white noise would. `rivals` are the losses of evidence with each in its place;
+    `excess` (n,) is what a row's squared innovation grows by without it; `nearest` the model with the nearest rival.
+    """
+
+    gain: float
+    heldout: float
+    scatter: float
+    excess: npt.NDArray[np.float32]
+    rivals: Mapping[str, float] = field(default_factory=dict)
+    nearest: Point | None = None
+
+
 @dataclass(frozen=True, kw_only=True)
 class Selection:
-    """What was chosen. `rivals` are, by finding, other effects in its place and by how much they are worse.
+    """What was chosen. `before` has the baseline alone, `after` the findings; neither has seen the held-out steps.
 
-    `walk_gain_of_likelihood` is what a random walk of the bias explains, 0 where none is demanded.
+    `whole` is fitted to all steps. `evidence` is by effect, in the order of `after.point.effects`; `noise` what was
+    found of the noise, with the whitener that goes with it.
     """
 
     before: Fit
     after: Fit
-    whitener: Whitener
+    whole: Fit
+    noise: NoiseModel
     screening: Screening
-    rivals: dict[str, dict[str, float]]
-    walk_gain_of_likelihood: float
+    evidence: Mapping[str, Evidence]
     heldout: BoolArray
+
+    @property
+    def whitener(self) -> Whitener:
+        """What makes the noise white."""
+        return self.noise.whitener
 
 
 def held_out_steps(problem: Problem) -> BoolArray:
     """Whole steps, one in six of each kind, that play no part in choosing or fitting; mask of shape (m,)."""
-    kinds = problem.step_kinds
-    held = np.zeros(len(kinds), np.bool_)
-    for kind in set(kinds):
-        members = [i for i, one in enumerate(kinds) if one == kind]
-        held[members[_HELD_OUT // 2 :: _HELD_OUT]] = True
-    return held
+    return np.asarray(_dealt(problem) == _HELD_OUT // 2)
 
 
-def gain_of(better: Fit, worse: Fit, steps: BoolArray | None = None) -> float:
-    """By how much twice the log likelihood is larger, on the fitted steps or on others."""
-    chosen = better.fitted if steps is None else steps
-    rows = float(better.products.rows[chosen].sum())
-    good, bad = (max(float(one.products.squares[chosen].sum()), 1e-300) for one in (better, worse))
-    return rows * math.log(bad / good)
+def _dealt(problem: Problem) -> IntArray:
+    """Steps of each kind dealt out in turn, shape (m,)."""
+    places: dict[str, int] = {}
+    dealt = []
+    for kind in problem.step_kinds:
+        dealt.append(places.get(kind, 0) % _HELD_OUT)
+        places[kind] = places.get(kind, 0) + 1
+    return np.array(dealt, dtype=np.int64)
 
 
 def select(problem: Problem, *, seed: int, progress: Callable[[str, float], None]) -> Selection:
-    """Find the effects that a problem's data demand."""
-    held = held_out_steps(problem)
-    search = _Search(problem, ~held, seed, progress)
-    return search.run(held)
+    """Find what a problem's data demand."""
+    return _Search(problem, seed, progress).run()
+
+
+def reduced(problem: Problem, chosen: Selection, names: Collection[str]) -> Selection:
+    """The selection without some of what was chosen, the rest refitted."""
+    noise = chosen.noise.dropped(names)
+
+    def fitted(one: Fit) -> Fit:
+        kept = tuple(effect for effect in one.point.effects if effect.identifier not in names)
+        return fit(problem, noise.whitener, Point(baseline=one.point.baseline, effects=kept), one.fitted)
+
+    return replace(
+        chosen,
+        after=fitted(chosen.after),
+        whole=fitted(chosen.whole),
+        noise=noise,
+        evidence={name: one for name, one in chosen.evidence.items() if name not in names},
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Tried:
+    """A model with one effect more: its fit, and what it promises after what chance adds to the gain.
+
+    `evidence` is the gain less what the effect's freedom has cost: by it effects are compared.
+    """
+
+    fit: Fit
+    promise: float
+    evidence: float
+
+    @property
+    def added(self) -> DescribedEffect:
+        return self.fit.point.effects[-1]
 
 
 class _Search:
-    def __init__(self, problem: Problem, fitted: BoolArray, seed: int, progress: Callable[[str, float], None]) -> None:
-        self._problem, self._fitted, self._seed, self._progress = problem, fitted, seed, progress
+    def __init__(self, problem: Problem, seed: int, progress: Callable[[str, float], None]) -> None:
+        self._problem, self._seed, self._progress = problem, seed, progress
+        self._folds = _dealt(problem)
+        self._held = held_out_steps(problem)
+        self._fitted = ~self._held
         self._probes = [probe for kind in problem.effects.values() for probe in probes_of(problem, kind)]
-        self._whitener = Whitener(
-            stretches=problem.stretches,
-            interval_s=problem.interval_s,
-            weight=problem.usable.astype(np.float64),
-        )
+        self._noise = NoiseModel.of(problem)
+        self._threshold: float | None = None
+        self._rivals: dict[str, tuple[str, ...]] = {}
 
-    def run(self, held: BoolArray) -> Selection:
+    def run(self) -> Selection:
         untouched = Point(baseline=self._problem.baseline_start)
-        before = present = self._fit(untouched)
-        rivals: dict[str, dict[str, float]] = {}
-        walk = 0.0
+        present = self._fit(untouched)
+        self._noise = self._noise.levelled(self._problem, present)
+        present = self._fit(present.point)
         for number in range(_MOST_FINDINGS + 1):
-            screening = screen(
-                self._problem,
-                self._whitener,
-                present,
-                self._probes,
-                seed=self._seed,
-                progress=partial(self._told, number / (_MOST_FINDINGS + 1)),
-            )
+            screening = self._screened(present, number / (_MOST_FINDINGS + 2))
+            self._threshold = screening.threshold
             if number == _MOST_FINDINGS:
                 break
-            tried = self._tried(present, screening)
-            gain, whitener = self._walk(present)
-            best = max(tried, key=lambda one: gain_of(one, present), default=None)
-            promise = 0.0 if best is None else gain_of(best, present)
-            if whitener is not None and gain > max(promise, screening.threshold):
-                walk, self._whitener = gain, whitener
-                before, present = self._fit(untouched), self._fit(present.point)
+            noisy = self._noise.best(self._problem, present, least_gain=screening.threshold)
+            tried = self._best(present, screening)
+            if noisy is not None and (tried is None or noisy.gain > tried.evidence):
+                self._noise = self._noise.with_(noisy)
+                present = self._fit(present.point)
                 continue
-            if best is None or promise <= screening.threshold or gain_of(best, present, held) <= 0.0:
+            if tried is None:
                 break
-            name = best.point.effects[-1].identifier
-            rivals[name] = {one.point.effects[-1].identifier: gain_of(best, one) for one in tried if one is not best}
-            present = self._pruned(best, screening.threshold)
+            present = self._pruned(tried.fit, screening.threshold)
+            present = self._remeasured(present, screening.threshold)
+        present = self._remeasured(present, screening.threshold)
+        present, evidence = self._settled(present, screening.threshold)
+        plain = self._noise.plain
+        everything = np.ones_like(self._fitted)
         return Selection(
-            before=before,
+            before=fit(self._problem, plain, untouched, self._fitted),
             after=present,
-            whitener=self._whitener,
+            whole=fit(self._problem, self._noise.whitener, present.point, everything) if self._held.any() else present,
+            noise=self._noise,
             screening=screening,
-            rivals=rivals,
-            walk_gain_of_likelihood=walk,
-            heldout=held,
+            evidence=evidence,
+            heldout=self._held,
+        )
+
+    def _screened(self, present: Fit, share: float, kinds: frozenset[str] | None = None) -> Screening:
+        proposed = (
+            () if kinds is not None and not kinds & SCANNED else proposals(self._problem, self._noise.whitener, present)
+        )
+        return screen(
+            self._problem,
+            self._noise.whitener,
+            present,
+            [probe for probe in (*self._probes, *proposed) if kinds is None or probe.identifier in kinds],
+            seed=self._seed,
+            threshold=self._threshold,
+            progress=partial(self._told, share),
         )
 
     def _told(self, share: float, name: str) -> None:
         self._progress(name, share)
 
     def _fit(self, point: Point) -> Fit:
-        return fit(self._problem, self._whitener, point, self._fitted)
+        return fit(self._problem, self._noise.whitener, point, self._fitted)
 
-    def _tried(self, present: Fit, screening: Screening) -> list[Fit]:
+    def _remeasured(self, present: Fit, threshold: float) -> Fit:
+        """The fit with what was found of the noise measured beside it."""
+        if not self._noise.found:
+            return present
+        self._noise = self._noise.measured(self._problem, present, least_gain=threshold)
+        return self._fit(present.point)
+
+    def _with(self, present: Fit, scored: Scored) -> _Tried:
+        start: DescribedEffect = scored.probe.start(scored.weights)
+        fitted = self._fit(replace(present.point, effects=(*present.point.effects, start)))
+        gain, look_elsewhere = gain_of(fitted, present), 2.0 * math.log(scored.probe.places)
+        return _Tried(
+            fit=fitted,
+            promise=gain / self._scatter(fitted, present) - look_elsewhere,
+            evidence=gain - occam(fitted, len(fitted.point.effects) - 1) - look_elsewhere,
+        )
+
+    def _scatter(self, better: Fit, worse: Fit) -> float:
+        rows = self._fitted[self._problem.step]
+        return scatter((worse.white - better.white) * rows, worse.white * rows)
+
+    def _promising(self, present: Fit, screening: Screening) -> list[Scored]:
+        """What is worth a fit: the best place of each effect that chance does not bring."""
         known = {effect.identifier for effect in present.point.effects}
-        promising = [
-            one
-            for one in screening.best_of_each()
-            if one.gain > screening.threshold and one.probe.identifier not in known
-        ]
-        tried = []
-        for one in promising[:_TRIED]:
-            start: DescribedEffect = one.probe.start(one.weights)
-            tried.append(self._fit(replace(present.point, effects=(*present.point.effects, start))))
-        return tried
+        ranked = [one for one in screening.best_of_each() if one.probe.identifier not in known]
+        least = max(screening.threshold, _WORTH_TRYING * ranked[0].promise) if ranked else 0.0
+        return [one for one in ranked if one.promise > least][:_TRIED]
+
+    def _best(self, present: Fit, screening: Screening) -> _Tried | None:
+        """The best model with one effect more that holds on steps which it was not fitted to."""
+        best: _Tried | None = None
+        names: list[str] = []
+        for scored in self._promising(present, screening):
+            tried = self._with(present, scored)
+            names.append(tried.added.identifier)
+            if best is not None and tried.evidence <= best.evidence:
+                continue
+            if tried.promise > screening.threshold and gain_kept(tried.fit, present, self._folds) > 0.0:
+                best = tried
+        if best is not None:
+            self._rivals[best.added.identifier] = tuple(names)
+        return best
+
+    def _without(self, present: Fit, effect: DescribedEffect) -> Fit:
+        rest = tuple(one for one in present.point.effects if one is not effect)
+        return self._fit(Point(baseline=present.point.baseline, effects=rest))
 
     def _pruned(self, present: Fit, threshold: float) -> Fit:
         """Without the effects that are no longer needed."""
         for effect in present.point.effects[:-1]:
-            rest = tuple(one for one in present.point.effects if one is not effect)
-            less = self._fit(Point(baseline=present.point.baseline, effects=rest))
-            if gain_of(present, less) < threshold:
+            less = self._without(present, effect)
+            if gain_of(present, less) / self._scatter(present, less) < threshold:
                 present = less
         return present
 
-    def _walk(self, present: Fit) -> tuple[float, Whitener | None]:
-        """What a wandering bias would explain beside the model in hand; None where it is in it, or none is seen."""
-        if self._whitener.walk_gain > 0.0 or len(self._problem.stretches) > 1:
-            return 0.0, None
-        squares: list[float] = []
-        candidates = [replace(self._whitener, walk_gain=gain) for gain in _WALK_GAINS]
-        for whitener in candidates:
-            white = whitener(present.residual)
-            columns = whitened_columns(whitener, present.raw_derivatives)
-            information, gradient, total, rows = products_of(self._problem, columns, white, whitener).of(self._fitted)
-            squares.append(total - float(gradient @ inverse(information) @ gradient))
-        best = int(np.argmin(squares))
-        return rows * math.log(squares[0] / squares[best]), candidates[best] if best else None
+    def _settled(self, present: Fit, threshold: float) -> tuple[Fit, dict[str, Evidence]]:
+        """Every effect against none and against its rivals, with all others in place, until none gives way."""
+        for _ in range(_MOST_SWAPS):
+            evidence: dict[str, Evidence] = {}
+            for effect in present.point.effects:
+                less = self._without(present, effect)
+                own = self._evidence(present, less, effect)
+                if own.gain / own.scatter < threshold:
+                    present = less
+                    break
+                rivals, nearest, better = self._rivalled(present, less, effect)
+                if better is not None:
+                    present = better.fit
+                    self._rivals[better.added.identifier] = (*rivals, effect.identifier)
+                    break
+                evidence[effect.identifier] = replace(own, rivals=rivals, nearest=nearest)
+            else:
+                return present, evidence
+        return present, {
+            one.identifier: self._evidence(present, self._without(present, one), one) for one in present.point.effects
+        }
+
+    def _evidence(self, present: Fit, less: Fit, effect: DescribedEffect) -> Evidence:
+        return Evidence(
+            gain=gain_of(present, less),
+            heldout=gain_of(present, less, self._held),
+            scatter=self._scatter(present, less),
+            excess=(less.white**2 - present.white**2).astype(np.float32),
+        )
+
+    def _rivalled(
+        self, present: Fit, less: Fit, effect: DescribedEffect
+    ) -> tuple[dict[str, float], Point | None, _Tried | None]:
+        """By how much rivals in the effect's place are worse, the model with the nearest, and the best if better."""
+        mine = gain_of(present, less) - occam(present, present.point.effects.index(effect))
+        kinds = frozenset({*self._rivals.get(effect.identifier, ()), *effect.look_alikes} - {effect.identifier})
+        rivals: dict[str, float] = {}
+        nearest: _Tried | None = None
+        for scored in self._promising(less, self._screened(less, _SETTLING_SHARE, kinds))[:_RIVALS]:
+            tried = self._with(less, scored)
+            rivals[tried.added.identifier] = mine - tried.evidence
+            if nearest is None or tried.evidence > nearest.evidence:
+                nearest = tried
+        if nearest is None:
+            return rivals, None, None
+        return rivals, nearest.fit.point, nearest if nearest.evidence > mine else None

@@ -220,7 +220,10 @@ class MapStep(StepEntry):
 
 
 class ColumnMap(_Table):
-    """A whole map file: channels with their time, or static points."""
+    """A whole map file: channels with their time, or static points.
+
+    `drive` and `chamber` are a lab's models of these parts, for a diagnosis of them.
+    """
 
     unit: UnitEntry | None = None
     bench: BenchEntry = BenchEntry()
@@ -228,6 +231,8 @@ class ColumnMap(_Table):
     time: TimeEntry | None = None
     channels: Channels | None = None
     points: PointsEntry | None = None
+    drive: dict[str, float] = {}
+    chamber: dict[str, float] = {}
     steps: tuple[MapStep, ...] = ()
 
     @model_validator(mode="after")

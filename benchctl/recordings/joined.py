@@ -28,8 +28,9 @@ def join(recordings: Sequence[Recording]) -> Recording:
         return first
     infos: list[StepInfo] = []
     origins: dict[int, tuple[Recording, StepInfo]] = {}
-    shift_s = 0.0
+    shift_s, starts_s = 0.0, list[float]()
     for recording in recordings:
+        starts_s += [shift_s + start_s for start_s in recording.starts_s]
         before = max((info.index for info in infos), default=0)
         for info in recording.infos:
             moved = _moved(info, before, shift_s) if before else info
@@ -37,7 +38,7 @@ def join(recordings: Sequence[Recording]) -> Recording:
             origins[moved.index] = (recording, info)
         shift_s = max((info.t_end for info in infos), default=0.0) + APART_S
     notes = tuple(note for recording in recordings for note in recording.notes)
-    return Recording(first.path, first.meta, infos, _Joined(origins), notes=notes)
+    return Recording(first.path, first.meta, infos, _Joined(origins), notes=notes, starts_s=tuple(starts_s))
 
 
 def _moved(info: StepInfo, before: int, shift_s: float) -> StepInfo:

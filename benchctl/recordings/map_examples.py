@@ -111,9 +111,33 @@ unit = "V"
 column = "run"
 """
 
+MAP_EXAMPLE_DRIVE = """\
+# A table's drive, for `benchctl diagnose --part drive`: an angle (or velocity_rad_s, or table_rate_dps) and a torque_nm
+# (or current_a). A chamber, for `--part chamber`: chamber_temp_c with heater_percent (or heater_w, current_a,
+# chamber_setpoint_c) and, where it was measured, ambient_temp_c.
+[unit]
+serial = "table 1"
+
+[time]
+column = "t"
+
+[channels.encoder_deg]
+column = "angle"
+unit = "rad"
+
+[channels.torque_nm]
+column = "torque"
+unit = "N m"
+
+[drive]                             # what the lab believes; absent: it is estimated from the recording
+inertia_kg_m2 = 0.012
+viscous_nm_s = 0.0031
+"""
+
 MAP_EXAMPLES: Mapping[str, str] = {
     "a table of samples": MAP_EXAMPLE_CSV,
     "a MATLAB file": MAP_EXAMPLE_MAT,
     "a table of static points": MAP_EXAMPLE_POINTS,
+    "a table's drive, or a chamber": MAP_EXAMPLE_DRIVE,
 }
 """Title -> map file."""

@@ -61,6 +61,7 @@ def build_recording(
         starts=base.starts,
     )
     extra: dict[str, Any] = {"channel_units": {name: entry.conversion.cf for name, entry in entries.items()}}
+    extra |= {part: table for part in ("drive", "chamber") if (table := getattr(mapping, part))}
     if FILLED in channels:
         extra["channel_units"][FILLED] = "1"
     if "gyro_v" in entries:

@@ -45,6 +45,8 @@ class Recording:
         The digest of the whole; empty where there is none: a campaign that is not finished, an open recording.
     notes
         What was found amiss and left out, in words.
+    starts_s
+        On the time axis of this one, where each recording that it was joined from begins.
     """
 
     def __init__(
@@ -56,12 +58,14 @@ class Recording:
         *,
         digest: str = "",
         notes: tuple[str, ...] = (),
+        starts_s: tuple[float, ...] = (0.0,),
     ) -> None:
         self.path = path
         self.meta = meta
         self.infos = tuple(sorted(infos, key=lambda info: info.index))
         self.digest = digest
         self.notes = notes
+        self.starts_s = starts_s
         self._source = source
 
     def steps(self, kinds: Collection[str] | None = None, roles: Collection[str] | None = None) -> Iterator[Step]:

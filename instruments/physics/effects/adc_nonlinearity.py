@@ -40,9 +40,10 @@ class AdcNonlinearity(PhysicalEffect):
             low=0.01,
             high=100.0,
             role="shape",
-            # each a sixth above the one before: over ten periods between the rails that is a phase of half a turn
-            scan=tuple(0.1 * (7.0 / 6.0) ** k for k in range(36)),
+            scan=(0.1, 0.5, 2.0, 10.0),
             logarithmic=True,
+            by_scan=True,
+            nudge=1e-5,  # of a hundredth of a volt, hundreds of periods fit between the rails
         ),
     }
 

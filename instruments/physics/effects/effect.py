@@ -39,6 +39,11 @@ class Parameter:
         The value at which the effect is gone (`math.inf` for a cutoff); None where it does not depend on this one.
     logarithmic
         Whether it is positive and its ratios count.
+    by_scan
+        Whether it has far more places than can be listed, so that a search asks the residual for them; `scan` then only
+        names some.
+    nudge
+        The change of its logarithm over which a derivative by it is taken: what it does is in proportion over so much.
     """
 
     unit: str
@@ -49,6 +54,8 @@ class Parameter:
     scan: tuple[float, ...]
     zero: float | None = None
     logarithmic: bool = False
+    by_scan: bool = False
+    nudge: float = 1e-3
 
 
 class DescribedEffect(ABC):

@@ -59,6 +59,11 @@ class EncoderEccentricity(EncoderEffect):
         slope: FloatArray = self.amplitude_arcsec * _RAD_PER_ARCSEC * self.order * np.cos(self._argument(angle_deg))
         return slope
 
+    @property
+    def waves_a_turn(self) -> float:
+        """The order."""
+        return self.order
+
     def _argument(self, angle_deg: FloatArray) -> FloatArray:
         argument: FloatArray = np.radians(self.order * (angle_deg - self.phase_deg))
         return argument

@@ -18,10 +18,11 @@ _RAD_PER_ARCSEC = np.radians(1.0 / 3600.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EncoderInterpolation(EncoderEffect):
-    """The encoder reads θ + amplitude·sin(lines·θ), right on every line (domain facts, SDE)."""
+    """The encoder reads θ + amplitude·sin(lines·θ + phase) (domain facts, SDE)."""
 
     amplitude_arcsec: float
     lines_per_rev: float
+    phase_deg: float = 0.0
 
     identifier: ClassVar[str] = "encoder_interpolation"
     stage: ClassVar[Stage] = "sampling"
@@ -29,7 +30,7 @@ class EncoderInterpolation(EncoderEffect):
         "Between the lines of its grating the encoder interpolates, and does so a little wrongly, in the same way from"
         " every line to the next. The table seems to tremble in step with the lines; the gyro does not feel it."
     )
-    equation: ClassVar[str] = "θ_encoder = θ + amplitude·sin(lines·θ)"
+    equation: ClassVar[str] = "θ_encoder = θ + amplitude·sin(lines·θ + phase)"
     coordinate: ClassVar[str] = "angle"
     excited_by: ClassVar[str] = "rates at which the lines pass more slowly than half the sample rate"
     look_alikes: ClassVar[tuple[str, ...]] = ("encoder_eccentricity", "heading_dependent_bias", "mains_pickup")
@@ -42,29 +43,39 @@ class EncoderInterpolation(EncoderEffect):
             meaning="lines of the grating in a turn",
             low=5.0,
             high=100_000.0,
-            role="shape",
-            scan=tuple(
-                float(lines)
-                for lines in (
-                    *(32, 36, 50, 60, 64, 72, 90, 100, 120, 128, 144, 180, 200, 250, 256, 360, 400, 500, 512, 600, 720),
-                    *(900, 1000, 1024, 1250, 1800, 2000, 2048, 2500, 3600, 4096, 5000, 7200, 8192, 9000, 10_000),
-                    *(16_384, 18_000, 20_000, 32_768, 36_000),
-                )
-            ),
-            logarithmic=True,
+            role="choice",
+            scan=(36.0, 1024.0, 9000.0, 36_000.0),
+            by_scan=True,
+        ),
+        "phase_deg": Parameter(
+            unit="degree",
+            meaning="phase of the sine at angle 0, a turn from line to line",
+            low=0.0,
+            high=360.0,
+            role="phase",
+            scan=(0.0, 90.0),
         ),
     }
 
     def error_deg(self, angle_deg: FloatArray) -> FloatArray:
         """What it adds to true angles [deg]."""
-        error: FloatArray = self.amplitude_arcsec / 3600.0 * np.sin(np.radians(self.lines_per_rev * angle_deg))
+        error: FloatArray = self.amplitude_arcsec / 3600.0 * np.sin(self._argument(angle_deg))
         return error
 
     def error_slope(self, angle_deg: FloatArray) -> FloatArray:
         """The derivative of the error by the angle."""
         steepest = self.amplitude_arcsec * _RAD_PER_ARCSEC * self.lines_per_rev
-        slope: FloatArray = steepest * np.cos(np.radians(self.lines_per_rev * angle_deg))
+        slope: FloatArray = steepest * np.cos(self._argument(angle_deg))
         return slope
+
+    @property
+    def waves_a_turn(self) -> float:
+        """The lines."""
+        return self.lines_per_rev
+
+    def _argument(self, angle_deg: FloatArray) -> FloatArray:
+        argument: FloatArray = np.radians(self.lines_per_rev * angle_deg + self.phase_deg)
+        return argument
 
     def says(self) -> str:
         """The finding in one sentence."""

@@ -96,6 +96,11 @@ class EncoderEffect(PhysicalEffect):
     def error_slope(self, angle_deg: FloatArray) -> FloatArray:
         """The derivative of `error_deg` by the angle, shape (n,), without unit."""
 
+    @property
+    @abstractmethod
+    def waves_a_turn(self) -> float:
+        """How often a turn it repeats."""
+
     def apply(self, signals: Signals) -> Signals:
         """What the encoder states."""
         return replace(signals, encoder_deg=signals.encoder_deg + self.error_deg(signals.angle_deg))

@@ -48,6 +48,8 @@ class MainsPickup(PhysicalEffect):
             role="shape",
             scan=(50.0, 60.0, 100.0, 120.0, 150.0, 400.0),
             logarithmic=True,
+            by_scan=True,
+            nudge=1e-9,  # 50 Hz go through 10⁶ rad in an hour
         ),
         "phase_deg": Parameter(
             unit="degree", meaning="phase of the sine at t = 0", low=0.0, high=360.0, role="phase", scan=(0.0, 90.0)

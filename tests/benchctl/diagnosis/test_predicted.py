@@ -3,8 +3,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchctl.diagnosis.band_limited import HALF
 from benchctl.diagnosis.frame import FloatArray, Frame
-from benchctl.diagnosis.motion import HALF
 from benchctl.diagnosis.predicted import predict
 from benchctl.recordings.reader import open_recording
 from instruments.errors import UsageError

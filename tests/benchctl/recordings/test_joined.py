@@ -38,6 +38,7 @@ def test_the_steps_of_two_are_numbered_on_a_day_apart(tmp_path: Path) -> None:
         assert np.array_equal(moved["gyro_v"], origin["gyro_v"])
         assert np.array_equal(joined.step(2)["time_s"], recordings[0].step(2)["time_s"])
         assert [step.info.index for step in joined.steps()] == [1, 2, 3, 4]
+        assert joined.starts_s == (0.0, shift_s)
         assert joined.channels(4) == recordings[1].channels(2)
         assert set(joined.step(4, ["gyro_v"]).channels) == {"gyro_v"}
 

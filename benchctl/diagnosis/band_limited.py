@@ -1,0 +1,67 @@
+"""Linear-phase filters for equidistant angles: the angle itself, its rate or its acceleration, up to an edge."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+from scipy.signal import oaconvolve
+
+FloatArray = npt.NDArray[np.float64]
+
+HALF = 32
+"""Samples on either side that a rate is made of."""
+
+NARROW = (0.1, 0.2, 10.0, 20.0)
+WIDE = (0.2, 0.4, 20.0, 40.0)
+"""Edges of pass and stop band as shares of the sampling rate, and their limits in Hz."""
+
+
+def edges_hz(band: tuple[float, float, float, float], sample_rate_hz: float) -> tuple[float, float]:
+    """Where a band's filter begins to fall and where it has fallen."""
+    passing, stopping, passing_hz, stopping_hz = band
+    return min(passing * sample_rate_hz, passing_hz), min(stopping * sample_rate_hz, stopping_hz)
+
+
+def filtered(values: FloatArray, kernel: FloatArray) -> FloatArray:
+    """Values through a filter; beyond the ends they go on with the slope that they end with."""
+    reach = kernel.size // 2
+    size = min(reach, values.size - 1)
+    before = 2 * values[0] - values[size:0:-1]
+    after = 2 * values[-1] - values[-2 : -2 - size : -1]
+    missing = reach - size
+    first, last = (before[0], after[-1]) if size else (values[0], values[-1])
+    long = np.concatenate([np.full(missing, first), before, values, after, np.full(missing, last)])
+    origin = long[0]
+    result: FloatArray = oaconvolve(long - origin, kernel, mode="valid")
+    return result + float(origin * kernel.sum())
+
+
+def transposed(values: FloatArray, kernel: FloatArray) -> FloatArray:
+    """The transpose of `filtered`, for values that vanish within a kernel's reach of either end."""
+    result: FloatArray = oaconvolve(values, kernel[::-1], mode="same")
+    return result
+
+
+@lru_cache(maxsize=64)
+def differentiator(sample_rate_hz: float, passing_hz: float, stopping_hz: float, order: int) -> FloatArray:
+    """Least-squares linear-phase filter, shape (2·HALF+1,): d^order/dt^order in the pass band, 0 in the stop band."""
+    k = np.arange(1, HALF + 1)
+    passing = np.linspace(1e-3, passing_hz, 400)
+    stopping = np.linspace(stopping_hz, sample_rate_hz / 2, 300)
+    frequency = np.concatenate([passing, stopping])
+    omega = 2 * np.pi * frequency
+    ideal = np.where(frequency <= passing_hz, omega**order, 0.0)
+    # what is asked of the pass band is a small relative error
+    weight = np.where(frequency <= passing_hz, 1e4 / np.maximum(omega, 3.0) ** order, 6.0 / (2 * np.pi) ** order)
+    phase = np.outer(omega / sample_rate_hz, k)
+    basis = 2 * np.sin(phase) if order == 1 else np.hstack([np.ones((omega.size, 1)), 2 * np.cos(phase)])
+    ideal = -ideal if order == 2 else ideal
+    taps, *_ = np.linalg.lstsq(basis * weight[:, None], ideal * weight, rcond=None)
+    if order == 1:
+        taps /= 2 * np.sum(taps * k) / sample_rate_hz  # exact for a constant rate
+        return np.concatenate([taps[::-1], [0.0], -taps])
+    kernel = np.concatenate([taps[:0:-1], taps])
+    kernel += ((order == 0) - kernel.sum()) / kernel.size  # exact for an angle at rest
+    return kernel

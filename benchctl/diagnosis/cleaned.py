@@ -1,0 +1,80 @@
+"""Faults of the data taken out before anything is chosen: lost bits, a rail, held samples, spikes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.diagnosis.faults import Fault, faults_in, spikes_in
+from benchctl.diagnosis.fit import Point, fit
+from benchctl.diagnosis.gyro_problem import GyroProblem
+from benchctl.diagnosis.located import where_of
+from benchctl.diagnosis.noise_model import NoiseModel
+from benchctl.diagnosis.problem import Problem
+from benchctl.diagnosis.result import Finding, Where
+from instruments.physics.effects.registry import effect
+
+BoolArray = npt.NDArray[np.bool_]
+
+
+def cleaned(problem: Problem) -> tuple[Problem, tuple[Fault, ...]]:
+    """The problem without its spoilt rows, and the faults that spoilt them.
+
+    Only of a gyro are faults known, and only where its samples are compared one by one. What is withheld from a
+    diagnosis is neither stated nor taken out.
+    """
+    if not isinstance(problem, GyroProblem) or problem.band is not None:
+        return problem, ()
+    frame = problem.frame
+    shown = faults_in(
+        volts=problem.measured,
+        predicted=problem.predict(problem.baseline_start, ()),
+        time_s=frame.time_s,
+        interval_s=frame.interval_s,
+        adc_step_v=problem.adc_step_v,
+        limit_v=float(problem.simulation.get("output_limit_v") or np.inf),
+    )
+    masked = (
+        shown.masked if not {one.effect for one in shown.found} & problem.without else _spoilt(problem, shown.found)
+    )
+    usable = problem.usable & ~masked
+    everything = np.ones(len(problem.step_names), np.bool_)
+    without = replace(problem, usable=usable)
+    provisional = fit(without, NoiseModel.of(without).plain, Point(baseline=problem.baseline_start), everything)
+    spikes = spikes_in(residual=provisional.residual, usable=usable, step_v=_step_v(problem, shown.found))
+    found = tuple(one for one in (*shown.found, *spikes.found) if one.effect not in problem.without)
+    if "outliers" not in problem.without:
+        usable &= ~spikes.masked
+    return replace(problem, usable=usable), found
+
+
+def fault_findings(problem: Problem, faults: tuple[Fault, ...]) -> Iterator[Finding]:
+    """Faults as findings."""
+    for one in faults:
+        coordinate = effect(one.effect).coordinate
+        spoilt = one.rows.astype(np.float32)
+        where = where_of(problem, spoilt, coordinate) if one.rows.any() else Where(coordinate=coordinate)
+        yield Finding(
+            effect=one.effect,
+            probability=1.0,
+            parameters=one.parameters,
+            where=where,
+            explains=float(one.rows.mean()),
+            gain=one.gain,
+            gain_heldout=0.0,
+            says=one.says,
+        )
+
+
+def _spoilt(problem: GyroProblem, found: tuple[Fault, ...]) -> BoolArray:
+    kept = [one.rows for one in found if one.effect not in problem.without]
+    return np.logical_or.reduce([np.zeros_like(problem.usable), *kept])
+
+
+def _step_v(problem: GyroProblem, found: tuple[Fault, ...]) -> float:
+    """The converter's step as the values show it."""
+    bits = next((one.parameters["bits_lost"].value for one in found if one.effect == "adc_coarse"), 0.0)
+    return problem.adc_step_v * 2.0**bits

@@ -1,0 +1,92 @@
+"""Dropouts: the output is held for a while, then goes on."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.diagnosis.faults.fault import Fault, bounded_gain
+from benchctl.diagnosis.faults.standing import Output, Runs, evidence_of
+from benchctl.diagnosis.result import Estimate
+from instruments.physics.effects.dropouts import Dropouts
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+_Z95 = 1.959964
+_DEAD = 0.5
+"""Share of the rows beyond which a channel that stands is dead, and says nothing of holds."""
+
+_PRETENDED = 300
+"""Places at which a hold is pretended, to learn how many of them would be seen."""
+
+_ALIKE = 2
+"""Rows by which the lengths of holds of one duration differ: the value before the hold may come once more after it."""
+
+
+def holds_in(output: Output, runs: Runs, railed: BoolArray, interval_s: float) -> Fault | None:
+    """The dropouts that standing `runs` away from the rail are; None where there are none, or the channel is dead.
+
+    `railed` (n,) rows stand at a rail: nobody sees a hold there.
+    """
+    rows = np.zeros(output.volts.size, np.bool_)
+    for first, stop in zip(runs.first.tolist(), runs.stop.tolist(), strict=True):
+        rows[first + 1 : stop] = True
+    if not rows.any() or rows.sum() > _DEAD * rows.size:
+        return None
+    lengths = (runs.stop - runs.first).astype(np.float64)
+    length, half = _length(lengths)
+    seen = _share_seen(output, ~railed & output.alive, max(3, round(length)))
+    count = lengths.size / seen
+    spread = _Z95 * math.sqrt(lengths.size * (1.0 - seen)) / seen
+    hold_s = (length - 0.5) * interval_s
+    effect = Dropouts(count=float(round(count)), hold_s=hold_s)
+    units = {name: parameter.unit for name, parameter in effect.parameters.items()}
+    return Fault(
+        effect=effect.identifier,
+        parameters={
+            "count": Estimate(
+                value=effect.count,
+                low=float(max(lengths.size, math.floor(count - spread))),
+                high=float(math.ceil(count + spread - 1e-9)),
+                unit=units["count"],
+            ),
+            "hold_s": Estimate(
+                value=hold_s,
+                low=max(hold_s - half * interval_s, 0.0),
+                high=hold_s + half * interval_s,
+                unit=units["hold_s"],
+            ),
+        },
+        rows=rows,
+        gain=bounded_gain(float(runs.evidence.sum())),
+        says=effect.says(),
+    )
+
+
+def _length(lengths: FloatArray) -> tuple[float, float]:
+    """The usual number of equal rows of a hold, and the half-width of its interval.
+
+    A value that is put out N times stood for N − 1 to N intervals, so half of one is uncertain, and as much again by
+    how an instrument counts. Where most holds are of one length, the shorter of them tell it: a longer one has met an
+    equal value by chance.
+    """
+    values, counts = np.unique(lengths, return_counts=True)
+    together = np.array([counts[(values >= value) & (values < value + _ALIKE)].sum() for value in values])
+    most = int(np.argmax(together))
+    if 2 * together[most] > lengths.size:
+        return float(values[most]), 1.0
+    spread = float(np.std(lengths, ddof=1)) * math.sqrt(math.pi / (2.0 * lengths.size))
+    return float(np.median(lengths)), 1.0 + _Z95 * spread
+
+
+def _share_seen(output: Output, visible: BoolArray, length: int) -> float:
+    """The share of holds of this many rows, at any time, that would have been told from an output at rest."""
+    places = np.linspace(0, output.volts.size - length - 1, _PRETENDED).astype(np.int64)
+    seen = [
+        bool(visible[place : place + length].all()) and evidence_of(output, place, place + length) > output.enough
+        for place in places.tolist()
+    ]
+    return max(float(np.mean(seen)), 1.0 / _PRETENDED)

@@ -1,0 +1,58 @@
+"""The search for data faults that show in the output itself, before anything is fitted."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.diagnosis.faults.clipping import rail_in
+from benchctl.diagnosis.faults.coarse import coarse_in, stairs_in
+from benchctl.diagnosis.faults.dropouts import holds_in
+from benchctl.diagnosis.faults.fault import Faults
+from benchctl.diagnosis.faults.grid import grid_of
+from benchctl.diagnosis.faults.quiet import quiet_noise_v
+from benchctl.diagnosis.faults.standing import Output, standing_runs
+
+FloatArray = npt.NDArray[np.float64]
+
+_GAP = 1.5
+"""Sample intervals beyond which a row does not follow the one before."""
+
+
+def faults_in(
+    *,
+    volts: FloatArray,
+    predicted: FloatArray,
+    time_s: FloatArray,
+    interval_s: float,
+    adc_step_v: float,
+    limit_v: float = np.inf,
+) -> Faults:
+    """Lost bits, a rail, held samples: what an output (n,) shows before any fit; call it first, and mask.
+
+    `predicted` (n,) is the output by the model that the lab believes in, as it stands: it need only say where the
+    output should have moved. `time_s` are the stamps, `adc_step_v` the converter's step (0: not known), `limit_v` the
+    rated limit of the output, at which rows are left out of all this.
+
+    Spikes want a residual: `spikes_in`, after a provisional fit without the rows that are `masked` here.
+    """
+    alive = np.isfinite(volts) & (np.abs(volts) < limit_v) & np.isfinite(predicted)
+    grid = grid_of(volts[alive], adc_step_v)
+    residual = np.where(alive, volts - predicted, 0.0)
+    output = Output(
+        volts=volts,
+        predicted=predicted,
+        alive=alive,
+        broken=np.diff(time_s, prepend=time_s[:1]) > _GAP * interval_s,
+        step_v=max(grid.step_v, float(np.finfo(np.float64).tiny)),
+        noise_v=quiet_noise_v(residual, interval_s, grid.step_v),
+    )
+    runs = standing_runs(output)
+    rail, at_rail = rail_in(output, runs)
+    railed = np.zeros_like(alive) if rail is None else rail.rows
+    holds = holds_in(output, runs.where(~at_rail), railed, interval_s)
+    stairs = stairs_in(output, interval_s)
+    lost = coarse_in(output, grid, adc_step_v, stairs)
+    found = tuple(one for one in (lost, rail, holds) if one is not None)
+    standing = railed if holds is None else railed | holds.rows
+    return Faults(found=found, masked=stairs | standing, standing=standing, step_v=grid.step_v)

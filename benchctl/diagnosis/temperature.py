@@ -1,0 +1,124 @@
+"""The gyro's thermistor over a whole recording: without its noise, how fast it changes, and through its pauses.
+
+A campaign records a stream a step, seconds long, and asks the thermistor now and then while it soaks. A slope that is
+made of one such stream is all noise. So all that was measured is laid on one grid of a second, and a straight line is
+fitted around each of its points, over a time that grows until it holds samples enough.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.signal import oaconvolve
+
+FloatArray = npt.NDArray[np.float64]
+
+_CELL_S = 1.0
+_REACHES_S = (6.0, 10.0, 20.0, 40.0, 80.0, 160.0, 320.0, 640.0)
+"""A line is fitted to so many seconds on either side, less and less to what is far: a housing takes minutes."""
+
+_STEADY = 50.0
+"""A reach is long enough where the slope's error [°C/s] is a sample's noise [°C] over so many seconds."""
+
+_PAUSE_S = 15.0
+_MOST_POINTS = 2000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pause:
+    """What the thermistor [°C] did between two stretches, at equidistant `time_s`; arrays of shape (n,)."""
+
+    interval_s: float
+    time_s: FloatArray
+    temp_c: FloatArray
+    temp_rate_c_per_s: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Thermistor:
+    """Temperature [°C] and its slope [°C/s] on a grid of cells, shape (m,), the first of them at `begin_s`."""
+
+    begin_s: float
+    temp_c: FloatArray
+    temp_rate_c_per_s: FloatArray
+    known: npt.NDArray[np.bool_]
+    """Cells in which something was measured, shape (m,)."""
+
+    def at(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Temperature and slope at some times, shape (n,) each."""
+        place = (time_s - self.begin_s) / _CELL_S - 0.5
+        cells = np.arange(self.temp_c.size)
+        return np.interp(place, cells, self.temp_c), np.interp(place, cells, self.temp_rate_c_per_s)
+
+    def pause(self, from_s: float, to_s: float) -> Pause | None:
+        """What is known of a pause; None where it is short, or nothing was measured in it."""
+        first, last = (int((at - self.begin_s) / _CELL_S) for at in (from_s, to_s))
+        if to_s - from_s < _PAUSE_S or not self.known[first + 1 : last].any():
+            return None
+        count = min(_MOST_POINTS, int((to_s - from_s) / _CELL_S))
+        time_s = np.linspace(from_s, to_s, count + 1)[1:-1] if count > 2 else np.array([0.5 * (from_s + to_s)])
+        temp, rate = self.at(time_s)
+        interval_s = float(time_s[1] - time_s[0]) if time_s.size > 1 else _CELL_S
+        return Pause(interval_s=interval_s, time_s=time_s, temp_c=temp, temp_rate_c_per_s=rate)
+
+
+def thermistor_of(measured: Sequence[tuple[FloatArray, FloatArray]]) -> Thermistor:
+    """The thermistor from all that was measured of it: times [s] and temperatures [°C], in any order."""
+    time_s = np.concatenate([times for times, _ in measured])
+    temp_c = np.concatenate([temps for _, temps in measured])
+    finite = np.isfinite(temp_c)
+    time_s, temp_c = time_s[finite], temp_c[finite]
+    begin_s, level_c = float(time_s.min()), float(np.median(temp_c))
+    cell = ((time_s - begin_s) / _CELL_S).astype(np.int64)
+    size = int(cell.max()) + 1
+    offset = time_s - begin_s - (cell + 0.5) * _CELL_S
+    sums = [
+        np.bincount(cell, values, minlength=size).astype(np.float64)
+        for values in (np.ones_like(offset), offset, offset**2, temp_c - level_c, (temp_c - level_c) * offset)
+    ]
+    temp, rate = np.full(size, np.nan), np.full(size, np.nan)
+    for reach_s in _REACHES_S:
+        here, slope, spread = _lines(sums, reach_s)
+        open_ = np.isnan(rate) & (spread > _STEADY**2)
+        temp[open_], rate[open_] = here[open_], slope[open_]
+    known = sums[0] > 0.0
+    if np.isnan(rate).any():
+        temp, rate = _without_holes(sums, temp, rate)
+    return Thermistor(begin_s=begin_s, temp_c=temp + level_c, temp_rate_c_per_s=rate, known=known)
+
+
+def _lines(sums: Sequence[FloatArray], reach_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Around every cell the line's value there, its slope, and Σ w·(t − mean t)²: each of shape (m,)."""
+    reach = round(reach_s / _CELL_S)
+    k = np.arange(-reach, reach + 1) * _CELL_S
+    near = (1.0 - np.abs(k / (reach_s + _CELL_S)) ** 3) ** 3
+    w0, w1, w2, y0, y1 = sums
+
+    def around(values: FloatArray, kernel: FloatArray) -> FloatArray:
+        total: FloatArray = oaconvolve(values, kernel[::-1], mode="same" if values.size >= kernel.size else "full")
+        return total if total.size == values.size else total[reach : reach + values.size]
+
+    n = np.maximum(around(w0, near), 0.0)
+    n = np.where(n > 1e-6, n, np.inf)
+    t = (around(w1, near) + around(w0, near * k)) / n
+    tt = (around(w2, near) + 2.0 * around(w1, near * k) + around(w0, near * k * k)) / n
+    y = around(y0, near) / n
+    ty = (around(y1, near) + around(y0, near * k)) / n
+    variance = tt - t * t
+    slope = (ty - t * y) / np.maximum(variance, 1e-9)
+    return y - slope * t, slope, np.where(np.isfinite(n), n, 0.0) * variance
+
+
+def _without_holes(sums: Sequence[FloatArray], temp: FloatArray, rate: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Straight lines through what no line could be fitted to: a pause of hours, or a handful of samples."""
+    cells = np.arange(temp.size)
+    fitted, measured = np.flatnonzero(~np.isnan(temp)), np.flatnonzero(sums[0] > 0.0)
+    if fitted.size:
+        whole = np.interp(cells, fitted, temp[fitted])
+    else:
+        whole = np.interp(cells, measured, sums[3][measured] / sums[0][measured])
+    slope = np.gradient(whole, _CELL_S) if whole.size > 1 else np.zeros_like(whole)
+    return whole, np.where(np.isnan(rate), slope if fitted.size else 0.0, rate)

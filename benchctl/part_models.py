@@ -1,0 +1,63 @@
+"""A lab's models of its table's drive and of its chamber: tables of numbers under names that are checked.
+
+In a model file they are `[parts.drive]` and `[parts.chamber]`, with `[parts.drive.effects.coulomb_friction]` and the
+like for physics beside them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from instruments.errors import UsageError
+
+EFFECTS = "effects"
+
+
+def numbers_of(
+    table: Mapping[str, Any] | None, name: str, needed: Sequence[str], further: Sequence[str] = ()
+) -> dict[str, float]:
+    """The numbers of a table, its effects left out; either all `needed` are in it or none is.
+
+    Raises `UsageError` that names the field that is not known, missing, or no finite number.
+    """
+    told = {field: value for field, value in (table or {}).items() if field != EFFECTS}
+    for field, value in told.items():
+        if field not in (*needed, *further):
+            raise UsageError(f"[{name}] {field}: no such field; there are {', '.join((*needed, *further))}")
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise UsageError(f"[{name}] {field}: expected a finite number, got {value!r}")
+    missing = [field for field in needed if field not in told]
+    if missing and len(missing) < len(needed):
+        raise UsageError(f"[{name}] {missing[0]}: this field is needed beside the others and is not there")
+    return {field: float(value) for field, value in told.items()}
+
+
+def check_parts(parts: Mapping[str, Any]) -> None:
+    """Raise a `UsageError` that names the part, effect or parameter at fault, where there is one.
+
+    Which numbers a part itself needs depends on what was recorded of it: a diagnosis says so.
+    """
+    from instruments.physics.chamber_effects.registry import chamber_effects
+    from instruments.physics.drive_effects.registry import drive_effects
+    from instruments.physics.effects.effect import DescribedEffect
+
+    known: dict[str, Mapping[str, type[DescribedEffect]]] = {"drive": drive_effects(), "chamber": chamber_effects()}
+    for part, table in parts.items():
+        if part not in known:
+            raise UsageError(f"[parts] {part}: no such part; there are {', '.join(known)}")
+        place = f"parts.{part}"
+        if not isinstance(table, Mapping):
+            raise UsageError(f"[parts] {part}: expected a table, got {table!r}")
+        effects = table.get(EFFECTS, {})
+        if not isinstance(effects, Mapping):
+            raise UsageError(f"[{place}] {EFFECTS}: expected a table, got {effects!r}")
+        for identifier, values in effects.items():
+            if identifier not in known[part]:
+                raise UsageError(
+                    f"[{place}.{EFFECTS}] {identifier}: no such effect; there are {', '.join(known[part])}"
+                )
+            if not isinstance(values, Mapping):
+                raise UsageError(f"[{place}.{EFFECTS}] {identifier}: expected a table, got {values!r}")
+            numbers_of(values, f"{place}.{EFFECTS}.{identifier}", tuple(known[part][identifier].parameters))

@@ -1,0 +1,47 @@
+"""What an effect of a chamber works on: what drives the air, and how the air loses its heat.
+
+The baseline is one lag, τ·dT/dt = gain·u + T_room − T; an effect changes what stands in that equation.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from instruments.interfaces import FloatArray
+from instruments.physics.effects.effect import DescribedEffect
+
+ChamberStage = Literal["source", "transport", "loss"]
+"""`source`: what the heater makes of its drive; `transport`: on its way to the air; `loss`: out of the air again."""
+
+Drive = Literal["power", "setpoint"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChamberSignals:
+    """A run without gaps; arrays of shape (n,).
+
+    `time_s` counts from the start of the run. `drive` is the heater's power in its own unit, or the set point [°C];
+    `room_c` where the heat goes to. The air loses `loss` · (T − room) + `radiation` · (T⁴ − room⁴)/(4·300³), K each,
+    with T and room there in kelvin; to each of `stores` (coupling, time constant [s]), `coupling` · (T − T_store).
+    """
+
+    time_s: FloatArray
+    interval_s: float
+    drive: FloatArray
+    room_c: FloatArray
+    loss: FloatArray
+    radiation: float = 0.0
+    stores: tuple[tuple[float, float], ...] = ()
+
+
+class ChamberEffect(DescribedEffect):
+    """Physics of a chamber; `stage` orders effects, `drives` says with which kind of drive it makes sense."""
+
+    stage: ClassVar[ChamberStage]
+    drives: ClassVar[tuple[Drive, ...]] = ("power", "setpoint")
+
+    @abstractmethod
+    def apply(self, signals: ChamberSignals) -> ChamberSignals:
+        """The signals with the effect."""

@@ -1,0 +1,60 @@
+"""A body inside takes up heat."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+from instruments.physics.chamber_effects.effect import ChamberEffect, ChamberSignals, ChamberStage
+from instruments.physics.effects.effect import Parameter
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeatStore(ChamberEffect):
+    """A wall or load that exchanges heat with the air alone."""
+
+    coupling: float
+    tau_s: float
+
+    identifier: ClassVar[str] = "heat_store"
+    stage: ClassVar[ChamberStage] = "loss"
+    words: ClassVar[str] = (
+        "Walls, racks or a load take up heat from the air and give it back: after a change the air first moves "
+        "fast, then creeps."
+    )
+    equation: ClassVar[str] = "τ·dT/dt = … − coupling·(T − T_store); τ_store·dT_store/dt = T − T_store"
+    coordinate: ClassVar[str] = "time"
+    excited_by: ClassVar[str] = "long holds after a change"
+    look_alikes: ClassVar[tuple[str, ...]] = ("second_lag", "radiation", "ambient_drift")
+    parameters: ClassVar[Mapping[str, Parameter]] = {
+        "coupling": Parameter(
+            unit="1",
+            meaning="heat that it exchanges, relative to what the air loses to the room",
+            low=0.0,
+            high=1e3,
+            role="size",
+            scan=(1e-3,),
+            zero=0.0,
+        ),
+        "tau_s": Parameter(
+            unit="s",
+            meaning="its time constant",
+            low=0.5,
+            high=1e5,
+            role="shape",
+            scan=(5.0, 15.0, 40.0, 100.0, 250.0, 600.0, 1500.0),
+            logarithmic=True,
+        ),
+    }
+
+    def apply(self, signals: ChamberSignals) -> ChamberSignals:
+        """The run with one more body, which begins as warm as the air."""
+        return replace(signals, stores=(*signals.stores, (self.coupling, self.tau_s)))
+
+    def says(self) -> str:
+        """The finding in one sentence."""
+        return (
+            f"A body inside takes up heat with a time constant of {self.tau_s:.3g} s, {self.coupling:.3g} times as"
+            " much for each kelvin as the room does: the air first moves fast, then creeps."
+        )

@@ -1,0 +1,16 @@
+"""Finds the effects of a chamber."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from types import MappingProxyType
+
+import instruments.physics.chamber_effects as package
+from instruments.physics.chamber_effects.effect import ChamberEffect
+from instruments.physics.effect_modules import effects_in
+
+
+@lru_cache(maxsize=1)
+def chamber_effects() -> MappingProxyType[str, type[ChamberEffect]]:
+    """Every effect of a chamber by its identifier, in alphabetical order."""
+    return effects_in(package, ChamberEffect)  # type: ignore[type-abstract]  # the base is what they are found by

@@ -1,0 +1,72 @@
+"""The magnets of the motor hold at some angles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from instruments.interfaces import FloatArray
+from instruments.physics.drive_effects.effect import DriveEffect, DriveSignals
+from instruments.physics.effects.effect import Parameter
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CoggingTorque(DriveEffect):
+    """amplitude·cos(order·(θ−phase)); order 1 is also an imbalance of a table that is not level."""
+
+    amplitude_nm: float
+    phase_deg: float
+    order: float = 1.0
+
+    identifier: ClassVar[str] = "cogging_torque"
+    words: ClassVar[str] = (
+        "The torque depends on the angle, a whole number of times a turn: the magnets of the motor hold at its "
+        "teeth, a bearing runs untrue, or, once a turn, the load is out of balance."
+    )
+    equation: ClassVar[str] = "τ → τ + amplitude·cos(order·(θ−phase))"
+    coordinate: ClassVar[str] = "angle"
+    excited_by: ClassVar[str] = "slow whole turns"
+    look_alikes: ClassVar[tuple[str, ...]] = ("torque_offset",)
+    parameters: ClassVar[Mapping[str, Parameter]] = {
+        "amplitude_nm": Parameter(
+            unit="N m",
+            meaning="largest torque",
+            low=0.0,
+            high=1e4,
+            role="size",
+            scan=(1e-5,),
+            zero=0.0,
+        ),
+        "phase_deg": Parameter(
+            unit="degree",
+            meaning="an angle of the largest torque",
+            low=0.0,
+            high=360.0,
+            role="phase",
+            scan=(0.0, 45.0, 90.0),
+        ),
+        "order": Parameter(
+            unit="1",
+            meaning="periods in a turn",
+            low=1.0,
+            high=360.0,
+            role="choice",
+            scan=tuple(float(order) for order in range(1, 73)),
+        ),
+    }
+
+    def apply(self, signals: DriveSignals) -> FloatArray:
+        """The torque with what depends on the angle; within one sample the table turns evenly."""
+        turn = np.radians(self.order * (signals.angle_deg - self.phase_deg))
+        within = self.order * signals.rate_rad_s * signals.interval_s / (2 * np.pi)
+        return signals.torque_nm + self.amplitude_nm * np.cos(turn) * np.sinc(within)
+
+    def says(self) -> str:
+        """The finding in one sentence."""
+        return (
+            f"The torque changes by ±{self.amplitude_nm:.3g} N·m with the angle, {self.order:.0f} times a turn:"
+            f" it is largest at {self.phase_deg % (360.0 / self.order):.3g}°."
+        )

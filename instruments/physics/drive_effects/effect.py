@@ -1,0 +1,45 @@
+"""What an effect of a table's drive works on: the motion as it is, and the torque that it takes.
+
+The baseline is a rigid body in a viscous bearing, torque = J·dω/dt + b·ω; an effect adds what it leaves out.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from instruments.interfaces import FloatArray
+from instruments.physics.effects.effect import DescribedEffect
+
+DriveStage = Literal["friction", "measurement"]
+"""`friction`: a torque of its own; `measurement`: how all the torque is measured. They act in this order."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveSignals:
+    """A stretch without gaps; arrays of shape (n,).
+
+    `time_s` counts from the start of the run; angle positive counter-clockwise, unwrapped. `torque_nm` is that of the
+    drive on the table, as far as the effects before have made it. `inertia_kg_m2` and `viscous_nm_s` [N·m·s/rad] are
+    those of the baseline.
+    """
+
+    time_s: FloatArray
+    interval_s: float
+    angle_deg: FloatArray
+    rate_rad_s: FloatArray
+    acceleration_rad_s2: FloatArray
+    torque_nm: FloatArray
+    inertia_kg_m2: float
+    viscous_nm_s: float
+
+
+class DriveEffect(DescribedEffect):
+    """Physics of a drive; `stage` orders effects that do not commute."""
+
+    stage: ClassVar[DriveStage] = "friction"
+
+    @abstractmethod
+    def apply(self, signals: DriveSignals) -> FloatArray:
+        """The torque [N·m] with the effect, shape (n,)."""

@@ -1,0 +1,16 @@
+"""Finds the effects of a drive."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from types import MappingProxyType
+
+import instruments.physics.drive_effects as package
+from instruments.physics.drive_effects.effect import DriveEffect
+from instruments.physics.effect_modules import effects_in
+
+
+@lru_cache(maxsize=1)
+def drive_effects() -> MappingProxyType[str, type[DriveEffect]]:
+    """Every effect of a drive by its identifier, in alphabetical order."""
+    return effects_in(package, DriveEffect)  # type: ignore[type-abstract]  # the base is what they are found by

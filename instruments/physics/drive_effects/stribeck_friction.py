@@ -1,0 +1,63 @@
+"""Friction falls as the bearing begins to float."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from instruments.interfaces import FloatArray
+from instruments.physics.drive_effects.effect import DriveEffect, DriveSignals
+from instruments.physics.effects.effect import Parameter
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StribeckFriction(DriveEffect):
+    """breakaway·exp(−(ω/velocity)²)·sign ω, beside Coulomb friction (Stribeck)."""
+
+    breakaway_nm: float
+    velocity_rad_s: float
+
+    identifier: ClassVar[str] = "stribeck_friction"
+    words: ClassVar[str] = (
+        "At creeping rates the friction is larger than when the bearing floats on its lubricant: the table sticks "
+        "and slips."
+    )
+    equation: ClassVar[str] = "τ → τ + breakaway·exp(−(ω/velocity)²)·sign ω"
+    coordinate: ClassVar[str] = "abs_rate"
+    excited_by: ClassVar[str] = "slow sweeps through zero in both directions"
+    look_alikes: ClassVar[tuple[str, ...]] = ("coulomb_friction",)
+    parameters: ClassVar[Mapping[str, Parameter]] = {
+        "breakaway_nm": Parameter(
+            unit="N m",
+            meaning="friction at creeping rates beyond that at high ones",
+            low=0.0,
+            high=1e4,
+            role="size",
+            scan=(1e-5,),
+            zero=0.0,
+        ),
+        "velocity_rad_s": Parameter(
+            unit="rad s-1",
+            meaning="rate at which it has fallen to 1/e",
+            low=1e-4,
+            high=1.0,
+            role="shape",
+            scan=(0.003, 0.01, 0.03, 0.1, 0.3),
+            logarithmic=True,
+        ),
+    }
+
+    def apply(self, signals: DriveSignals) -> FloatArray:
+        """The torque with the friction of creeping rates."""
+        creeping = np.exp(-((signals.rate_rad_s / self.velocity_rad_s) ** 2))
+        return signals.torque_nm + self.breakaway_nm * creeping * np.sign(signals.rate_rad_s)
+
+    def says(self) -> str:
+        """The finding in one sentence."""
+        return (
+            f"Below about {self.velocity_rad_s:.3g} rad/s friction grows by up to {self.breakaway_nm:.3g} N·m:"
+            " the bearing no longer floats on its lubricant."
+        )
