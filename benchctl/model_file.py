@@ -20,6 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from benchctl.atomic import whole_file
 from benchctl.part_models import check_parts
 from benchctl.toml_file import read_text
 from instruments.errors import UsageError
@@ -82,7 +83,7 @@ def read_model(path: Path) -> Model:
 
 
 def write_model(path: Path, model: Model) -> None:
-    """Write a model file that `read_model` reads back as it was.
+    """Write a model file that `read_model` reads back as it was; it appears whole or not at all.
 
     Raises
     ------
@@ -94,10 +95,8 @@ def write_model(path: Path, model: Model) -> None:
     document: dict[str, Any] = {"format": FORMAT, "recording": model.recording}
     document |= {part: value for part in _PARTS if (value := getattr(model, part))}
     text = f"# benchctl simulate PROCEDURE --model {path.name} -o FILE.h5 plays it\n{tomli_w.dumps(_plain(document))}"
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as err:
-        raise UsageError(f"model {path}: cannot be written: {err.strerror or err}") from err
+    with whole_file(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
 
 
 def _model(document: dict[str, Any]) -> Model:

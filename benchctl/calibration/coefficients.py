@@ -26,11 +26,11 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from benchctl.atomic import whole_file
 from benchctl.calibration.compensation import bias
 from benchctl.calibration.free_motion import FreeMotionFit
 from benchctl.calibration.model import LAWS, Law, factor
 from benchctl.calibration.result import CalibrationResult, JointFit, Parameter, PolynomialFactor, Stage
-from benchctl.recordings.atomic import whole_file
 from instruments.errors import UsageError
 
 FloatArray = npt.NDArray[np.float64]

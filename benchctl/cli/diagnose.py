@@ -18,7 +18,7 @@ def diagnose(
         list[Path], typer.Argument(help="Recordings of one unit: files, campaigns' folders, or open recordings'.")
     ],
     model: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="The lab's model; default: the one that the recording names.")
+        Path | None, typer.Option(metavar="FILE", help="The lab's model of the part; default: the recording's own.")
     ] = None,
     out: Annotated[
         Path | None,
@@ -34,7 +34,12 @@ def diagnose(
     bench: Annotated[
         str | None, typer.Option("--bench", metavar="BENCH", help="For --settle; default: the recording's own.")
     ] = None,
-    part: Annotated[Literal["gyro", "drive", "chamber"], typer.Option(help="The part of the bench.")] = "gyro",
+    part: Annotated[
+        Literal["gyro", "drive", "chamber"],
+        typer.Option(
+            help="The part of the bench: gyro; drive, of angle and torque or current; chamber, of heat and air."
+        ),
+    ] = "gyro",
     seed: Annotated[int, typer.Option(min=0, help="Draws the recordings with nothing missing, for comparison.")] = 0,
     json_to: JsonOption = None,
     quiet: QuietOption = False,
@@ -70,6 +75,8 @@ def diagnose(
             ran = run_next(found.diagnosis.next_experiment, stands, quiet=quiet)
             result.say(f"next experiment run: {ran}")
             found = search([*recordings, ran])
+        elif settle:
+            result.say("nothing is left open: no experiment was run")
         result.values |= found.diagnosis.as_json()
         for line in lines(found.diagnosis, found.unit):
             result.say(line)

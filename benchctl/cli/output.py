@@ -112,7 +112,7 @@ def _write(verb: str, json_to: str, result: Result) -> None:
     if json_to == "-":
         tell(text.rstrip())
         return
-    from benchctl.recordings.atomic import whole_file
+    from benchctl.atomic import whole_file
 
     with whole_file(Path(json_to)) as temporary:
         temporary.write_text(text, encoding="utf-8")

@@ -51,7 +51,7 @@ def refuse_other_files(path: Path) -> None:
 
 def write_next(path: Path, diagnosis: Diagnosis) -> str:
     """Write the experiment as a procedure's file; what to do with it, in a line."""
-    from benchctl.recordings.atomic import whole_file
+    from benchctl.atomic import whole_file
 
     following = diagnosis.next_experiment
     if not following.procedure:

@@ -44,7 +44,7 @@ def cleaned(problem: Problem) -> tuple[Problem, tuple[Fault, ...]]:
     everything = np.ones(len(problem.step_names), np.bool_)
     without = replace(problem, usable=usable)
     provisional = fit(without, NoiseModel.of(without).plain, Point(baseline=problem.baseline_start), everything)
-    spikes = spikes_in(residual=provisional.residual, usable=usable, step_v=_step_v(problem, shown.found))
+    spikes = spikes_in(residual=provisional.residual, usable=problem.usable & ~shown.standing, step_v=shown.step_v)
     found = tuple(one for one in (*shown.found, *spikes.found) if one.effect not in problem.without)
     if "outliers" not in problem.without:
         usable &= ~spikes.masked
@@ -71,10 +71,4 @@ def fault_findings(problem: Problem, faults: tuple[Fault, ...]) -> Iterator[Find
 
 def _spoilt(problem: GyroProblem, found: tuple[Fault, ...]) -> BoolArray:
     kept = [one.rows for one in found if one.effect not in problem.without]
-    return np.logical_or.reduce([np.zeros_like(problem.usable), *kept])
-
-
-def _step_v(problem: GyroProblem, found: tuple[Fault, ...]) -> float:
-    """The converter's step as the values show it."""
-    bits = next((one.parameters["bits_lost"].value for one in found if one.effect == "adc_coarse"), 0.0)
-    return problem.adc_step_v * 2.0**bits
+    return np.asarray(np.logical_or.reduce([np.zeros_like(problem.usable), *kept]))

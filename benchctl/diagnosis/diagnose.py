@@ -14,12 +14,12 @@ from benchctl.diagnosis.findings import findings_of, noise_effects
 from benchctl.diagnosis.fit import Fit
 from benchctl.diagnosis.left_open import next_of
 from benchctl.diagnosis.located import slices_of, step_figures
+from benchctl.diagnosis.named import named
 from benchctl.diagnosis.not_found import not_found_of
 from benchctl.diagnosis.parts import Part, problem_of
 from benchctl.diagnosis.problem import Problem
-from benchctl.diagnosis.rest import Rest, imperfect, rest_of, withdrawn
-from benchctl.diagnosis.result import Diagnosis, FitFigures, Unexplained
-from benchctl.diagnosis.select import Selection, reduced, select
+from benchctl.diagnosis.result import Diagnosis, FitFigures
+from benchctl.diagnosis.select import Selection, select
 from benchctl.diagnosis.verdict import baseline_of, sentence_of, verdict_of
 from benchctl.recordings.reader import Recording
 
@@ -46,7 +46,7 @@ def diagnose(
     problem, faults = cleaned(problem_of(recording, part, model=model, without=without))
     chosen = select(problem, seed=seed, progress=told)
     told("what is left", 0.95)
-    chosen, unexplained = _named(problem, chosen, seed)
+    chosen, unexplained, owed = named(problem, chosen, seed=seed)
     findings = (*findings_of(problem, chosen), *fault_findings(problem, faults))
     baseline = baseline_of(problem, chosen)
     verdict = verdict_of(problem, findings, unexplained, baseline)
@@ -64,33 +64,11 @@ def diagnose(
         slices=slices_of(problem, chosen),
         steps=step_figures(problem, chosen),
         traces=(),
-        notes=problem.remarks(chosen.before.residual, chosen.after.residual, rows),
+        notes=(*owed, *problem.remarks(chosen.before.residual, chosen.after.residual, rows)),
         model=_model(problem, chosen),
         threshold=chosen.screening.threshold,
         seed=seed,
     )
-
-
-def _named(problem: Problem, chosen: Selection, seed: int) -> tuple[Selection, Unexplained]:
-    """The selection without the names that what is left forbids, and what is left then."""
-    rest = rest_of(problem, chosen.whitener, chosen.after, seed=seed)
-    if not rest.significant:
-        return chosen, Unexplained(significant=False, share=0.0)
-    gains = {name: one.gain for name, one in chosen.evidence.items()}
-    gains |= {name: one.gain for name, one in chosen.noise.found.items()}
-    if imperfect(gains, rest):
-        return chosen, Unexplained(significant=False, share=0.0)
-    forbidden = withdrawn(gains, rest)
-    if forbidden:
-        chosen = reduced(problem, chosen, forbidden)
-        rest = rest_of(problem, chosen.whitener, chosen.after, seed=seed)
-    return chosen, _unexplained(rest, rest_of(problem, chosen.noise.plain, chosen.before, seed=seed))
-
-
-def _unexplained(rest: Rest, ceiling: Rest) -> Unexplained:
-    if not rest.significant:
-        return Unexplained(significant=False, share=0.0)
-    return Unexplained(significant=True, share=rest.share_of(ceiling), coordinates=rest.coordinates, says=rest.says)
 
 
 def _rms(one: Fit, steps: BoolArray) -> float:

@@ -29,6 +29,9 @@ _COLOUR_HZ = 0.25
 _LOUD = 40.0
 _LEAST = 1e-3
 """Share of the rows that must lie on either side of a jump."""
+_FINE = 61
+_FAINTEST = 0.02
+"""Rms of a line over that of the noise, below which it may be the encoder's steps, which repeat with the motion."""
 _STEADY = 0.8
 _SCATTER = 3.0
 """Share of what lines of each step's own explain that one line through all of them must reach."""
@@ -112,7 +115,7 @@ def lines(left: Leftover, time_s: FloatArray, interval_s: float, step: npt.NDArr
     for slow in (True, False):
         chosen = np.flatnonzero((frequency < _SLOW_HZ) == slow)
         level = power[chosen] / (1.0 if slow else np.maximum(around[chosen], 1.0))
-        best = float(frequency[chosen[int(np.argmax(level))]])
+        best = _refined(left, time_s, float(frequency[chosen[int(np.argmax(level))]]), 0.5 / span)
         phase = 2.0 * np.pi * best * (time_s - centre)
         both = np.stack([np.cos(phase), np.sin(phase)], axis=1)
         if not slow and not _is_everywhere(left, both, step):
@@ -124,6 +127,18 @@ def lines(left: Leftover, time_s: FloatArray, interval_s: float, step: npt.NDArr
             along=time_s if slow else None,
             places=float(chosen.size),
         )
+
+
+def _refined(left: Leftover, time_s: FloatArray, frequency: float, width: float) -> float:
+    """The frequency within `width` [Hz] of one at which a line explains most."""
+    sums = np.add.reduceat(left.white * np.exp(-2j * np.pi * frequency * time_s), _starts(time_s))
+    near = np.linspace(-width, width, _FINE)
+    turned = np.exp(-2j * np.pi * np.outer(near, time_s[_starts(time_s)]))
+    return frequency + float(near[int(np.argmax(np.abs(turned @ sums)))])
+
+
+def _starts(rows: FloatArray) -> npt.NDArray[np.int64]:
+    return np.arange(0, rows.size, _BLOCK)
 
 
 def _line(both: FloatArray, slowly: FloatArray) -> Callable[[], FloatArray]:
@@ -139,6 +154,8 @@ def _is_everywhere(left: Leftover, both: FloatArray, step: npt.NDArray[np.int64]
     scores = np.stack([np.bincount(step, column * left.white) for column in both.T])
     alone = 2.0 * float(np.sum(scores**2 / rows)) / left.variance
     together = 2.0 * float(np.sum(scores.sum(axis=1) ** 2)) / float(rows.sum()) / left.variance
+    if together < _FAINTEST**2 * float(rows.sum()):
+        return False
     # what chance adds to the sum of so many is 2 for each, and scatters
     by_chance = 2.0 * rows.size + _SCATTER * math.sqrt(4.0 * rows.size)
     return together > _STEADY * (alone - by_chance)
@@ -146,7 +163,7 @@ def _is_everywhere(left: Leftover, both: FloatArray, step: npt.NDArray[np.int64]
 
 def _summed(left: Leftover) -> FloatArray:
     """Sums over blocks of what is left, of the rows and of what was fitted, shape (blocks, 2 + p)."""
-    starts = np.arange(0, left.white.size, _BLOCK)
+    starts = _starts(left.rows)
     parts = [np.add.reduceat(left.white, starts), np.add.reduceat(left.rows, starts)]
     return np.column_stack([*parts, np.add.reduceat(left.known, starts, axis=0)])
 

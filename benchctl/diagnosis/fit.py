@@ -248,6 +248,8 @@ def _inside(
     if free.all():
         return step
     held = np.zeros_like(step)
+    if not free.any():
+        return held
     held[free] = solve(information[np.ix_(free, free)], gradient[free])
     return held
 

@@ -30,6 +30,9 @@ An encoder's noise is a thousandth of a table's motion, steps of a stepper are a
 """
 
 
+_TURNING_DPS = 1.0
+"""Rms of the rate below which a table rests or creeps: then all that is beyond is the encoder's noise."""
+
 _PASSING = 0.6
 """Share of the band up to which its low pass is flat."""
 _ATTENUATION_DB = 80.0
@@ -42,16 +45,16 @@ _EVEN = 4.0
 
 def goes_beyond(angles_deg: Sequence[FloatArray], sample_rate_hz: float) -> bool:
     """Whether unwrapped angles, a stretch each, hold motion or noise that no filter of the rate passes."""
-    kernel = differentiator(sample_rate_hz, *edges_hz(WIDE, sample_rate_hz), 1)
-    inside = beyond = 0.0
+    smooth, turning = (differentiator(sample_rate_hz, *edges_hz(WIDE, sample_rate_hz), order) for order in (0, 1))
+    inside = beyond = count = 0.0
     for angle in angles_deg:
         if angle.size <= 4 * HALF:
             continue
-        rate = filtered(angle, kernel)
-        between = np.diff(angle) * sample_rate_hz - 0.5 * (rate[1:] + rate[:-1])
-        inside += float(np.sum(rate[HALF:-HALF] ** 2))
-        beyond += float(np.sum(between[HALF:-HALF] ** 2))
-    return math.sqrt(beyond) > _BEYOND * math.sqrt(inside) > 0.0
+        left = np.diff(angle - filtered(angle, smooth)) * sample_rate_hz
+        inside += float(np.sum(filtered(angle, turning)[HALF:-HALF] ** 2))
+        beyond += float(np.sum(left[HALF:-HALF] ** 2))
+        count += angle.size - 2 * HALF
+    return inside > _TURNING_DPS**2 * count and math.sqrt(beyond) > _BEYOND * math.sqrt(inside)
 
 
 def wide_motion(angle_deg: FloatArray, sample_rate_hz: float) -> Motion:

@@ -212,7 +212,8 @@ def _knots(values: FloatArray, count: int, power: float, slow: bool) -> FloatArr
 def _hats(values: FloatArray, knots: FloatArray, factor: FloatArray | None = None) -> scipy.sparse.csr_array:
     """Hat functions at the knots (k,), times a factor (n,): a sparse matrix (n, k), two entries in a row."""
     left = np.clip(np.searchsorted(knots, values, side="right") - 1, 0, knots.size - 2)
-    part = np.clip((values - knots[left]) / (knots[left + 1] - knots[left]), 0.0, 1.0)
+    width = knots[left + 1] - knots[left]
+    part = np.clip((values - knots[left]) / np.where(width > 0.0, width, 1.0), 0.0, 1.0)
     data = np.stack([1.0 - part, part], axis=1)
     if factor is not None:
         data *= factor[:, None]

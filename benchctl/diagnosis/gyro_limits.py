@@ -14,7 +14,7 @@ from benchctl.diagnosis.free_band import Band
 _TURNING_DPS = 0.05
 """Below it a table is taken to rest: an encoder's noise makes hundredths of a degree a second."""
 
-_RESTING_DPS = 0.5
+_REST_S = 1.0
 _SPAN_C = 2.0
 _FASTEST_C_PER_S = 5e-4
 _TURN_DEG = 360.0
@@ -50,12 +50,12 @@ def _limits(frame: Frame, simulation: Mapping[str, Any], band: Band | None) -> I
             "The table never turns in this recording: of the scale factor, of all that grows with the rate, of time and"
             " of the encoder nothing is observable; what is said is of the bias."
         )
-    elif not np.any(np.abs(frame.rate_dps) < _RESTING_DPS):
+    elif float(np.sum(np.abs(frame.rate_dps) < _TURNING_DPS)) * frame.interval_s < _REST_S:
         yield "The table never rests in this recording: the bias is known from its motion alone."
     if _turns(frame) and (seen := _seen_deg(frame)) < _TURN_DEG:
         yield (
-            f"The encoder was read over {seen:.0f}° of its turn only, so its own scale is not tested: if its degrees are"
-            " too small or too large by a share, that looks exactly like a scale factor K0 that is wrong by that share."
+            f"The encoder was read over {seen:.0f}° of its turn only, so its own scale is not tested: if its degrees"
+            " are too small or too large by a share, that looks exactly like a K0 that is wrong by the same share."
         )
     if not frame.thermistor:
         yield (
@@ -83,7 +83,7 @@ def _limits(frame: Frame, simulation: Mapping[str, Any], band: Band | None) -> I
     if band is not None:
         yield (
             f"The motion goes beyond the band in which an encoder's angles make a rate: gyro and model are compared up"
-            f" to {band.up_to_hz:.3g} Hz, and residuals are those of that band; single spikes, a held output, lines above"
-            " it, and what is not in proportion to the momentary rate (the sine law, a dead zone, saturation, a"
+            f" to {band.up_to_hz:.3g} Hz, and residuals are those of that band; single spikes, a held output, lines"
+            " above it, and what is not in proportion to the momentary rate (the sine law, a dead zone, saturation, a"
             " converter's errors) are not looked for."
         )

@@ -157,10 +157,10 @@ class GyroProblem:
     def effects(self) -> Mapping[str, type[DescribedEffect]]:
         """Every effect of the vocabulary that changes a prediction, but for those that are withheld.
 
-        How coarse a converter has become can only be said beside its own step, and what is not in proportion to the
-        rate only where the momentary one is known.
+        How coarse a converter has become is seen in the samples themselves (`faults`), and what is not in proportion to
+        the rate only where the momentary one is known.
         """
-        without = set(self.without) if self.adc_step_v > 0.0 else {*self.without, "adc_coarse"}
+        without = {*self.without, "adc_coarse"}
         without |= _MOMENTARY if self.band is not None else set()
         return {
             name: kind for name, kind in effects().items() if name not in without and not issubclass(kind, NoiseEffect)
@@ -209,7 +209,8 @@ class GyroProblem:
         """The tables `simulation` and `effects`; `noise` [V] is that of a sample."""
         values, law = baseline.tolist(), self.chain.law
         split = 2 + law.temperature_terms
-        limit = self.simulation.get("output_limit_v")
+        # a model that plays needs a limit: where none is known, one far above what was recorded
+        limit = self.simulation.get("output_limit_v") or 2.0 * self.full_scale
         simulation = {
             "K0_v_per_dps": values[0],
             "U0_v": values[1],
@@ -217,12 +218,12 @@ class GyroProblem:
             "k_T": values[2:split],
             "k_omega": values[split:],
             "noise_v_rms": noise,
-            **({} if limit is None else {"output_limit_v": float(limit)}),
+            "output_limit_v": float(limit),
         }
         return {"simulation": simulation, "effects": {effect.identifier: effect.values for effect in effects}}
 
     def remarks(self, before: FloatArray, after: FloatArray, heldout: BoolArray) -> tuple[str, ...]:
-        """What this recording cannot show, and whether encoder and gyro agree where they see the same lines of angle."""
+        """What this recording cannot show, and whether encoder and gyro both see what repeats with the angle."""
         del before, after, heldout
         frame = self.frame
         moving = _usable(frame, np.inf, None)

@@ -180,7 +180,7 @@ class PointsProblem:
         return np.asarray(output_v)
 
     def matters(self, name: str, change: float) -> float:
-        """Of the bias a share of full scale, of the others one of the scale factor, at the edge of what was measured."""
+        """Of the bias a share of full scale, of the others one of the scale factor, at the edge of the points."""
         if name == "U0_v":
             return abs(change) / self.full_scale
         if name == "K0_v_per_dps":
@@ -199,6 +199,7 @@ class PointsProblem:
             "k_T": values[2:split],
             "k_omega": values[split:],
             "noise_v_rms": noise,
+            "output_limit_v": float(self.simulation.get("output_limit_v") or 2.0 * self.full_scale),
         }
         return {"simulation": simulation, "effects": {effect.identifier: effect.values for effect in effects}}
 
@@ -209,8 +210,8 @@ class PointsProblem:
 
     def _remarks(self, after: FloatArray) -> Iterator[str]:
         yield (
-            f"{int(self.usable.sum())} static points, no samples: of time, motion, encoder and noise nothing is observable"
-            " here; a commanded rate stands for the table's own."
+            f"{int(self.usable.sum())} static points, no samples: of time, motion, encoder and noise nothing is"
+            " observable here; a commanded rate stands for the table's own."
         )
         if not self._temperatures_vary:
             yield "All points are at one temperature, or none is known: no effect of temperature is observable."

@@ -29,6 +29,9 @@ COORDINATES = (
     "gyro_temp",
     "gyro_temp_rate",
     "chamber_temp",
+    "chamber_temp_rate",
+    "heater",
+    "setpoint",
     "output",
     "frequency",
     "step",
@@ -45,6 +48,8 @@ COORDINATE_UNITS: Mapping[str, str] = {
     "gyro_temp": "°C",
     "gyro_temp_rate": "°C/s",
     "chamber_temp": "°C",
+    "chamber_temp_rate": "°C/s",
+    "setpoint": "°C",
     "output": "V",
     "frequency": "Hz",
     "step": "1",
@@ -180,13 +185,18 @@ class StepFigures:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trace:
-    """A short excerpt for the picture, where before and after differ most; arrays of shape (n,)."""
+    """A short excerpt of a step for the picture, where before and after differ most; arrays of shape (n,).
+
+    `before_v` and `after_v` are predictions of `measured_v`; rows that are `spoilt` played no part in any of them.
+    """
 
     step: str
+    heldout: bool
     time_s: FloatArray
     measured_v: FloatArray
     before_v: FloatArray
     after_v: FloatArray
+    spoilt: npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import median_filter
+from scipy.ndimage import median_filter, uniform_filter1d
 
 from benchctl.diagnosis.turns import line_scores
 
@@ -24,8 +24,11 @@ _LOWEST, _HIGHEST = 9, 400
 
 _PIECES = 12
 _FEWEST_ROWS = 200
+_SLOW_S, _STEADY = 0.5, 0.3
+"""Rows count where the rate, averaged over so long, is the usual one to within such a share."""
+
 _AROUND = 31
-_STANDS_OUT = 30.0
+_STANDS_OUT = 10.0
 """Power over the usual one of the orders around: a line of angle, not the motion's own shape."""
 
 _SKIRT = 3
@@ -46,9 +49,11 @@ def lines_of_angle(
     if not rows.any():
         return ()
     usual = float(np.median(np.abs(rate_dps[rows])))
+    slow = uniform_filter1d(rate_dps, max(1, round(_SLOW_S / interval_s)))
     pairs = []
     for sense in (-1.0, 1.0):
-        turning = np.flatnonzero(rows & (np.sign(rate_dps) == sense))
+        # a reversal is no line, but it leaves something at every order
+        turning = np.flatnonzero(rows & (np.abs(slow - sense * usual) < _STEADY * usual))
         scores = [
             np.array([_score(values[part] - sense * usual, angle_deg[part]) for values in (seen, felt)])
             for part in np.array_split(turning, _PIECES)
@@ -68,12 +73,11 @@ def _sentences(pairs: list[ComplexArray], usual_dps: float, interval_s: float) -
     seen, felt = (sum(np.sum(np.abs(one[:, i]) ** 2, axis=0) for one in pairs) for i in (0, 1))
     cross = sum(np.abs(np.sum(np.conj(one[:, 0]) * one[:, 1], axis=0)) for one in pairs)
     excess = [power / np.maximum(median_filter(power, _AROUND), 1e-300) for power in (seen, felt)]
-    for place in _strongest(np.maximum(*excess)):
+    sampled = (np.arange(seen.size) + _LOWEST) * usual_dps / 360.0 * interval_s < 0.5
+    for place in _strongest(np.maximum(*excess)[sampled]):
         order = place + _LOWEST
         coherence = float(cross[place] ** 2 / max(seen[place] * felt[place], 1e-300))
         hz = order * usual_dps / 360.0
-        if hz * interval_s >= 0.5:
-            continue
         name = f"A line at {360.0 / order:.3g}° of angle ({order} a turn, {hz:.3g} Hz at {usual_dps:.3g} °/s)"
         if coherence > _BOTH:
             yield f"{name} is true motion: encoder and gyro both see it, with a coherence of {coherence:.3f}."

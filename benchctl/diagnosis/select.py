@@ -30,6 +30,8 @@ _MOST_SWAPS = 6
 _SETTLING_SHARE = 0.9
 _WORTH_TRYING = 0.2
 """Share of the best promise below which an effect is not fitted: where it starts is near enough for that."""
+_IMPERFECT = 0.02
+"""Share of what an effect does by which its model may miss it: so much of its gain, squared, is left to others."""
 _HELD_OUT = 6
 """One step in so many of a kind chooses nothing and fits nothing."""
 
@@ -93,6 +95,13 @@ def select(problem: Problem, *, seed: int, progress: Callable[[str, float], None
     return _Search(problem, seed, progress).run()
 
 
+def without(problem: Problem, chosen: Selection, name: str) -> Fit:
+    """The fit of all but one effect, on the steps that chose."""
+    kept = tuple(effect for effect in chosen.after.point.effects if effect.identifier != name)
+    start = Point(baseline=chosen.after.point.baseline, effects=kept)
+    return fit(problem, chosen.whitener, start, chosen.after.fitted)
+
+
 def reduced(problem: Problem, chosen: Selection, names: Collection[str]) -> Selection:
     """The selection without some of what was chosen, the rest refitted."""
     noise = chosen.noise.dropped(names)
@@ -135,6 +144,7 @@ class _Search:
         self._probes = [probe for kind in problem.effects.values() for probe in probes_of(problem, kind)]
         self._noise = NoiseModel.of(problem)
         self._threshold: float | None = None
+        self._bare: tuple[Whitener, Fit] | None = None
         self._rivals: dict[str, tuple[str, ...]] = {}
 
     def run(self) -> Selection:
@@ -147,7 +157,8 @@ class _Search:
             self._threshold = screening.threshold
             if number == _MOST_FINDINGS:
                 break
-            noisy = self._noise.best(self._problem, present, least_gain=screening.threshold)
+            least = self._least(present)
+            noisy = self._noise.best(self._problem, present, least_gain=least)
             tried = self._best(present, screening)
             if noisy is not None and (tried is None or noisy.gain > tried.evidence):
                 self._noise = self._noise.with_(noisy)
@@ -155,10 +166,9 @@ class _Search:
                 continue
             if tried is None:
                 break
-            present = self._pruned(tried.fit, screening.threshold)
-            present = self._remeasured(present, screening.threshold)
-        present = self._remeasured(present, screening.threshold)
-        present, evidence = self._settled(present, screening.threshold)
+            present = self._remeasured(self._pruned(tried.fit), least)
+        present = self._remeasured(present, self._least(present))
+        present, evidence = self._settled(present)
         plain = self._noise.plain
         everything = np.ones_like(self._fitted)
         return Selection(
@@ -191,6 +201,13 @@ class _Search:
     def _fit(self, point: Point) -> Fit:
         return fit(self._problem, self._noise.whitener, point, self._fitted)
 
+    def _least(self, beside: Fit) -> float:
+        """What something more must gain beside a model: more than chance brings, and what imperfect models leave."""
+        if self._bare is None or self._bare[0] is not self._noise.whitener:
+            self._bare = self._noise.whitener, self._fit(Point(baseline=beside.point.baseline))
+        explained = max(gain_of(beside, self._bare[1]), 0.0) if beside.point.effects else 0.0
+        return (self._threshold or 0.0) + _IMPERFECT**2 * explained
+
     def _remeasured(self, present: Fit, threshold: float) -> Fit:
         """The fit with what was found of the noise measured beside it."""
         if not self._noise.found:
@@ -216,7 +233,7 @@ class _Search:
         """What is worth a fit: the best place of each effect that chance does not bring."""
         known = {effect.identifier for effect in present.point.effects}
         ranked = [one for one in screening.best_of_each() if one.probe.identifier not in known]
-        least = max(screening.threshold, _WORTH_TRYING * ranked[0].promise) if ranked else 0.0
+        least = max(self._least(present), _WORTH_TRYING * ranked[0].promise) if ranked else 0.0
         return [one for one in ranked if one.promise > least][:_TRIED]
 
     def _best(self, present: Fit, screening: Screening) -> _Tried | None:
@@ -228,7 +245,7 @@ class _Search:
             names.append(tried.added.identifier)
             if best is not None and tried.evidence <= best.evidence:
                 continue
-            if tried.promise > screening.threshold and gain_kept(tried.fit, present, self._folds) > 0.0:
+            if tried.promise > self._least(present) and gain_kept(tried.fit, present, self._folds) > 0.0:
                 best = tried
         if best is not None:
             self._rivals[best.added.identifier] = tuple(names)
@@ -238,22 +255,22 @@ class _Search:
         rest = tuple(one for one in present.point.effects if one is not effect)
         return self._fit(Point(baseline=present.point.baseline, effects=rest))
 
-    def _pruned(self, present: Fit, threshold: float) -> Fit:
+    def _pruned(self, present: Fit) -> Fit:
         """Without the effects that are no longer needed."""
         for effect in present.point.effects[:-1]:
             less = self._without(present, effect)
-            if gain_of(present, less) / self._scatter(present, less) < threshold:
+            if gain_of(present, less) / self._scatter(present, less) < self._least(less):
                 present = less
         return present
 
-    def _settled(self, present: Fit, threshold: float) -> tuple[Fit, dict[str, Evidence]]:
+    def _settled(self, present: Fit) -> tuple[Fit, dict[str, Evidence]]:
         """Every effect against none and against its rivals, with all others in place, until none gives way."""
         for _ in range(_MOST_SWAPS):
             evidence: dict[str, Evidence] = {}
             for effect in present.point.effects:
                 less = self._without(present, effect)
                 own = self._evidence(present, less, effect)
-                if own.gain / own.scatter < threshold:
+                if own.gain / own.scatter < self._least(less):
                     present = less
                     break
                 rivals, nearest, better = self._rivalled(present, less, effect)

@@ -2,7 +2,8 @@
 
 A campaign records a stream a step, seconds long, and asks the thermistor now and then while it soaks. A slope that is
 made of one such stream is all noise. So all that was measured is laid on one grid of a second, and a straight line is
-fitted around each of its points, over a time that grows until it holds samples enough.
+fitted around each of its points, over a time that grows until it holds samples enough: two for the temperature, many
+for the slope.
 """
 
 from __future__ import annotations
@@ -82,10 +83,10 @@ def thermistor_of(measured: Sequence[tuple[FloatArray, FloatArray]]) -> Thermist
     temp, rate = np.full(size, np.nan), np.full(size, np.nan)
     for reach_s in _REACHES_S:
         here, slope, spread = _lines(sums, reach_s)
-        open_ = np.isnan(rate) & (spread > _STEADY**2)
-        temp[open_], rate[open_] = here[open_], slope[open_]
+        valued, steady = np.isnan(temp) & (spread > _CELL_S**2), np.isnan(rate) & (spread > _STEADY**2)
+        temp[valued], rate[steady] = here[valued], slope[steady]
     known = sums[0] > 0.0
-    if np.isnan(rate).any():
+    if np.isnan(rate).any() or np.isnan(temp).any():
         temp, rate = _without_holes(sums, temp, rate)
     return Thermistor(begin_s=begin_s, temp_c=temp + level_c, temp_rate_c_per_s=rate, known=known)
 

@@ -33,6 +33,9 @@ _BLOCK_S = 0.2
 _SIZES = np.geomspace(1e-4, 10.0, 16)
 _NEAR = math.log(1.15)
 _TOLERANCE = 0.02
+_FEWEST = 50
+_BELIED = 10.0
+"""Loss of twice the log likelihood at rest from which on a process is none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,13 +78,38 @@ def _measured(problem: Problem, whitener: Whitener, fitted: Fit, name: str, size
     curvature = max((low - 2.0 * here + high) / _NEAR**2, 1e-6)
     step = min(max(0.5 * (low - high) / (curvature * _NEAR), -2.0 * _NEAR), 2.0 * _NEAR)
     best, other = at(middle + step)
+    belied = _gain_at_rest(problem, other, fitted) < -_BELIED
     return Wandering(
         effect=name,
-        gain=without - best,
+        gain=0.0 if belied else without - best,
         size=math.exp(middle + step),
         log_error=math.sqrt(2.0 / curvature),
         whitener=other,
     )
+
+
+def _gain_at_rest(problem: Problem, whitener: Whitener, fitted: Fit) -> float:
+    """What the process brings while the table rests, over a level of each step's own.
+
+    A bias that wanders does so at rest too. What only looks like it, because it follows the motion, does not: there
+    the process predicts worse than none.
+    """
+    white = whitener(fitted.residual)
+    process = level = rows = 0.0
+    for number, kind in enumerate(problem.step_kinds):
+        if kind != "static" or not fitted.fitted[number]:
+            continue
+        # what came before the step still works in the filter at its start
+        whole = np.flatnonzero(problem.step == number)
+        inside = whole[whole.size // 4 :]
+        inside = inside[whitener.weight[inside] > 0.0]
+        if inside.size < _FEWEST:
+            continue
+        alone = fitted.residual[inside]
+        process += float(np.sum((white[inside] / whitener.weight[inside]) ** 2))
+        level += float(np.sum((alone - alone.mean()) ** 2))
+        rows += inside.size
+    return rows * math.log(level / process) if process > 0.0 and level > 0.0 else 0.0
 
 
 def _deviance(problem: Problem, whitener: Whitener, fitted: Fit) -> float:

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from benchctl.atomic import disk_errors, whole_file
 from benchctl.campaign.stop import StopRequest
 from benchctl.proof.classes import ClassName, allotted
 from benchctl.proof.draw import draw
@@ -23,7 +24,6 @@ from benchctl.proof.processes import ProcessFailedError, run_module
 from benchctl.proof.score import Score, score_diagnosis, score_regression
 from benchctl.proof.trial import Answer, Trial, read_trial, write_trial
 from benchctl.proof.truth import Truth
-from benchctl.recordings.atomic import disk_errors, whole_file
 from instruments.errors import InstrumentError, UsageError
 
 SETTINGS, TRIALS = "proof.json", "trials"

@@ -9,9 +9,9 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from benchctl.atomic import whole_file
 from benchctl.proof.classes import ClassName
 from benchctl.proof.score import ParameterScore, Score
-from benchctl.recordings.atomic import whole_file
 from instruments.errors import UsageError
 
 

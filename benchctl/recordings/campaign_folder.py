@@ -19,7 +19,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from benchctl.recordings.atomic import disk_errors, require_empty, sync_file, sync_folder
+from benchctl.atomic import disk_errors, require_empty, sync_file, sync_folder
 from benchctl.recordings.combine import combine
 from benchctl.recordings.model import Meta, Status, StepInfo
 from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, JOURNAL, RECORDING, STEPS

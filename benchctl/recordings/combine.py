@@ -7,7 +7,7 @@ from pathlib import Path
 
 import h5py
 
-from benchctl.recordings.atomic import require_room, whole_file
+from benchctl.atomic import require_room, whole_file
 from benchctl.recordings.digests import problems_of_recording, seal_recording
 from benchctl.recordings.hdf5_files import open_ours
 from benchctl.recordings.model import Meta

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from benchctl.recordings.atomic import whole_folder
+from benchctl.atomic import whole_folder
 from benchctl.recordings.model import Axis, Step, axis_of
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.schema import unit_of

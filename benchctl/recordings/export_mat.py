@@ -11,7 +11,7 @@ from typing import Any
 
 from scipy.io import savemat
 
-from benchctl.recordings.atomic import whole_file
+from benchctl.atomic import whole_file
 from benchctl.recordings.model import Step
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.schema import unit_of

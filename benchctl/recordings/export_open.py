@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from benchctl.recordings.atomic import whole_folder
+from benchctl.atomic import whole_folder
 from benchctl.recordings.model import FloatArray, Meta, Step, StepInfo
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.text_rows import csv_rows

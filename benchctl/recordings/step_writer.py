@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchctl.recordings.atomic import disk_errors, require_room, whole_file
+from benchctl.atomic import disk_errors, require_room, whole_file
 from benchctl.recordings.digests import seal_recording
 from benchctl.recordings.model import Axis, FloatArray, Meta, StepInfo, axis_of
 from benchctl.recordings.schema import (

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import h5py
 
-from benchctl.recordings.atomic import require_room, whole_file
+from benchctl.atomic import require_room, whole_file
 from benchctl.recordings.digests import SampleDigest, blocks, seal_recording, seal_step
 from benchctl.recordings.model import FloatArray, Meta, Step, StepInfo
 from benchctl.recordings.schema import (

@@ -6,22 +6,24 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from benchctl import diagnosis
+from benchctl.diagnosis.chamber_problem import ChamberProblem
+from benchctl.diagnosis.drive_problem import DriveProblem
+from benchctl.diagnosis.parts import Part
 from benchctl.diagnosis.result import Diagnosis
 from benchctl.model_file import Model, read_model, write_model
+from benchctl.part_models import EFFECTS
 from benchctl.recordings.joined import join
 from benchctl.recordings.model import Meta, StepInfo
 from benchctl.recordings.reader import open_recording
-from benchctl.reports import text
+from benchctl.reports import diagnosis_words as words
 from benchctl.reports.diagnosis_page import write_diagnosis_report
 from benchctl.reports.results import make_folder, name_of, output_unit, source_digest
 from instruments.errors import UsageError
 
-Part = Literal["gyro", "drive", "chamber"]
-
-_UNITS: Mapping[Part, str] = {"drive": "deg/s", "chamber": "degC"}
+_UNITS: Mapping[Part, str] = {"drive": DriveProblem.unit, "chamber": ChamberProblem.unit}
 REPORT, MODEL = "diagnosis.html", "model.toml"
 
 
@@ -51,7 +53,7 @@ def diagnose_recordings(
     with ExitStack() as stack:
         recordings = [stack.enter_context(open_recording(path)) for path in paths]
         joined = join(recordings)
-        believed, notes = (None, ()) if model is None else _believed(model)
+        believed, notes = (None, ()) if model is None else _believed(model, part)
         found = diagnosis.diagnose(joined, model=believed, part=part, seed=seed, progress=progress)
         names = " + ".join(name_of(path) for path in paths)
         return Diagnosed(
@@ -59,7 +61,7 @@ def diagnose_recordings(
             meta=joined.meta,
             infos=joined.infos,
             digest=", ".join(source_digest(recording) for recording in recordings),
-            unit=text.unit_text(_UNITS.get(part) or output_unit(joined.meta)),
+            unit=words.unit(_UNITS.get(part) or output_unit(joined.meta)),
         )
 
 
@@ -84,14 +86,18 @@ def write_diagnosed(diagnosed: Diagnosed, folder: Path) -> dict[str, Path]:
     return written
 
 
-def _believed(path: Path) -> tuple[Mapping[str, Any], tuple[str, ...]]:
-    """The lab's model in a file, and what of the file a diagnosis does not begin with, in words."""
+def _believed(path: Path, part: Part) -> tuple[Mapping[str, Any], tuple[str, ...]]:
+    """The lab's model of the part in a file, and what of the file a diagnosis does not begin with, in words."""
     model = read_model(path)
-    if model.simulation is None:
-        raise UsageError(f"model {path}: has no [simulation]: it says nothing of what the gyro should have put out")
-    others = ", ".join(model.effects)
+    told, table, effects = model.simulation, "[simulation]", model.effects
+    if part != "gyro":
+        told, table = model.parts.get(part), f"[parts.{part}]"
+        effects = told.get(EFFECTS, {}) if told else {}
+    if told is None:
+        raise UsageError(f"model {path}: has no {table}: it says nothing of what the {part} should have done")
+    others = ", ".join(effects)
     notes = (f"The effects of {path.name} ({others}) are not taken for granted: they were looked for.",)
-    return model.simulation, notes if others else ()
+    return told, notes if others else ()
 
 
 def _as_model(told: Mapping[str, Any]) -> Model:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -22,9 +23,12 @@ from benchctl.reports.mismatch_figures import (
     along,
     bin_middles,
     excerpt,
+    spoilt_key,
     step_by_step,
 )
 
+ONLY = replace(AFTER, label="model, its own parameters refitted")
+"""How the one model is drawn where nothing was found that changes what it predicts."""
 _BEYOND = "#b3261e"
 _COLUMNS = 3
 
@@ -36,33 +40,41 @@ def significance(of: Slice, mean_v: FloatArray) -> float:
     return float(ratio.max()) if ratio.size else 0.0
 
 
-def map_figure(slices: Sequence[Slice], unit: str) -> Figure:
-    """A panel a coordinate: means of the residual with their standard errors, before and after, and what is chance."""
+def map_figure(slices: Sequence[Slice], unit: str, *, changed: bool = True) -> Figure:
+    """A panel a coordinate: means of the residual with their standard errors, before and after, and what is chance.
+
+    Where nothing `changed` there is one model only; so in the other figures.
+    """
     rows = math.ceil(len(slices) / _COLUMNS)
     figure = new_figure(0.35 + 1.5 * rows)
     panels = list(figure.subplots(rows, _COLUMNS, squeeze=False).flat)
     for axes, of in zip(panels, slices, strict=False):
-        _panel(axes, of, unit)
+        _panel(axes, of, unit, changed)
     for axes in panels[len(slices) :]:
         axes.set_axis_off()
-    beyond = Line2D([], [], color=_BEYOND, marker="D", markersize=3.5, linestyle="none", label="after, beyond chance")
+    label = "after, beyond chance" if changed else "beyond chance"
+    beyond = Line2D([], [], color=_BEYOND, marker="D", markersize=3.5, linestyle="none", label=label)
     chance = Patch(color=BAND, label="what chance may do")
-    figure.legend(handles=[BEFORE.key, AFTER.key, beyond, chance], loc="outside upper center", ncols=4)
+    models = [BEFORE.key, AFTER.key] if changed else [ONLY.key]
+    figure.legend(handles=[*models, beyond, chance], loc="outside upper center", ncols=4)
     return figure
 
 
-def steps_figure(steps: Sequence[StepFigures], noise: float, unit: str) -> Figure:
-    """Rms of each step's residual, in the order of time: as the model came, refitted, and with the findings."""
+def steps_figure(
+    steps: Sequence[StepFigures], noise: float, unit: str, *, changed: bool = True, came: bool = True
+) -> Figure:
+    """Rms of each step's residual, in the order of time: as the model `came`, refitted, and with the findings."""
     ordered = sorted(steps, key=lambda step: step.t_start)
     figure = new_figure(2.4)
+    models = [(AFTER if changed else ONLY, np.array([step.after_v for step in ordered]))]
+    if changed:
+        models.insert(0, (BEFORE, np.array([step.before_v for step in ordered])))
+    if came:
+        models.insert(0, (AS_IT_CAME, np.array([step.as_it_came_v for step in ordered])))
     step_by_step(
         figure.subplots(),
         [StepMark(t_start=step.t_start, shaded=step.heldout) for step in ordered],
-        [
-            (AS_IT_CAME, np.array([step.as_it_came_v for step in ordered])),
-            (BEFORE, np.array([step.before_v for step in ordered])),
-            (AFTER, np.array([step.after_v for step in ordered])),
-        ],
+        models,
         noise,
         unit,
         "held out",
@@ -70,15 +82,16 @@ def steps_figure(steps: Sequence[StepFigures], noise: float, unit: str) -> Figur
     return figure
 
 
-def traces_figure(traces: Sequence[Trace], unit: str) -> Figure:
-    """Excerpts, a row each: the output with both predictions, and what both leave."""
+def traces_figure(traces: Sequence[Trace], unit: str, *, changed: bool = True) -> Figure:
+    """Excerpts, a row each: the output with the predictions, and what these leave of the samples that count."""
     figure = new_figure(0.35 + 1.55 * len(traces))
     grid = figure.subplots(len(traces), 2, squeeze=False, width_ratios=(1.0, 1.8))
     for (output, left), trace in zip(grid, traces, strict=True):
-        models = [(BEFORE, trace.before_v), (AFTER, trace.after_v)]
-        excerpt(output, left, trace.time_s, trace.measured_v, models, unit)
-        output.set_title(trace.step)
-    name_excerpts(figure, [BEFORE.key, AFTER.key])
+        models = [(BEFORE, trace.before_v), (AFTER, trace.after_v)] if changed else [(ONLY, trace.after_v)]
+        excerpt(output, left, trace.time_s, trace.measured_v, models, unit, spoilt=trace.spoilt)
+        output.set_title(f"{trace.step} (held out)" if trace.heldout else trace.step)
+    spoilt = [spoilt_key()] if any(trace.spoilt.any() for trace in traces) else []
+    name_excerpts(figure, [*([BEFORE.key, AFTER.key] if changed else [ONLY.key]), *spoilt])
     return figure
 
 
@@ -90,18 +103,18 @@ def name_excerpts(figure: Figure, keys: Sequence[Line2D]) -> None:
     figure.legend(handles=[measured, *keys], loc="outside upper center", ncols=1 + len(keys))
 
 
-def _panel(axes: Axes, of: Slice, unit: str) -> None:
+def _panel(axes: Axes, of: Slice, unit: str, changed: bool) -> None:
     held = of.count > 0
     before, after = (np.where(held, mean, np.nan) for mean in (of.before_v, of.after_v))
     chance = of.threshold * of.standard_error_v
-    models = [(BEFORE, before), (AFTER, after)]
+    models = [(BEFORE, before), (AFTER, after)] if changed else [(ONLY, after)]
     factor = along(axes, of.coordinate, of.edges, models, of.standard_error_v, unit, chance=chance)
     beyond = _in_errors(of, of.after_v) > of.threshold
     middle = bin_middles(of.coordinate, of.edges)
     axes.plot(middle[beyond], factor * of.after_v[beyond], linestyle="none", marker="D", markersize=3.5, color=_BEYOND)
     largest = [significance(of, mean) for mean in (of.before_v, of.after_v)]
     axes.set_title(
-        f"{largest[0]:.3g} → {largest[1]:.2g}",
+        " → ".join(f"{one:.{0 if one >= 9.95 else 1}f}" for one in largest[0 if changed else 1 :]),
         loc="right",
         color=_BEYOND if beyond.any() else INK,
         fontweight="bold" if max(largest) > of.threshold else "normal",

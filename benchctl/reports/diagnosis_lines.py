@@ -2,35 +2,36 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator
 
-from benchctl.diagnosis.result import Diagnosis, Estimate, Finding
+from benchctl.diagnosis.result import Diagnosis, Finding
 from benchctl.plan.written import as_texts
 from benchctl.reports import diagnosis_words as words
-from benchctl.reports import text
+from benchctl.reports.diagnosis_headline import changed, headline, moved
+from benchctl.reports.diagnosis_tables import baseline_rows
+
+_WIDTH = 100
 
 
 def lines(diagnosis: Diagnosis, unit: str) -> Iterator[str]:
-    """Verdict, findings, what is left, how well it fits, what to do next."""
-    yield f"{diagnosis.verdict}: {diagnosis.says}"
+    """Verdict, findings, what is left, how well it fits, what to do next; a command stays on one line."""
+    yield from _wrapped(f"{diagnosis.verdict}: {words.prose(headline(diagnosis))}")
     for number, finding in enumerate(diagnosis.findings, 1):
         yield from _finding(number, finding)
+    if diagnosis.verdict == "recalibrate":
+        for row in baseline_rows(moved(diagnosis)):
+            yield from _wrapped(f"{row.name}: {row.was} → {row.stated} ({row.change})", "  ")
     if diagnosis.unexplained.significant:
-        where = ", ".join(words.coordinate(name) for name in diagnosis.unexplained.coordinates)
-        yield f"unexplained, along {where}: {diagnosis.unexplained.says}"
-    fit = diagnosis.fit
-    before, after = (
-        f"{words.size(rms, unit)} ({words.times_noise(rms, fit.noise_v)})"
-        for rms in (fit.heldout_before_v, fit.heldout_after_v)
-    )
-    yield f"residual on held-out steps, rms: {before} before, {after} after"
+        yield from _wrapped(f"unexplained: {words.prose(diagnosis.unexplained.says)}")
+    yield from _wrapped(_fit(diagnosis, unit))
     blind = [one.effect for one in diagnosis.not_found if one.smallest is None]
     if blind:
-        yield f"could not be seen in this recording: {', '.join(blind)}"
+        yield from _wrapped(f"could not be seen in this recording: {', '.join(blind)}")
     for note in diagnosis.notes:
-        yield f"note: {note}"
+        yield from _wrapped(f"note: {words.prose(note)}")
     if diagnosis.next_experiment.says:
-        yield f"next: {diagnosis.next_experiment.says}"
+        yield from _wrapped(f"next: {words.prose(diagnosis.next_experiment.says)}")
     if command := next_command(diagnosis):
         yield f"  {command}"
 
@@ -45,14 +46,33 @@ def next_command(diagnosis: Diagnosis) -> str:
 
 
 def _finding(number: int, finding: Finding) -> Iterator[str]:
-    yield f"{number}. {finding.effect} ({words.probability(finding.probability)}): {finding.says}"
+    chance = words.probability(finding.probability)
+    yield from _wrapped(f"{number}. {finding.effect} ({chance}): {words.prose(finding.says)}")
     for name, value in finding.parameters.items():
-        yield f"     {name} = {_estimate(value)}"
+        interval = words.interval(value) if value.high > value.low else ""
+        yield from _wrapped(f"{name} = {words.estimate(value)}  {interval}".rstrip(), "     ")
     if finding.alternatives:
         others = ", ".join(f"{one.effect} ({words.probability(one.probability)})" for one in finding.alternatives)
-        yield f"     or else: {others}"
+        yield from _wrapped(f"or else: {others}", "     ")
 
 
-def _estimate(value: Estimate) -> str:
-    ends = f"  [{value.low:.5g}, {value.high:.5g}]" if value.high > value.low else ""
-    return f"{text.with_unit(f'{value.value:.5g}', text.unit_text(value.unit))}{ends}"
+def _fit(diagnosis: Diagnosis, unit: str) -> str:
+    fit = diagnosis.fit
+    before, after = (
+        f"{words.size(rms, unit)} ({words.times_noise(rms, fit.noise_v)})"
+        for rms in (fit.heldout_before_v, fit.heldout_after_v)
+    )
+    told = f"{before} before, {after} after" if changed(diagnosis) else f"{after}, the model's own parameters refitted"
+    return f"residual on held-out steps, rms: {told}"
+
+
+def _wrapped(told: str, indent: str = "") -> list[str]:
+    """Lines of at most so many characters, the further ones set in; a number stays with its unit."""
+    return textwrap.wrap(
+        told,
+        _WIDTH,
+        initial_indent=indent,
+        subsequent_indent=f"{indent}   ",
+        break_long_words=False,
+        break_on_hyphens=False,
+    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import tomli_w
@@ -11,11 +11,11 @@ from benchctl.diagnosis.result import Diagnosis
 from benchctl.recordings.model import Meta, StepInfo
 from benchctl.reports import diagnosis_tables as tables
 from benchctl.reports import diagnosis_words as words
-from benchctl.reports import setup_section, text, verdict
+from benchctl.reports import setup_section, verdict
 from benchctl.reports.diagnosis_drawings import beyond_chance, drawings
+from benchctl.reports.diagnosis_headline import changed, chip, headline, moved, title
 from benchctl.reports.diagnosis_lines import next_command
 from benchctl.reports.html import render, write_page
-from instruments.physics.effects.registry import effects
 
 
 def write_diagnosis_report(
@@ -30,9 +30,9 @@ def write_diagnosis_report(
 
 def diagnosis_page(diagnosis: Diagnosis, meta: Meta, infos: Sequence[StepInfo], *, digest: str, unit: str = "V") -> str:
     """The page as text; the same input gives the same bytes."""
-    unit = text.unit_text(unit)
+    unit = words.unit(unit)
     looked_for = [tables.not_found_row(one) for one in diagnosis.not_found]
-    fit = diagnosis.fit
+    known = tables.known_effects()
     return render(
         "diagnosis.html.j2",
         meta=meta,
@@ -41,34 +41,36 @@ def diagnosis_page(diagnosis: Diagnosis, meta: Meta, infos: Sequence[StepInfo], 
         status=verdict.status_text(meta),
         cautions=verdict.cautions(meta, setup_section.cut_steps(infos)),
         simulated=verdict.is_simulated(meta),
-        verdict=words.VERDICTS[diagnosis.verdict],
-        tiles=[
-            ("", "noise", words.size(fit.noise_v, unit), "of the recording itself, rms"),
-            (
-                "raw",
-                "before",
-                words.size(fit.heldout_before_v, unit),
-                words.times_noise(fit.heldout_before_v, fit.noise_v),
-            ),
-            (
-                "joint",
-                "after",
-                words.size(fit.heldout_after_v, unit),
-                words.times_noise(fit.heldout_after_v, fit.noise_v),
-            ),
-        ],
-        findings=[tables.finding_section(finding, effects(), diagnosis.threshold) for finding in diagnosis.findings],
+        verdict=chip(diagnosis),
+        headline=words.prose(headline(diagnosis)),
+        tiles=list(_tiles(diagnosis, unit)),
+        changed=changed(diagnosis),
+        findings=[tables.finding_section(finding, known, diagnosis.threshold, unit) for finding in diagnosis.findings],
+        moved=tables.baseline_rows(moved(diagnosis)),
         drawings=drawings(diagnosis, unit),
         beyond=beyond_chance(diagnosis),
         unexplained_where=[words.coordinate(name) for name in diagnosis.unexplained.coordinates],
-        separates=[tables.title(name) for name in diagnosis.next_experiment.separates],
+        unexplained_says=words.prose(diagnosis.unexplained.says),
+        next_says=words.prose(diagnosis.next_experiment.says),
+        notes=[words.prose(note) for note in diagnosis.notes],
+        separates=[title(name) for name in diagnosis.next_experiment.separates],
         next_command=next_command(diagnosis),
         looked_for=[row for row in looked_for if row.smallest],
+        remarks=any(row.why for row in looked_for if row.smallest),
         not_seen=[row for row in looked_for if not row.smallest],
         fit_rows=tables.fit_rows(diagnosis, unit),
-        baseline=tables.baseline_rows(diagnosis),
+        baseline=tables.baseline_rows(diagnosis.baseline),
         held_out=sum(step.heldout for step in diagnosis.steps),
         model_toml=tomli_w.dumps(dict(diagnosis.model)) if diagnosis.model else "",
         setup=setup_section.facts(meta, infos),
         provenance_rows=setup_section.provenance(meta, digest),
     )
+
+
+def _tiles(diagnosis: Diagnosis, unit: str) -> Iterator[tuple[str, str, str, str]]:
+    """Level, name, value and remark of each size that stands at the head of the page."""
+    fit = diagnosis.fit
+    yield "", "noise", words.size(fit.noise_v, unit), "of the recording itself, rms"
+    named = [("raw", "before", fit.heldout_before_v), ("joint", "after", fit.heldout_after_v)]
+    for level, name, rms in named if changed(diagnosis) else [("joint", "what the model leaves", fit.heldout_after_v)]:
+        yield level, name, words.size(rms, unit), words.times_noise(rms, fit.noise_v)

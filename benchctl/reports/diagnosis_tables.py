@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from benchctl.diagnosis.result import Diagnosis, Estimate, Finding, NotFound
 from benchctl.reports import diagnosis_words as words
 from benchctl.reports import text
+from benchctl.reports.diagnosis_headline import Kind, changed, kind_of, title
+from instruments.physics.chamber_effects.registry import chamber_effects
+from instruments.physics.drive_effects.registry import drive_effects
 from instruments.physics.effects.effect import DescribedEffect
+from instruments.physics.effects.registry import effects
+
+_SHARES: Mapping[Kind, str] = {
+    "physics": "what the noise does not account for",
+    "noise": "what white noise does not account for",
+    "data": "the samples that it spoils",
+}
+_UNCERTAINTY = re.compile(r"\(?([^( ]+) ± [^ )]+\)?")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,7 +38,10 @@ class ParameterRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FindingSection:
-    """A finding with what is known of its effect; `words` and `equation` are empty where nothing is."""
+    """A finding with what is known of its effect; `words` and `equation` are empty where nothing is.
+
+    `alone` says that rivals were tried in its place and none is an alternative.
+    """
 
     title: str
     effect: str
@@ -37,6 +52,7 @@ class FindingSection:
     parameters: tuple[ParameterRow, ...]
     evidence: tuple[tuple[str, str], ...]
     alternatives: tuple[tuple[str, str, str], ...]
+    alone: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,57 +66,76 @@ class NotFoundRow:
     why: str
 
 
-def title(effect: str) -> str:
-    """An identifier in plain letters: `thermal_lag` becomes thermal lag."""
-    return effect.replace("_", " ")
+def known_effects() -> dict[str, type[DescribedEffect]]:
+    """The hypotheses about all parts of a bench, by identifier."""
+    return {**effects(), **drive_effects(), **chamber_effects()}
 
 
-def finding_section(finding: Finding, known: Mapping[str, type[DescribedEffect]], threshold: float) -> FindingSection:
-    """A finding, with the words and the equation of the effect where it is a known one; `threshold` is chance's."""
+def finding_section(
+    finding: Finding, known: Mapping[str, type[DescribedEffect]], threshold: float, unit: str
+) -> FindingSection:
+    """A finding, with the words and the equation of the effect where it is a known one.
+
+    `threshold` is chance's, `unit` that of the diagnosed quantity.
+    """
     kind = known.get(finding.effect)
     meanings = {name: one.meaning for name, one in kind.parameters.items()} if kind else {}
     return FindingSection(
         title=title(finding.effect),
         effect=finding.effect,
-        says=finding.says,
+        says=words.prose(finding.says),
         words=kind.words if kind else "",
         equation=kind.equation if kind else "",
-        place=words.place(finding.where),
+        place=words.place(finding.where, unit, _SHARES[kind_of(finding.effect)]),
         parameters=tuple(_parameter(name, value, meanings) for name, value in finding.parameters.items()),
-        evidence=(
-            ("Probability", words.probability(finding.probability)),
-            ("Gain on all data", f"{text.plain(finding.gain)}; chance alone may reach {text.plain(threshold)}"),
-            ("Gain on held-out steps", f"{text.plain(finding.gain_heldout)}, on data that chose and fitted nothing"),
-            ("Share of the mismatch", text.percent(100 * finding.explains)),
-        ),
+        evidence=tuple(_evidence(finding, threshold)),
         alternatives=tuple(
-            (title(other.effect), words.probability(other.probability), text.plain(other.loss))
+            (title(other.effect), words.probability(other.probability), words.likelihood(other.loss))
             for other in finding.alternatives
         ),
+        alone=kind_of(finding.effect) == "physics" and not finding.alternatives,
     )
+
+
+def _evidence(finding: Finding, threshold: float) -> Iterator[tuple[str, str]]:
+    yield "Probability", words.probability(finding.probability)
+    yield (
+        "Gain on all data",
+        f"{words.likelihood(finding.gain)} in twice the log likelihood; chance alone may reach"
+        f" {words.likelihood(threshold)}",
+    )
+    kind = kind_of(finding.effect)
+    if kind == "data":
+        if finding.explains > 0:
+            yield "Samples it spoils", f"{text.percent(100 * finding.explains)} of all, left out before and after"
+        return
+    if kind == "physics":
+        gain = words.likelihood(finding.gain_heldout)
+        yield "Gain on held-out steps", f"{gain}, on data that chose and fitted nothing"
+    yield "Share of the mismatch", text.percent(100 * finding.explains)
 
 
 def not_found_row(one: NotFound) -> NotFoundRow:
     """A line of what was looked for; the size is that of its parameter, the others being held."""
     smallest = ""
     if one.smallest is not None:
-        smallest = f"{one.parameter} = {text.with_unit(text.number(one.smallest, 2), text.unit_text(one.unit))}"
+        smallest = f"{one.parameter} = {text.with_unit(text.number(one.smallest, 2), words.unit(one.unit))}"
     return NotFoundRow(
         title=title(one.effect),
         effect=one.effect,
         smallest=smallest,
-        held=", ".join(f"{name} = {text.number(value, 3)}" for name, value in one.others.items()),
-        why=one.says,
+        held=", ".join(f"{name} = {_held(value)}" for name, value in one.others.items()),
+        why=words.prose(one.says),
     )
 
 
-def baseline_rows(diagnosis: Diagnosis) -> list[ParameterRow]:
+def baseline_rows(baseline: Mapping[str, Estimate]) -> list[ParameterRow]:
     """The model's own parameters, as they were and as they are once refitted."""
     return [
         _parameter(
             name, value, {}, was="" if value.was is None else _like(value.was, value), change=words.change(value)
         )
-        for name, value in diagnosis.baseline.items()
+        for name, value in baseline.items()
     ]
 
 
@@ -109,11 +144,17 @@ def fit_rows(diagnosis: Diagnosis, unit: str) -> list[tuple[str, str, str]]:
     fit = diagnosis.fit
     rows: Sequence[tuple[str, float]] = (
         ("noise of the recording", fit.noise_v),
-        ("all steps, before", fit.before_v),
-        ("all steps, after", fit.after_v),
+        ("fitted steps, before", fit.before_v),
+        ("fitted steps, after", fit.after_v),
         ("held-out steps, before (parameters refitted)", fit.heldout_before_v),
         ("held-out steps, after (parameters refitted, with the findings)", fit.heldout_after_v),
     )
+    if not changed(diagnosis):
+        rows = (
+            rows[0],
+            ("fitted steps, its parameters refitted", fit.before_v),
+            ("held-out steps", fit.heldout_before_v),
+        )
     return [(name, words.size(rms, unit), words.times_noise(rms, fit.noise_v)) for name, rms in rows]
 
 
@@ -132,5 +173,10 @@ def _parameter(
 
 
 def _like(was: float, now: Estimate) -> str:
-    """What a parameter was, to as many digits as tell it from what it is now."""
-    return text.with_unit(text.number(was, 6), text.unit_text(now.unit))
+    """What a parameter was, to as many digits and with the power of ten of what it is now."""
+    stated = words.estimate(replace(now, value=was, low=was - now.value + now.low, high=was - now.value + now.high))
+    return _UNCERTAINTY.sub(r"\1", stated)
+
+
+def _held(value: float) -> str:
+    return text.plain(value, decimals=0) if value == round(value) else text.number(value, 3)

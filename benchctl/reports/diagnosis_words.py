@@ -3,17 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 
-from benchctl.diagnosis.result import COORDINATE_UNITS, Estimate, Verdict, Where
+from benchctl.diagnosis.result import COORDINATE_UNITS, Estimate, Where
 from benchctl.reports import text
-
-VERDICTS: Mapping[Verdict, str] = {
-    "consistent": "Consistent",
-    "recalibrate": "Recalibrate",
-    "missing-physics": "Physics is missing",
-    "unknown-structure": "Unknown structure",
-}
 
 _COORDINATES: Mapping[str, str] = {
     "time": "time",
@@ -25,11 +19,23 @@ _COORDINATES: Mapping[str, str] = {
     "gyro_temp": "gyro's temperature",
     "gyro_temp_rate": "change of the gyro's temperature",
     "chamber_temp": "chamber's temperature",
+    "chamber_temp_rate": "warming of the chamber",
+    "heater": "heater's power",
+    "setpoint": "set point",
     "output": "output",
     "frequency": "frequency",
     "step": "number of the step",
 }
 _NEARLY_CERTAIN = 0.999
+_LARGE = 1000.0
+_DIGITS_OF_A_RANGE = 2
+
+
+_UNITS: Mapping[str, str] = {"1e-6": "ppm", "V s-0.5": "V/√s", "V s2 degree-1": "V/(°/s²)"}
+"""Units that read better so than by the rule."""
+_PREFIXED = ("V", "N\u00a0m", "K")
+_COUNTS = ("no", "one", "two", "three", "four", "five")
+_NAMES = re.compile(r"(?<![\w/])(?:" + "|".join(sorted(_COORDINATES, key=len, reverse=True)) + r")\b(?!\s*=)")
 
 
 def coordinate(name: str) -> str:
@@ -37,26 +43,48 @@ def coordinate(name: str) -> str:
     return " together with ".join(_COORDINATES.get(part, part.replace("_", " ")) for part in name.split("*"))
 
 
-def coordinate_axis(name: str) -> str:
+def coordinate_axis(name: str, output_unit: str) -> str:
     """A coordinate with its unit, as an axis is labelled."""
-    unit = coordinate_unit(name)
+    unit = coordinate_unit(name, output_unit)
     return f"{coordinate(name)} ({unit})" if unit else coordinate(name)
 
 
-def coordinate_unit(name: str) -> str:
-    """The unit of a coordinate as it is printed; empty where it has none."""
-    return text.unit_text(COORDINATE_UNITS.get(name, "1"))
+def coordinate_unit(name: str, output_unit: str) -> str:
+    """The unit of a coordinate as it is printed; empty where it has none. That of the output is the part's."""
+    return output_unit if name == "output" else text.unit_text(COORDINATE_UNITS.get(name, "1"))
 
 
-def place(where: Where) -> str:
-    """Where a mismatch lives, in a sentence."""
+def unit(told: str) -> str:
+    """A unit as it is printed, on one line."""
+    return _UNITS.get(told) or text.unit_text(told).replace(" ", "\u00a0")
+
+
+def prose(told: str) -> str:
+    """A sentence of the engine's as a page prints it: coordinates in words, a true minus sign."""
+    joined = re.sub(r"\b[a-z_]+(?:\*[a-z_]+)+", lambda found: _the(found[0]), told.replace("`", ""))
+    named = _NAMES.sub(lambda found: _the(found[0]) if "_" in found[0] else found[0], joined)
+    return text.raised(re.sub(r"(?<![\w.+−-])-(?=\d)", "−", named))
+
+
+def listed(names: Sequence[str]) -> str:
+    """`a`, `a and b`, `a, b and c`."""
+    return " and ".join(part for part in (", ".join(names[:-1]), *names[-1:]) if part)
+
+
+def counted(count: int, what: str) -> str:
+    """`one effect`, `two effects`, `7 effects`."""
+    return f"{_COUNTS[count] if count < len(_COUNTS) else count} {what}{'' if count == 1 else 's'}"
+
+
+def place(where: Where, output_unit: str, share_of: str = "what the noise does not account for") -> str:
+    """Where a mismatch lives, in a sentence; `share_of` says of what the ranges hold a share."""
     told = f"Seen along: {coordinate(where.coordinate)}"
     if where.ranges:
-        told += f", {_ranges(where)}"
+        told += f", {_ranges(where, output_unit)}"
     if where.share_of_excess > 0:
-        told += f"; {text.percent(100 * where.share_of_excess)} of what the noise does not account for lies there"
+        told += f"; {text.percent(100 * where.share_of_excess)} of {share_of} lies there"
     if where.steps:
-        told += f". Largest in: {', '.join(where.steps)}"
+        told += f". Largest in: {', '.join(dict.fromkeys(where.steps))}"
     return f"{told}."
 
 
@@ -69,11 +97,11 @@ def probability(value: float) -> str:
 
 def estimate(value: Estimate) -> str:
     """A value with half its 95 % interval; as it stands where it was chosen, not measured."""
-    unit = text.unit_text(value.unit)
+    shown = unit(value.unit)
     half = (value.high - value.low) / 2
     if not half > 0 or not math.isfinite(half):
-        return text.with_unit(text.number(value.value, 4), unit) if half else text.plain(value.value, unit, 6)
-    return text.with_uncertainty(value.value, half, unit)
+        return text.with_unit(text.number(value.value, 4), shown) if half else text.plain(value.value, shown, 6)
+    return text.with_uncertainty(value.value, half, shown)
 
 
 def interval(value: Estimate) -> str:
@@ -85,10 +113,15 @@ def change(value: Estimate) -> str:
     """By how much a parameter differs from what it was, in its standard errors and relatively."""
     if value.was is None:
         return "was not in the model"
-    standard = (value.high - value.low) / 3.92
+    standard = standard_error(value)
     moved = value.value - value.was
     told = f"{text.number(moved / standard, 2)} standard errors" if standard > 0 else text.NOT_KNOWN
     return f"{told}, {text.percent(100 * moved / value.was)}" if value.was else told
+
+
+def standard_error(value: Estimate) -> float:
+    """That of an estimate, from its 95 % interval."""
+    return (value.high - value.low) / 3.92
 
 
 def times_noise(rms: float, noise: float) -> str:
@@ -96,32 +129,51 @@ def times_noise(rms: float, noise: float) -> str:
     return f"{rms / noise:.{2 if rms < 10 * noise else 0}f} × the noise" if noise > 0 else text.NOT_KNOWN
 
 
+def likelihood(value: float) -> str:
+    """A difference of twice the log likelihood: to one decimal where it is small."""
+    if not math.isfinite(value):
+        return text.NOT_KNOWN
+    return text.count(round(value)) if abs(value) >= _LARGE else text.plain(value)
+
+
 def scaled(unit: str, size: float) -> tuple[float, str]:
     """The factor and the unit in which a size of so many `unit` reads well: mV and µV, else thousandths."""
     if not size > 0 or not math.isfinite(size) or size >= 1:
         return 1.0, unit
-    if unit == "V":
-        return (1e3, "mV") if size >= 1e-3 else (1e6, "µV")
+    if unit in _PREFIXED:
+        return (1e3, f"m{unit}") if size >= 1e-3 else (1e6, f"µ{unit}")
     return (1.0, unit) if size >= 0.1 else (1e3, f"0.001 {unit}")
 
 
 def size(value: float, unit: str) -> str:
     """A size of the diagnosed quantity to three significant digits, in the multiple of its unit that reads well."""
     factor, shown = scaled(unit, abs(value))
-    if " " in shown:
+    if shown.startswith("0.001"):
         factor, shown = 1.0, unit
     return text.with_unit(text.number(value * factor, 3), shown)
 
 
-def _ranges(where: Where) -> str:
-    unit = coordinate_unit(where.coordinate)
-    return text.with_unit(" and ".join(_range(low, high) for low, high in where.ranges), unit)
+def _the(name: str) -> str:
+    """A coordinate as it stands in a sentence; words that are none stay as they are."""
+    parts = name.split("*")
+    return " together with ".join(f"the {_COORDINATES[part]}" for part in parts) if _known(parts) else name
 
 
-def _range(low: float, high: float) -> str:
+def _known(parts: Sequence[str]) -> bool:
+    return all(part in _COORDINATES for part in parts)
+
+
+def _ranges(where: Where, output_unit: str) -> str:
+    """Ranges to as many decimals as tell the ends of the shortest one apart."""
+    finite = [high - low for low, high in where.ranges if math.isfinite(high - low) and high > low]
+    decimals = max(0, _DIGITS_OF_A_RANGE - 1 - math.floor(math.log10(min(finite)))) if finite else 3
+    told = [_range(low, high, decimals) for low, high in where.ranges]
+    return text.with_unit(listed(told), coordinate_unit(where.coordinate.split("*")[0], output_unit))
+
+
+def _range(low: float, high: float, decimals: int) -> str:
     if not math.isfinite(low):
         return f"below {text.number(high)}"
     if not math.isfinite(high):
         return f"above {text.number(low)}"
-    ends = [text.number(end, 3) for end in (low, high)]
-    return ends[0] if ends[0] == ends[1] else f"{ends[0]} to {ends[1]}"
+    return text.span(low, high, "", decimals)

@@ -8,7 +8,7 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from benchctl.recordings.atomic import whole_file
+from benchctl.atomic import whole_file
 from benchctl.reports import text
 from benchctl.reports.figures import Drawing
 

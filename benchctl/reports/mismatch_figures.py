@@ -8,8 +8,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -18,10 +20,15 @@ from benchctl.reports import diagnosis_words as words
 from benchctl.reports.figures import GREY, INK, LEVEL_COLOURS, FloatArray, dots
 from benchctl.reports.reduction import binned
 
+BoolArray = npt.NDArray[np.bool_]
+
 BAND = "#e4e7ea"
 _TICKS = 7
-_BLOCKS = 200
-"""Means of an excerpt that are drawn as a line through its points."""
+_SHORT_S = 600.0
+_FEWEST_LABELS = 3
+_FINE_LABELS = (1, 1.2, 1.4, 1.6, 1.8, 2, 2.2, 2.5, 3, 3.5, 4, 4.5, 5, 6, 7, 8, 9)
+_BLOCKS, _LEAST_BLOCK = 200, 8
+"""Means of an excerpt that are drawn as a line through its points, and of how many points at least."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +58,13 @@ class Look:
 BEFORE = Look(label="before", colour=LEVEL_COLOURS["raw"], marker="o", alpha=0.55)
 AFTER = Look(label="after", colour=LEVEL_COLOURS["joint"], marker="o")
 AS_IT_CAME = Look(label="model as it came", colour=GREY, marker="x")
+
+_SPOILT: dict[str, Any] = {"color": "#b3261e", "marker": "x", "markersize": 3.0, "linestyle": "none"}
+
+
+def spoilt_key() -> Line2D:
+    """The entry of spoilt samples in a legend."""
+    return Line2D([], [], label="spoilt, left out", **_SPOILT)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,7 +108,7 @@ def along(
             marker=look.marker,
             markersize=2.2,
         )
-    axes.set_xlabel(words.coordinate_axis(coordinate), labelpad=1.5)
+    axes.set_xlabel(words.coordinate_axis(coordinate, unit), labelpad=1.5)
     axes.set_ylabel(shown, labelpad=1.5)
     axes.locator_params(axis="both", nbins=4)
     if coordinate == "rate_sign":
@@ -134,7 +148,8 @@ def step_by_step(
     axes.set(yscale="log", ylabel=f"rms of the residual ({shown})", xlabel="step, and when it began")
     axes.set_xlim(0.3, len(marks) + 0.7)
     ticks = np.unique(np.linspace(1, len(marks), min(_TICKS, len(marks))).astype(int))
-    axes.set_xticks(ticks, [f"{at}\n{_clock(marks[at - 1].t_start)}" for at in ticks])
+    clock = _clock if marks[-1].t_start >= _SHORT_S else lambda seconds: f"{seconds:.0f} s"
+    axes.set_xticks(ticks, [f"{at}\n{clock(marks[at - 1].t_start)}" for at in ticks])
     _label_less_than_a_decade(axes)
     handles, labels = axes.get_legend_handles_labels()
     if any(mark.shaded for mark in marks):
@@ -149,22 +164,32 @@ def excerpt(
     measured: FloatArray,
     models: Sequence[tuple[Look, FloatArray]],
     unit: str,
+    *,
+    spoilt: BoolArray | None = None,
 ) -> None:
-    """A short part of a step: the output with the models' on one, what they leave on the other; arrays (n,)."""
+    """A short part of a step: the output with the models' on one, what they leave on the other; arrays (n,).
+
+    Samples that are `spoilt` are marked on the one and left out of the other.
+    """
     time_s = time_s - time_s[0]
     dots(output, time_s, measured, INK)
+    if spoilt is not None and spoilt.any():
+        output.plot(time_s[spoilt], measured[spoilt], **_SPOILT)
     for look, values in models:
         output.plot(time_s, values, color=look.colour, linewidth=0.9)
     output.set_ylabel(f"output ({unit})")
-    residuals = [(look, measured - values) for look, values in models]
+    counted = measured if spoilt is None else np.where(spoilt, np.nan, measured)
+    residuals = [(look, counted - values) for look, values in models]
     factor, shown = words.scaled(unit, float(np.nanmax(np.abs(residuals[0][1]), initial=0.0)))
     for look, residual in residuals:
         dots(left, time_s, factor * residual, look.colour, size=1.4)
+    blocks = max(1, min(_BLOCKS, time_s.size // _LEAST_BLOCK))
     for look, residual in residuals:
-        means = binned(time_s, factor * residual, _BLOCKS)
+        means = binned(time_s, factor * residual, blocks)
         left.plot(means.centre, means.mean, color="white", linewidth=2.6)
         left.plot(means.centre, means.mean, color=look.colour, linewidth=1.3)
     left.axhline(0.0, color=INK, linewidth=0.5)
+    left.set_xlim(output.get_xlim())
     left.set_ylabel(f"what is left ({shown})")
     left.locator_params(axis="y", nbins=5)
     rms = [f"{factor * float(np.sqrt(np.nanmean(residual**2))):.3g}" for _, residual in residuals]
@@ -185,7 +210,10 @@ def _label_less_than_a_decade(axes: Axes) -> None:
     low, high = axes.get_ylim()
     if high / low < 100:
         powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
-        ticks = [step * 10.0**power for power in powers for step in (1, 2, 5)]
-        shown = [tick for tick in ticks if low <= tick <= high]
+        for steps in ((1, 2, 5), (1, 1.5, 2, 3, 4, 5, 6, 8), _FINE_LABELS):
+            ticks = [step * 10.0**power for power in powers for step in steps]
+            shown = [tick for tick in ticks if low <= tick <= high]
+            if len(shown) >= _FEWEST_LABELS:
+                break
         axes.set_yticks(shown, [f"{tick:g}" for tick in shown])
         axes.minorticks_off()

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
+from benchctl.atomic import whole_file
 from benchctl.proof.confusion import Confusion
-from benchctl.recordings.atomic import whole_file
 from benchctl.reports.figures import FAINT, GREY, INK, WIDTH_IN, style
 
 _MARGIN_IN, _CELL_IN, _LABELS_IN = 0.4, 0.17, 1.5

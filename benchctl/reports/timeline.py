@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from benchctl.atomic import whole_file
 from benchctl.bench import Limits
 from benchctl.campaign.timing import timeline
 from benchctl.plan import Plan, Step
-from benchctl.recordings.atomic import whole_file
 from benchctl.reports.figures import INK, new_figure, style
 from instruments.errors import UsageError
 

@@ -1,10 +1,13 @@
 """Coarse conversion: lower bits that never move, and the rows in which the output stands on stairs for it.
 
-Rounding to steps q makes an error whose mean over the noise is (q/π)·exp(−2π²σ²/q²)·sin(2πu/q) and smaller harmonics,
-at the noiseless output u (Widrow and Kollár, Quantization noise, 2008, ch. 4). Over stretches in which u crosses many
-steps it averages out, and what is left is white, of variance q²/12: a fit is unbiased. Where u stays within a step the
-error is the same for as long as it stays, and belongs to no model. A row is masked if, over some stretch around it, the
-mean of the error would exceed its standard error.
+Rounding to steps q makes an error whose mean over the noise is the sum over h = 1, 2, … of
+∓(q/πh)·exp(−2π²h²σ²/q²)·sin(2πhu/q), at the noiseless output u (Widrow and Kollár, Quantization noise, 2008, ch. 4).
+While u crosses steps at a rate of v a sample, harmonic h goes round hv times a sample, which is as slow as its distance
+from a whole number. Where all are fast the error is white, of variance q²/12, as far as physics is concerned, and a fit
+is unbiased. Where one that the noise has not washed away is slow, at rest, at a turning point, at whole steps a sample,
+the error stays, comes again in the next period, and belongs to no model: these rows are masked. So are those over which
+it does not average out, although the noise washes much of it away: where, over some stretch around a row, its mean
+would exceed its standard error.
 """
 
 from __future__ import annotations
@@ -27,7 +30,16 @@ BoolArray = npt.NDArray[np.bool_]
 _STRETCHES_S = (0.25, 1.0, 4.0, 16.0)
 _EXCESS = 3.0
 """Square of the mean error over a stretch, in units of the variance of the mean of white noise, beyond which it is
-masked; steps crossed at any rate give 0.6."""
+masked; steps crossed at any rate give 0.6 to 1."""
+
+_SLOW = 0.15
+"""Turns a sample below which a harmonic of full size is slow; of a smaller one, in proportion."""
+
+_MOST_HARMONICS, _WASHED = 3, 0.005
+"""How many are followed, and their size in steps below which they are none."""
+
+_SPEED = 3
+"""Rows over which the rate of crossing is averaged."""
 
 
 def coarse_in(output: Output, grid: Grid, adc_step_v: float, stairs: BoolArray) -> Fault | None:
@@ -51,16 +63,29 @@ def stairs_in(output: Output, interval_s: float) -> BoolArray:
     Of the predicted output only the changes within seconds need be right.
     """
     step, noise = output.step_v, output.noise_v
-    left = 0.0 if step <= 0.0 else math.exp(-2.0 * (math.pi * noise / step) ** 2)
-    white = step**2 / 12.0 + noise**2
     masked = np.zeros(output.volts.size, np.bool_)
-    longest = _STRETCHES_S[-1] / interval_s
-    if longest * (step * left / math.pi) ** 2 / 2.0 < _EXCESS * white:
+    left = _harmonics(step, noise)
+    white = step**2 / 12.0 + noise**2
+    if _STRETCHES_S[-1] / interval_s * left[0] ** 2 / 2.0 < _EXCESS * white:
         return masked
+    crossed = uniform_filter1d(np.gradient(output.predicted), _SPEED) / step
+    for order, amplitude in enumerate(left, 1):
+        masked |= np.abs(order * crossed - np.rint(order * crossed)) < _SLOW * amplitude * math.pi / step
     turns = np.exp(2j * math.pi * np.mod(output.predicted / step, 1.0))
     for stretch_s in _STRETCHES_S:
         window = max(3, round(stretch_s / interval_s))
-        turns[masked] = 0.0
-        coherence = uniform_filter1d(turns.real, window) ** 2 + uniform_filter1d(turns.imag, window) ** 2
-        masked |= window * coherence * (step * left / math.pi) ** 2 / 2.0 > _EXCESS * white
+        excess = np.zeros(masked.size)
+        harmonic = np.where(masked, 0.0, 1.0 + 0.0j)
+        for amplitude in left:
+            harmonic *= turns
+            coherence = uniform_filter1d(harmonic.real, window) ** 2 + uniform_filter1d(harmonic.imag, window) ** 2
+            excess += window * amplitude**2 / 2.0 * coherence
+        masked |= excess > _EXCESS * white
     return masked
+
+
+def _harmonics(step: float, noise: float) -> list[float]:
+    """Amplitudes of the harmonics of the mean error, of which those are left out that the noise has washed away."""
+    orders = np.arange(1, _MOST_HARMONICS + 1)
+    amplitudes = step / (math.pi * orders) * np.exp(-2.0 * (math.pi * orders * noise / step) ** 2)
+    return [float(one) for one in amplitudes if one > _WASHED * step] or [0.0]

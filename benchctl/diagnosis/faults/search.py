@@ -15,6 +15,9 @@ from benchctl.diagnosis.faults.standing import Output, standing_runs
 
 FloatArray = npt.NDArray[np.float64]
 
+_LEAST_STEP_V = 1e-9
+"""Stands for no step at all."""
+
 _GAP = 1.5
 """Sample intervals beyond which a row does not follow the one before."""
 
@@ -44,7 +47,7 @@ def faults_in(
         predicted=predicted,
         alive=alive,
         broken=np.diff(time_s, prepend=time_s[:1]) > _GAP * interval_s,
-        step_v=max(grid.step_v, float(np.finfo(np.float64).tiny)),
+        step_v=max(grid.step_v, _LEAST_STEP_V),
         noise_v=quiet_noise_v(residual, interval_s, grid.step_v),
     )
     runs = standing_runs(output)

@@ -23,8 +23,7 @@ HALF = 8
 """Rows on either side that a row is told from."""
 
 _BAND, _EXACT = 0.14, 1e5
-_BLIND_BAND, _BLIND_EXACT = 0.08, 1e4
-"""Edge of a filter's band as a share of the sampling rate, and the weight of errors within it against noise."""
+"""Edge of the filter's band as a share of the sampling rate, and the weight of errors within it against noise."""
 
 _REACH = 20
 """Rows on either side from which the size of the noise is taken."""
@@ -36,8 +35,11 @@ _NEIGHBOUR, _PER_NEIGHBOUR = 3, 0.4
 """Which of the neighbours, from the largest, stands for them, and as how much noise it counts: of sixteen normal values
 the third largest is 1.5 deviations."""
 
+_LINE = (1.0, 0.5, 0.0, -0.5)
+"""Weights of the nearest four rows on one side in the straight line through them, at the row."""
+
 _AGREE = 0.5
-"""Share by which a spike may differ if a kink of the residual (a fold, a limit) is allowed for."""
+"""Share of a spike's height by which it must stand out from the line on either side; jumps and kinks do from none."""
 
 _ROUNDS = 3
 """Searches, each without the spikes that are known: one hides another nearby."""
@@ -68,7 +70,7 @@ def single_rows(residual: FloatArray, searched: BoolArray, times: float, floor: 
         least = max(float(np.quantile(size, 0.1)), floor)
         size = np.maximum(size, least)
         candidates = np.flatnonzero(np.abs(rest) > _CANDIDATE * times * size)
-        rows = _alone(rest, _less_neighbours(clean, _blind_weights()), candidates, times, least)
+        rows = _alone(clean, rest, candidates, times, least)
         rows = rows[searched[rows]]
         if rows.size == 0:
             break
@@ -78,8 +80,8 @@ def single_rows(residual: FloatArray, searched: BoolArray, times: float, floor: 
     return SingleRows(rows=rows, heights=heights[rows], size=size)
 
 
-def _alone(rest: FloatArray, blind: FloatArray, rows: IntArray, times: float, least: float) -> IntArray:
-    """The rows among these candidates that stand out from noise (`least` or more) and neighbours, and are no kinks."""
+def _alone(residual: FloatArray, rest: FloatArray, rows: IntArray, times: float, least: float) -> IntArray:
+    """The rows among these candidates that stand out from noise (`least` or more), neighbours, and either side."""
     offsets = np.concatenate([np.arange(-_REACH, 0), np.arange(1, _REACH + 1)])
     answer = np.zeros(offsets.size)
     answer[np.abs(offsets) <= HALF] = np.concatenate([-_weights()[::-1], -_weights()])
@@ -90,9 +92,16 @@ def _alone(rest: FloatArray, blind: FloatArray, rows: IntArray, times: float, le
     near = np.sort(others[:, np.abs(offsets) <= HALF], axis=1)[:, -_NEIGHBOUR]
     height = np.abs(rest[rows])
     alone = height > times * np.maximum(size, _PER_NEIGHBOUR * near)
-    sharp = np.abs(blind[rows] - rest[rows]) < _AGREE * height
-    chosen: IntArray = rows[alone & sharp]
+    sides = (_beside(residual, rows, one) * np.sign(rest[rows]) for one in (-1, 1))
+    chosen: IntArray = rows[alone & (np.minimum(*sides) > _AGREE * height)]
     return chosen
+
+
+def _beside(residual: FloatArray, rows: IntArray, side: int) -> FloatArray:
+    """How far rows are above the straight line through their neighbours on one side, shape (m,)."""
+    near = np.clip(rows[:, None] + side * np.arange(1, len(_LINE) + 1), 0, residual.size - 1)
+    beside: FloatArray = residual[rows] - residual[near] @ np.array(_LINE)
+    return beside
 
 
 def _less_neighbours(residual: FloatArray, weights: FloatArray) -> FloatArray:
@@ -104,24 +113,12 @@ def _less_neighbours(residual: FloatArray, weights: FloatArray) -> FloatArray:
 
 @cache
 def _weights() -> FloatArray:
-    """Weights of the neighbours on one side, nearest first; they are exact for a constant."""
-    return _constrained(_BAND, _EXACT, np.ones((1, HALF)), np.array([0.5]))
-
-
-@cache
-def _blind_weights() -> FloatArray:
-    """The same, with no answer to a kink at the row."""
-    exactly = np.vstack([np.ones(HALF), np.arange(1.0, HALF + 1.0)])
-    return _constrained(_BLIND_BAND, _BLIND_EXACT, exactly, np.array([0.5, 0.0]))
-
-
-def _constrained(band: float, weight: float, exactly: FloatArray, wanted: FloatArray) -> FloatArray:
-    """Weights h, least squares of weighted error and noise, with exactly·h = wanted, shapes (c, HALF) and (c,)."""
-    frequency = np.linspace(0.0, band, 200)
+    """Weights of the neighbours on one side, nearest first: least squares of error and noise, exact for a constant."""
+    frequency = np.linspace(0.0, _BAND, 200)
     response = 2.0 * np.cos(2.0 * np.pi * np.outer(frequency, np.arange(1, HALF + 1)))
-    normal = weight / frequency.size * response.T @ response + 2.0 * np.eye(HALF)
-    plain = weight / frequency.size * response.sum(axis=0)
-    count = wanted.size
-    system = np.block([[normal, exactly.T], [exactly, np.zeros((count, count))]])
-    found: FloatArray = np.linalg.solve(system, np.concatenate([plain, wanted]))
+    share = _EXACT / frequency.size
+    system = np.ones((HALF + 1, HALF + 1))
+    system[:HALF, :HALF] = share * response.T @ response + 2.0 * np.eye(HALF)
+    system[HALF, HALF] = 0.0
+    found: FloatArray = np.linalg.solve(system, np.append(share * response.sum(axis=0), 0.5))
     return found[:HALF]

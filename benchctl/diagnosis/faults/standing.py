@@ -3,8 +3,9 @@
 A sample falls on code c if prediction and noise lie within half a step of it. A run is evidence against a living output
 by the product of these probabilities. The prediction is not yet right and the noise not known, so each run is given the
 offset, and each of its rows the deviation, that excuse it best: an offset of any size, a deviation from that of the
-quietest noise to that of the model's error around the run. What is left is small at rest on a coarse converter, where
-equal values are the rule, and enormous wherever the gyro turned on.
+quietest noise to that of the model's error around the run. Where the prediction moves by no more than it is wrong by,
+it counts as at rest. What is left is small at rest on a coarse converter, where equal values are the rule, and enormous
+wherever the gyro turned on.
 """
 
 from __future__ import annotations
@@ -29,7 +30,12 @@ _AROUND = 32
 _MOST_ROWS = 500
 """Rows of a run that are weighed; of a longer one so many, evenly."""
 
+_DEAD = 0.5
+
 _OFFSETS, _DEVIATIONS = 17, 5
+_EXCUSED = 3.0
+"""By how many times the model's error around a run the prediction may have moved without counting."""
+
 _LEAST_DEVIATION = 0.02
 """In steps: what a deviation of zero is replaced by."""
 
@@ -71,7 +77,7 @@ class Output:
 
 
 def standing_runs(output: Output) -> Runs:
-    """The runs that chance does not make, in order."""
+    """The runs that chance does not make, in order; none where they are most of the recording: the channel is dead."""
     runs = _runs(output)
     likely = _at_first_sight(output, runs.first, runs.stop)
     runs = runs.where(likely > output.enough)
@@ -79,7 +85,9 @@ def standing_runs(output: Output) -> Runs:
         [evidence_of(output, *one) for one in zip(runs.first.tolist(), runs.stop.tolist(), strict=True)]
     )
     found = Runs(first=runs.first, stop=runs.stop, evidence=evidence)
-    return found.where(evidence > output.enough)
+    found = found.where(evidence > output.enough)
+    dead = float((found.stop - found.first).sum()) > _DEAD * output.volts.size
+    return found.where(np.full(found.first.size, not dead))
 
 
 def evidence_of(output: Output, first: int, stop: int) -> float:
@@ -91,6 +99,7 @@ def evidence_of(output: Output, first: int, stop: int) -> float:
     predicted = output.predicted[rows]
     least, most = float(predicted.min()), float(predicted.max())
     away = np.abs(predicted[:, None] - np.linspace(least, most, _OFFSETS)[None, :])
+    away = np.maximum(away - _EXCUSED * math.sqrt(max(high**2 - low**2 - output.step_v**2 / 12.0, 0.0)), 0.0)
     chances = np.full_like(away, -np.inf)
     for deviation in np.geomspace(low, high, _DEVIATIONS).tolist():
         np.maximum(chances, _log_chance(away, output.step_v, deviation), out=chances)

@@ -71,7 +71,7 @@ def test_the_report_and_the_model_land_beside_a_file_in_a_folder_of_its_name(
     folder = recording.with_name("sweep.diagnosis")
     assert f"report: {folder / 'diagnosis.html'}" in told.out
     assert f"model: {folder / 'model.toml'}" in told.out
-    assert told.out.startswith("missing-physics: Two effects are missing")
+    assert told.out.startswith("missing-physics: The data demand physics that the model does not have: thermal lag")
     assert told.err == ""
     assert "Diagnosis: sweep.h5" in (folder / "diagnosis.html").read_text(encoding="utf-8")
     assert "tau_s = 590.8" in (folder / "model.toml").read_text(encoding="utf-8")
@@ -159,18 +159,40 @@ def test_the_labs_model_may_be_named_and_its_effects_are_still_looked_for(
     model = tmp_path / "lab.toml"
     document: dict[str, Any] = {"format": "benchctl-model/1", "simulation": SIMULATION}
     model.write_text(tomli_w.dumps({**document, "effects": {"thermal_lag": {"tau_s": 100.0}}}))
-    assert diagnose(recording, "--model", model, "--part", "chamber", "--seed", "7", "--json", "o.json", "--quiet") == 0
+    assert diagnose(recording, "--model", model, "--seed", "7", "--json", "o.json", "--quiet") == 0
     (options,) = engine.asked
-    assert (options["model"], options["part"], options["seed"]) == (SIMULATION, "chamber", 7)
+    assert (options["model"], options["part"], options["seed"]) == (SIMULATION, "gyro", 7)
     assert "The effects of lab.toml (thermal_lag)" in json.loads(Path("o.json").read_text())["notes"][-1]
 
 
-def test_a_model_file_without_the_gyro_is_refused(
-    engine: Engine, recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_of_another_part_the_model_is_its_own_table(engine: Engine, recording: Path, tmp_path: Path) -> None:
+    (tmp_path / "lab.toml").write_text(
+        "[parts.drive]\ninertia_kg_m2 = 0.05\nviscous_nm_s = 0.03\n"
+        "[parts.drive.effects.coulomb_friction]\ncoulomb_nm = 0.02\n"
+    )
+    assert diagnose(recording, "--part", "drive", "--model", tmp_path / "lab.toml", "--json", "o.json", "--quiet") == 0
+    (options,) = engine.asked
+    assert options["part"] == "drive"
+    assert options["model"]["inertia_kg_m2"] == 0.05
+    assert "The effects of lab.toml (coulomb_friction)" in json.loads(Path("o.json").read_text())["notes"][-1]
+
+
+@pytest.mark.parametrize(("part", "unit"), [("gyro", "mV"), ("drive", "mN\u00a0m"), ("chamber", "mK")])
+def test_sizes_are_told_in_the_unit_of_the_part(
+    engine: Engine, recording: Path, capsys: pytest.CaptureFixture[str], part: str, unit: str
+) -> None:
+    assert diagnose(recording, "--part", part) == 0
+    assert f"rms: 1.94\u00a0{unit} (" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("part", "table"), [("gyro", "[simulation]"), ("chamber", "[parts.chamber]")])
+def test_a_model_file_without_the_part_is_refused(
+    engine: Engine, recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], part: str, table: str
 ) -> None:
     (tmp_path / "m.toml").write_text('format = "benchctl-model/1"\n')
-    assert diagnose(recording, "--model", tmp_path / "m.toml") == 2
-    assert "has no [simulation]" in capsys.readouterr().err
+    assert diagnose(recording, "--part", part, "--model", tmp_path / "m.toml") == 2
+    assert f"has no {table}" in capsys.readouterr().err
+    assert engine.asked == []
 
 
 def test_the_next_experiment_is_written_so_that_it_can_be_run(
@@ -234,6 +256,17 @@ def test_ctrl_c_ends_the_search_with_a_line_and_nothing_half_written(
     assert capsys.readouterr().err.strip().splitlines() == ["benchctl: stopped"]
     assert sorted(recording.parent.iterdir()) == before
     assert list(Path().iterdir()) == []
+
+
+def test_settle_says_where_there_is_nothing_to_run(
+    engine: Engine, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = tmp_path / "made.h5"
+    assert run_verb(["simulate", "static", "-p", "duration_s=2", "-p", "soak_s=60", "-o", str(made)]) == 0
+    engine.answers = [_small(nothing_missing())]
+    assert diagnose(made, "--settle") == 0
+    assert "nothing is left open: no experiment was run" in capsys.readouterr().out
+    assert len(engine.asked) == 1
 
 
 def test_what_cannot_be_diagnosed_is_one_line_also_for_programs(

@@ -230,10 +230,12 @@ def _traces() -> tuple[Trace, ...]:
         found.append(
             Trace(
                 step=name,
+                heldout=True,
                 time_s=600.0 + time_s,
                 measured_v=measured,
                 before_v=after * (1 + offset_v) + offset_v / 2,
                 after_v=after,
+                spoilt=np.zeros(time_s.size, np.bool_),
             )
         )
     return tuple(found)

@@ -52,7 +52,7 @@ def test_a_bump_is_found_with_its_width_even_across_a_gap() -> None:
 def test_lines_are_slow_swings_or_frequencies() -> None:
     swing = left_of(0.2 * np.sin(2 * np.pi * TIME_S / 77.0))
     group = by_word(swing)["time"]
-    assert float(group.form.split()[-2]) == pytest.approx(77.0, rel=0.05)
+    assert float(group.form.split()[-2]) == pytest.approx(77.0, rel=0.01)
     assert best_of(swing, group).gain == pytest.approx(0.2**2 / 2 * TIME_S.size, rel=0.1)
     line = left_of(0.05 * np.sin(2 * np.pi * 13.37 * TIME_S))
     found = by_word(line)["frequency"]

@@ -19,8 +19,9 @@ IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 
 STEPS, ROWS, INTERVAL_S, PAUSE_S = 24, 100, 0.1, 30.0
-RANGE_DPS, K0, U0, NOISE_V = 100.0, 0.02, 0.01, 1e-3
-KINDS = ("static", "constant_rate", "sine")
+RANGE_DPS, K0, U0, NOISE_V = 100.0, 0.02, 0.0, 1e-3
+KINDS = ("rest", "constant_rate", "sine")
+"""None is called static: what is asked of static steps alone has no part in a toy."""
 
 
 def _size(scan: float = 1e-4) -> Parameter:
@@ -118,9 +119,7 @@ class Ripple(ToyEffect):
         return self.amplitude_v * np.cos(self.order * np.radians(problem.coordinates["angle"] - self.phase_deg))
 
 
-EFFECTS: Mapping[str, type[ToyEffect]] = {
-    kind.identifier: kind for kind in (Cubic, Quintic, Squared, Decay, Ripple)
-}
+EFFECTS: Mapping[str, type[ToyEffect]] = {kind.identifier: kind for kind in (Cubic, Quintic, Squared, Decay, Ripple)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -211,7 +210,7 @@ def _motion() -> tuple[FloatArray, FloatArray, IntArray]:
         level = 100.0 * np.cos(2.4 * i)
         rates.append(
             {
-                "static": np.zeros(ROWS),
+                "rest": np.zeros(ROWS),
                 "constant_rate": np.full(ROWS, level),
                 "sine": level * np.sin(2 * np.pi * 0.3 * inside + i),
             }[KINDS[i % 3]]

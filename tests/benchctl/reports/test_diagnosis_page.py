@@ -12,6 +12,7 @@ from benchctl.diagnosis.result import Estimate, NotFound, Slice
 from benchctl.recordings.model import BenchFacts, Meta, StepInfo, Unit
 from benchctl.reports import diagnosis_words as words
 from benchctl.reports.diagnosis_figures import map_figure, significance, steps_figure, traces_figure
+from benchctl.reports.diagnosis_headline import chip, headline
 from benchctl.reports.diagnosis_lines import lines
 from benchctl.reports.diagnosis_page import diagnosis_page, write_diagnosis_report
 from benchctl.reports.figures import style
@@ -47,7 +48,7 @@ def pair_page(pair_html):
 def test_the_head_has_the_verdict_every_finding_and_what_is_to_be_run_next(pair_page):
     head = pair_page.words[: pair_page.words.index("1 Where model and recording part")]
     assert "Physics is missing" in head
-    assert pair().says in head
+    assert "The data demand physics that the model does not have: thermal lag and encoder eccentricity." in head
     for finding in pair().findings:
         assert finding.says in head
     assert pair().next_experiment.says in head
@@ -62,9 +63,9 @@ def test_a_finding_has_words_equation_values_place_evidence_and_alternatives(pai
     assert "τ·dT_coil/dt = T − T_coil" in told
     assert {590.8, 80.17, 331.5} <= set(pair_page.numbers)
     assert "(591 ± 16) s" in told
-    assert "change of the gyro's temperature, 0.0210 to 0.0580 °C/s; 93 % of what the noise does not" in told
+    assert "change of the gyro's temperature, 0.021 to 0.058 °C/s; 93 % of what the noise does not" in told
     assert "Largest in: ramp to +55, rate +145.0 at +55." in told
-    assert "4321.5; chance alone may reach 21.7" in told
+    assert "4 322 in twice the log likelihood; chance alone may reach 21.7" in told
     assert "811.2, on data that chose and fitted nothing" in told
     assert "thermal hysteresis 1 % 9.2" in told
 
@@ -86,7 +87,7 @@ def test_the_next_experiment_is_a_command(pair_page):
 
 def test_the_models_own_parameters_say_what_they_were_and_how_far_they_moved(pair_page):
     own = pair_page.words[pair_page.words.index("8 The model's own parameters") :]
-    assert "K0_v_per_dps 0.0160000 V/(°/s)" in own
+    assert "K0_v_per_dps 16.00000 × 10⁻³ V/(°/s)" in own
     assert "21 standard errors, 0.020 %" in own
     assert "delay_s – (21 ± 25) × 10⁻⁶ s was not in the model" in own
     assert "[effects.thermal_lag]" in own
@@ -106,7 +107,7 @@ def test_unknown_structure_names_its_coordinates_and_forces_no_name():
     assert "Unexplained: What is left repeats 17 times a turn" in told
     assert "angle of the table; angle of the table together with gyro's temperature" in told
     assert "62 % of the mismatch" in told
-    assert "After: angle of the table." in told
+    assert "beyond chance: angle of the table." in told
 
 
 def test_an_effect_that_is_not_in_the_vocabulary_is_told_from_the_finding_alone():
@@ -205,20 +206,98 @@ def test_certainty_is_not_claimed():
 
 def test_ranges_without_an_end_read_as_below_and_above():
     where = dataclasses.replace(pair().findings[0].where, coordinate="acceleration", ranges=((300.0, math.inf),))
-    assert "acceleration, above 300\u00a0°/s²;" in words.place(where)
+    assert "acceleration, above 300\u00a0°/s²;" in words.place(where, "V")
     below = dataclasses.replace(where, ranges=((-math.inf, -300.0),))
-    assert "acceleration, below −300\u00a0°/s²;" in words.place(below)
+    assert "acceleration, below −300\u00a0°/s²;" in words.place(below, "V")
 
 
 def test_lines_for_the_terminal_are_short_and_complete():
     told = list(lines(pair(), "V"))
-    assert told[0] == f"missing-physics: {pair().says}"
-    assert "1. thermal_lag (99\u00a0%): The fibre coil is colder" in told[1]
-    assert told[2] == "     tau_s = 590.8\u00a0s  [575.1, 606.5]"
-    assert told[3] == "     or else: thermal_hysteresis (1\u00a0%)"
+    assert told[0].startswith("missing-physics: The data demand physics that the model does not have: thermal lag and")
+    assert told[2].startswith("1. thermal_lag (99\u00a0%): The fibre coil is colder")
+    assert "     tau_s = (591 ± 16)\u00a0s  [575, 606]" in told
+    assert "     or else: thermal_hysteresis (1\u00a0%)" in told
     assert "could not be seen in this recording: supply_sensitivity" in told
     assert told[-1] == "  benchctl run temperature_sweep --bench bench.toml -p points=3"
-    assert any(line.startswith("unexplained, along angle of the table") for line in lines(unknown_structure(), "V"))
+    assert all(len(line) <= 100 for line in told)
+    assert any(line.startswith("unexplained: What is left repeats") for line in lines(unknown_structure(), "V"))
+
+
+def test_a_moved_model_is_told_by_its_parameters_as_they_were_and_are():
+    moved = replace(nothing_missing(), verdict="recalibrate", says="The parameters have moved.")
+    told = "\n".join(lines(moved, "V"))
+    assert "K0_v_per_dps: 16.00000 × 10⁻³ V/(°/s) → (16.00320 ± 0.00030)" in told.replace("\u00a0", " ")
+    page = Page(page_of(undrawn(moved))).words
+    assert "K0_v_per_dps : 16.00000 × 10⁻³ V/(°/s) →" in page[: page.index("1 Where model")]
+
+
+@pytest.mark.parametrize(
+    ("effects", "word", "says"),
+    [
+        (("dropouts",), "Faulty data", "The data have faults, which are left out of all figures: dropouts."),
+        (("flicker_noise",), "Noise not as modelled", "The noise is not what the model says: flicker noise."),
+        (
+            ("thermal_lag", "outliers", "bias_drift"),
+            "Physics is missing",
+            "that the model does not have: thermal lag and bias drift. The data have faults,",
+        ),
+    ],
+)
+def test_faults_of_the_data_and_noise_are_not_called_missing_physics(effects, word, says):
+    findings = tuple(replace(pair().findings[0], effect=name, alternatives=()) for name in effects)
+    told = replace(pair(), findings=findings)
+    assert chip(told) == word
+    assert says in headline(told)
+
+
+def test_a_fault_of_the_data_is_told_by_the_samples_that_it_spoils_and_has_no_before_and_after():
+    lost = replace(pair().findings[0], effect="dropouts", explains=0.0039, gain_heldout=0.0, alternatives=())
+    told = Page(page_of(replace(pair(), findings=(lost,)))).words
+    assert "Samples it spoils 0.39 % of all, left out before and after" in told
+    assert "93 % of the samples that it spoils lies there" in told
+    assert "Gain on held-out steps" not in told
+    assert "Nothing else that is known" not in told
+    assert "3 How well the model fits" in told
+    assert "before → after" not in told
+
+
+def test_spoilt_samples_are_marked_and_do_not_count():
+    clean = pair().traces[0]
+    spoilt = np.arange(clean.time_s.size) < 100
+    broken = replace(clean, spoilt=spoilt, measured_v=np.where(spoilt, 7.0, clean.measured_v))
+    with style():
+        for trace in (clean, broken):
+            output, left = traces_figure([trace], "V", changed=False).axes
+            assert output.get_title(loc="left") == "ramp to +55 (held out)"
+        assert max(np.nanmax(np.abs(line.get_ydata())) for line in left.lines) < 5.0
+        assert [line.get_marker() for line in output.lines].count("x") == 1
+
+
+@pytest.mark.parametrize(
+    ("told", "printed"),
+    [
+        ("Run `diagnostic`: it moves gyro_temp*rate.", "Run diagnostic: it moves the gyro's temperature together"),
+        ("it lives in time, most at -6.3 to 3.5 °C", "it lives in time, most at −6.3 to 3.5 °C"),
+        ("along chamber_temp_rate it is 5e-08", "along the warming of the chamber it is 5\u00a0×\u00a010⁻⁸"),
+        ("Run two_stage with rates_dps = 3", "Run two_stage with rates_dps = 3"),
+        ("a file of 2026-11-20", "a file of 2026-11-20"),
+    ],
+)
+def test_sentences_of_the_engine_read_as_prose(told, printed):
+    assert words.prose(told).startswith(printed)
+
+
+@pytest.mark.parametrize(
+    ("unit", "printed"),
+    [("1e-6", "ppm"), ("V s-0.5", "V/√s"), ("V s2 degree-1", "V/(°/s²)"), ("N m", "N\u00a0m"), ("degC-1", "°C⁻¹")],
+)
+def test_units_of_parameters_are_printed_as_they_are_said(unit, printed):
+    assert words.unit(unit) == printed
+
+
+def test_ranges_have_as_many_decimals_as_the_shortest_needs_and_the_unit_of_the_part():
+    where = replace(pair().findings[0].where, coordinate="output", ranges=((-0.025, -0.012), (1.0, 1.3333)))
+    assert "output, −0.025 to −0.012 and 1 to 1.333\u00a0N m;" in words.place(where, "N m")
 
 
 def test_a_long_diagnosis_becomes_a_page_in_three_seconds(tmp_path):

@@ -1,0 +1,85 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from benchctl.diagnosis.faults import faults_in
+from tests.benchctl.diagnosis.faults.made import INTERVAL_S, STEP_V, Made, made
+
+FINE = made()
+
+
+def test_nothing_is_found_where_nothing_is_wrong() -> None:
+    found = FINE.faults()
+    assert found.found == ()
+    assert not found.masked.any()
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    rows=st.integers(25, 250),
+    places=st.lists(st.integers(1, 110), min_size=1, max_size=12, unique=True),
+    shift=st.integers(1, 200),
+)
+def test_held_samples_are_counted_timed_and_masked_at_rest_and_in_motion(
+    rows: int, places: list[int], shift: int
+) -> None:
+    starts = [500 * place + shift for place in places]
+    faults = FINE.held(starts, rows).faults()
+    (fault,) = faults.found
+    assert fault.effect == "dropouts"
+    assert fault.parameters["count"].value == len(places)
+    hold = fault.parameters["hold_s"]
+    assert hold.low - 1e-9 <= rows * INTERVAL_S <= hold.high + 1e-9
+    wanted = np.zeros(FINE.volts.size, np.bool_)
+    for start in starts:
+        wanted[start : start + rows] = True
+    assert not (wanted & ~faults.masked).any()
+    # an equal value after the hold may be taken for held
+    assert (faults.masked & ~wanted).sum() <= 2 * len(places)
+
+
+@pytest.mark.parametrize("bits", range(1, 6))
+@pytest.mark.parametrize("noise_v", [1e-4, 3e-4, 7e-4])
+def test_equal_neighbours_of_a_coarse_converter_are_no_dropouts(bits: int, noise_v: float) -> None:
+    coarse = made(step_v=STEP_V * 2**bits, noise_v=noise_v, model_error=0.02)
+    assert [one.effect for one in coarse.faults().found] == ["adc_coarse"]
+
+
+@pytest.mark.parametrize("late", [-1, 1])
+def test_a_coarse_output_that_is_late_or_early_stands_not_still(late: int) -> None:
+    coarse = made(step_v=STEP_V * 32, noise_v=2e-4)
+    moved = Made(predicted=np.roll(coarse.predicted, late), volts=coarse.volts)
+    assert [one.effect for one in moved.faults().found] == ["adc_coarse"]
+
+
+def test_holds_on_a_coarse_converter_are_found_where_the_output_should_have_moved() -> None:
+    moving = [4300, 5300, 6500, 9000, 11_500]
+    coarse = made(step_v=STEP_V * 32, noise_v=3e-4).held([*moving, 700], 60)
+    fault = next(one for one in coarse.faults().found if one.effect == "dropouts")
+    count = fault.parameters["count"]
+    assert count.low == len(moving)
+    assert count.low < 6 <= count.high
+
+
+def test_a_channel_that_is_dead_all_along_has_no_dropouts() -> None:
+    dead = Made(predicted=FINE.predicted, volts=np.full_like(FINE.volts, 0.125))
+    assert dead.faults().found == ()
+
+
+def test_rows_at_the_rated_limit_are_not_held() -> None:
+    limit_v = 1.7
+    clipped = made(clipped_v=limit_v, step_v=1e-4)
+    assert clipped.faults(limit_v=limit_v, adc_step_v=1e-4).found == ()
+
+
+def test_rows_on_both_sides_of_a_gap_are_not_one_run() -> None:
+    held = FINE.held([5000], 30)
+    time_s = INTERVAL_S * np.arange(float(held.volts.size))
+    time_s += np.cumsum(np.isin(np.arange(time_s.size), np.arange(5000, 5031)))
+    apart = faults_in(
+        volts=held.volts, predicted=held.predicted, time_s=time_s, interval_s=INTERVAL_S, adc_step_v=STEP_V
+    )
+    assert apart.found == ()
