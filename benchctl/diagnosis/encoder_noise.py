@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
@@ -21,18 +23,20 @@ def rate_variance(frame: Frame) -> tuple[FloatArray, FloatArray]:
     it passes the filters of `Motion`, wide where the motion is sudden.
     """
     whole, step = np.empty(frame.rows), np.empty(frame.rows)
+    variance = _angle_variance([frame.encoder_deg[part] for part in frame.stretches])
     for part, motion in zip(frame.stretches, frame.motions, strict=True):
-        variance = _angle_variance(frame.encoder_deg[part])
         whole[part] = variance * _passed(motion, motion.filters)
         step[part] = 0.5 * variance * _passed(motion, tuple(np.diff(one) for one in motion.filters))
     return whole, step
 
 
-def _angle_variance(angle_deg: FloatArray) -> float:
-    if angle_deg.size < 2 * _FOURTH_DIFFERENCE.size:
+def _angle_variance(angles_deg: Sequence[FloatArray]) -> float:
+    """Of all stretches together: in fast sines the differences hold motion, but these are rare."""
+    long = [one for one in angles_deg if one.size >= 2 * _FOURTH_DIFFERENCE.size]
+    if not long:
         return 0.0
-    difference = np.convolve(angle_deg - angle_deg[0], _FOURTH_DIFFERENCE, mode="valid")
-    deviation = float(np.median(np.abs(difference))) / _NORMAL_QUARTILE
+    differences = [np.abs(np.convolve(one - one[0], _FOURTH_DIFFERENCE, mode="valid")) for one in long]
+    deviation = float(np.median(np.concatenate(differences))) / _NORMAL_QUARTILE
     return deviation**2 / float(_FOURTH_DIFFERENCE @ _FOURTH_DIFFERENCE)
 
 

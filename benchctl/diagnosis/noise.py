@@ -43,7 +43,11 @@ def walk(per_root_s: float, interval_s: float) -> tuple[Slow, ...]:
 
 
 def flicker(rms_per_decade: float, interval_s: float, lasts_s: float) -> tuple[Slow, ...]:
-    """Noise of one power in every decade, from the sample rate to the length of a recording; in the same units."""
+    """Noise of one power in every decade, down to one over ten times `lasts_s`, in the same units.
+
+    Near half the sampling rate, where white noise is far above it, it falls short: by 3 % at 0.007 of that rate, by
+    28 % at 0.09.
+    """
     count = max(2, math.ceil(math.log(10.0 * lasts_s / interval_s) / math.log(_FLICKER_RATIO)))
     variance = rms_per_decade**2 * math.log(_FLICKER_RATIO) / math.log(10.0)
     remembers = [math.exp(-(_FLICKER_RATIO ** (-0.5 - k))) for k in range(count)]

@@ -104,6 +104,7 @@ class NoiseModel:
         model = replace(self, whitener=self.plain, found={})
         if GROWING in self.found:
             again = self._growing(problem, fitted)
+            again = replace(again, whitener=again.whitener.beside(()))
             model = model.with_(again) if again.gain > least_gain else model
         if set(PROCESSES) & self.found.keys():
             best = model.wandering(problem, fitted, least_gain)

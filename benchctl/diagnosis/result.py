@@ -40,11 +40,11 @@ COORDINATES = (
 
 COORDINATE_UNITS: Mapping[str, str] = {
     "time": "s",
-    "rate": "deg/s",
-    "abs_rate": "deg/s",
+    "rate": "°/s",
+    "abs_rate": "°/s",
     "rate_sign": "1",
-    "acceleration": "deg/s²",
-    "angle": "deg",
+    "acceleration": "°/s²",
+    "angle": "°",
     "gyro_temp": "°C",
     "gyro_temp_rate": "°C/s",
     "chamber_temp": "°C",

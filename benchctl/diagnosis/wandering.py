@@ -35,7 +35,9 @@ _NEAR = math.log(1.15)
 _TOLERANCE = 0.02
 _FEWEST = 50
 _BELIED = 10.0
-"""Loss of twice the log likelihood at rest from which on a process is none."""
+"""Loss of twice the log likelihood at rest, for each step and one more, from which on a process is none.
+
+A step's own level is fitted to it and a process foretells it: that alone is worth a few."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +80,8 @@ def _measured(problem: Problem, whitener: Whitener, fitted: Fit, name: str, size
     curvature = max((low - 2.0 * here + high) / _NEAR**2, 1e-6)
     step = min(max(0.5 * (low - high) / (curvature * _NEAR), -2.0 * _NEAR), 2.0 * _NEAR)
     best, other = at(middle + step)
-    belied = _gain_at_rest(problem, other, fitted) < -_BELIED
+    resting = sum(kind == "static" for kind in problem.step_kinds)
+    belied = _gain_at_rest(problem, other, fitted) < -_BELIED * (1 + resting)
     return Wandering(
         effect=name,
         gain=0.0 if belied else without - best,

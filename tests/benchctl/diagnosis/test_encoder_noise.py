@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -60,6 +61,15 @@ def test_the_variance_is_that_of_the_noise_behind_the_motion_s_own_filters(
     drawn = np.stack([motion.rate_of(noise(seed)) for seed in range(1, 6)])[:, where]
     assert float(np.mean(drawn**2)) == pytest.approx(float(whole[where].mean()), rel=TOLERANCE)
     assert 0.5 * float(np.mean(np.diff(drawn) ** 2)) == pytest.approx(float(step[where].mean()), rel=TOLERANCE)
+
+
+def test_where_the_filters_are_mixed_it_is_that_of_their_mixture() -> None:
+    angle, motion = moved(steady)
+    half = replace(motion, sudden=np.full(ROWS, 0.5))
+    whole, step = rate_variance(frame((angle, half)))
+    drawn = np.stack([half.rate_of(noise(seed)) for seed in range(1, 6)])[:, INSIDE]
+    assert float(np.mean(drawn**2)) == pytest.approx(float(whole[INSIDE].mean()), rel=0.05)
+    assert 0.5 * float(np.mean(np.diff(drawn) ** 2)) == pytest.approx(float(step[INSIDE].mean()), rel=0.05)
 
 
 def test_it_is_larger_where_the_motion_is_sudden() -> None:

@@ -11,7 +11,7 @@ import scipy.signal
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchctl.diagnosis.fit import Fit, Point, fit, gain_kept, gain_of, inverse, solve
+from benchctl.diagnosis.fit import Fit, Point, _inside, fit, gain_kept, gain_of, inverse, solve
 from benchctl.diagnosis.noise import Whitener, walk
 from benchctl.diagnosis.noise_model import NoiseModel
 from tests.benchctl.diagnosis.toy_problem import (
@@ -244,3 +244,10 @@ def test_the_fit_begins_where_it_is_told_and_ends_there_without_rounds() -> None
     one = fit(problem, plain(problem), start, EVERYTHING, rounds=0)
     assert np.array_equal(one.point.baseline, start.baseline)
     assert one.residual == pytest.approx(problem.measured - problem.predict(start.baseline, ()))
+
+
+def test_a_step_too_small_to_move_any_number_is_none() -> None:
+    point = Point(baseline=np.array([1.0]))
+    numbers = tuple(point.free(["K0"]))
+    step = _inside(point, numbers, np.array([1.0]), np.eye(1), np.array([1e-20]))
+    assert np.abs(step).max() < 1e-16

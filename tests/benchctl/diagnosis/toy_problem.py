@@ -20,7 +20,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 STEPS, ROWS, INTERVAL_S, PAUSE_S = 24, 100, 0.1, 30.0
 RANGE_DPS, K0, U0, NOISE_V = 100.0, 0.02, 0.0, 1e-3
-KINDS = ("rest", "constant_rate", "sine")
+KINDS = ("static", "constant_rate", "sine")
 """None is called static: what is asked of static steps alone has no part in a toy."""
 
 
@@ -210,7 +210,7 @@ def _motion() -> tuple[FloatArray, FloatArray, IntArray]:
         level = 100.0 * np.cos(2.4 * i)
         rates.append(
             {
-                "rest": np.zeros(ROWS),
+                "static": np.zeros(ROWS),
                 "constant_rate": np.full(ROWS, level),
                 "sine": level * np.sin(2 * np.pi * 0.3 * inside + i),
             }[KINDS[i % 3]]
