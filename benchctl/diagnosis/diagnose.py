@@ -20,6 +20,7 @@ from benchctl.diagnosis.parts import Part, problem_of
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Diagnosis, FitFigures
 from benchctl.diagnosis.select import Selection, select
+from benchctl.diagnosis.traces import traces_of
 from benchctl.diagnosis.verdict import baseline_of, sentence_of, verdict_of
 from benchctl.recordings.reader import Recording
 
@@ -63,7 +64,7 @@ def diagnose(
         not_found=not_found_of(chosen, {one.effect for one in findings}),
         slices=slices_of(problem, chosen),
         steps=step_figures(problem, chosen),
-        traces=(),
+        traces=traces_of(problem, chosen, faults),
         notes=(*owed, *problem.remarks(chosen.before.residual, chosen.after.residual, rows)),
         model=_model(problem, chosen),
         threshold=chosen.screening.threshold,

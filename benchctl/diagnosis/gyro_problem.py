@@ -238,9 +238,15 @@ class GyroProblem:
 
 
 def gyro_problem(
-    recording: Recording, *, model: Mapping[str, Any] | None = None, without: Collection[str] = ()
+    recording: Recording,
+    *,
+    model: Mapping[str, Any] | None = None,
+    without: Collection[str] = (),
+    whole_steps: bool = False,
 ) -> GyroProblem:
     """The problem of a recording and of the model that its lab believes in, or of another `model` in its place.
+
+    Steps that are too few to hold some out are cut into pieces, but for `whole_steps`.
 
     Raises `UsageError` where there is no model, a model with a wrong field, or no scan of encoder and gyro.
     """
@@ -258,7 +264,8 @@ def gyro_problem(
         temperature_terms=len(simulation["k_T"]),
         rate_terms=len(simulation["k_omega"]),
     )
-    frame = _cut(at_rest(frame_of(recording, temperature_c=law.T0_c)))
+    frame = at_rest(frame_of(recording, temperature_c=law.T0_c))
+    frame = frame if whole_steps else _cut(frame)
     range_dps = recording.meta.unit.range_dps or float(np.abs(frame.rate_dps).max())
     facts = recording.meta.bench
     band = band_of(frame.stretches, 1.0 / frame.interval_s, frame.rate_dps, frame.volts) if frame.beyond else None

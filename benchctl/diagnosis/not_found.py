@@ -6,6 +6,7 @@ import math
 from collections.abc import Collection
 
 from benchctl.diagnosis.result import NotFound
+from benchctl.diagnosis.screen import Scored
 from benchctl.diagnosis.select import Selection
 
 _POWER_95 = 1.645
@@ -36,6 +37,13 @@ def not_found_of(chosen: Selection, found: Collection[str]) -> tuple[NotFound, .
                 for other, value in one.probe.columns[0].values.items()
                 if kind.parameters[other].role in ("shape", "choice")
             },
-            says="" if smallest is not None else f"Not observable in this recording: it needs {kind.excited_by}.",
+            says=_why(one) if smallest is None else "",
         )
     return tuple(shown.values())
+
+
+def _why(unseen: Scored) -> str:
+    """Why an effect could not be seen at all."""
+    if unseen.followed:
+        return "Part of the lab's model already: its own parameters follow it."
+    return f"Not observable in this recording: it needs {unseen.probe.kind.excited_by}."

@@ -29,7 +29,7 @@ def predict(recording: Recording, model: Mapping[str, Any]) -> tuple[Frame, Floa
     if not model.get("simulation"):
         raise UsageError("this model has no [simulation]: it says nothing of what a recording's gyro should put out")
     simulation = {"k_T": (), "k_omega": (), **model["simulation"]}
-    problem = gyro_problem(recording, model=simulation)
+    problem = gyro_problem(recording, model=simulation, whole_steps=True)
     effects = make_effects(model.get("effects", {}), problem.circumstances)
     volts = problem.predict(problem.baseline_start, [one for one in effects if not isinstance(one, NoiseEffect)])
     return problem.frame, volts

@@ -44,7 +44,8 @@ class Scored:
     """A probe and what it promises: `gain` in twice the log likelihood, `weights` of its columns at the best.
 
     `scatter`, at least 1, is by how much the gain varies more by chance than white noise lets it. `power` (columns,) is
-    the sum of squares of each column's part that is its own, over the noise's variance.
+    the sum of squares of each column's part that is its own, over the noise's variance; where that is nothing although
+    the effect shows, it is `followed` by what is in the model already.
     """
 
     probe: Probe
@@ -53,6 +54,7 @@ class Scored:
     weights: FloatArray
     power: FloatArray
     columns: slice
+    followed: bool = False
 
     @property
     def promise(self) -> float:
@@ -105,7 +107,7 @@ def screen(
     scored: list[Scored] = []
     for probe in probes:
         progress(probe.identifier)
-        first, powers, group = filled, [], []
+        first, powers, group, shows = filled, [], [], False
         for effect in probe.columns:
             changed = problem.predict(fitted.point.baseline, (*fitted.point.effects, effect)) - fitted.predicted
             if not np.isfinite(changed).all():
@@ -113,6 +115,7 @@ def screen(
             column = whitener(changed)
             column *= rows
             before = float(column @ column)
+            shows = shows or before > 0.0
             column -= known @ (covariance @ (known.T @ column))
             after = float(column @ column)
             if after <= _UNSEEN * before or before == 0.0:
@@ -138,6 +141,7 @@ def screen(
                 weights=weights,
                 power=np.array(powers),
                 columns=slice(first, filled),
+                followed=shows and not any(powers),
             )
         )
     if threshold is None:

@@ -43,10 +43,8 @@ def traces_of(problem: Problem, chosen: Selection, faults: Sequence[Fault] = ())
     before = problem.measured - chosen.before.residual
     after = problem.measured - left_of(problem, chosen.after, chosen.whitener)
     differs = (after - before) ** 2 if _changed(chosen) else chosen.after.residual**2
-    spoilt = np.zeros_like(problem.usable)
     windows: list[_Window] = []
     for fault in faults:
-        spoilt |= fault.rows
         windows += sorted(_windows(problem, fault.rows.astype(np.float64), edges=True), key=_by_score)[:1]
     windows = windows[: _COUNT - 1]
     windows += _chosen(problem, chosen, list(_windows(problem, differs * problem.usable)), _COUNT - len(windows))
@@ -58,7 +56,7 @@ def traces_of(problem: Problem, chosen: Selection, faults: Sequence[Fault] = ())
             measured_v=problem.measured[one.rows],
             before_v=before[one.rows],
             after_v=after[one.rows],
-            spoilt=spoilt[one.rows],
+            spoilt=~problem.usable[one.rows],
         )
         for one in windows
     )

@@ -53,7 +53,7 @@ def test_what_is_hidden_is_proposed_at_its_place_and_promises_most(name: str) ->
 def test_where_nothing_is_hidden_no_place_promises_more_than_chance() -> None:
     problem, whitener, fitted = _fitted("null", 2)
     scored = screen(problem, whitener, fitted, proposals(problem, whitener, fitted), seed=0).scored
-    assert {one.probe.identifier for one in scored} == set(SHAPES)
+    assert {one.probe.identifier for one in scored} <= set(SHAPES)
     assert all(_promise(one) < 14.0 for one in scored)
     for name in SHAPES:
         assert list(probes_of(problem, problem.effects[name])) == []
