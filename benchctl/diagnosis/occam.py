@@ -11,33 +11,37 @@ import math
 
 import numpy as np
 
-from benchctl.diagnosis.fit import Fit
-from instruments.physics.effects.effect import Parameter
+from benchctl.diagnosis.fit import Fit, Free
+from instruments.physics.effects.effect import DescribedEffect
 
-_ROOT_TWO_PI = math.sqrt(2.0 * math.pi)
 _TURN = 360.0
 
 
 def occam(fitted: Fit, place: int) -> float:
     """What the parameters of the effect at a place of the model cost, in twice the log likelihood; 0 or more."""
-    errors = fitted.deviation * np.sqrt(np.maximum(np.diag(fitted.inverse_information), 0.0))
     effect = fitted.point.effects[place]
-    cost = 0.0
-    for index, number in enumerate(fitted.numbers):
-        if number.effect == place and number.parameter is not None and errors[index] > 0.0:
-            wide = _possible(number.parameter, effect.values[number.name]) / (_ROOT_TWO_PI * float(errors[index]))
-            cost += 2.0 * math.log(max(wide, 1.0))
+    own = [
+        index
+        for index, number in enumerate(fitted.numbers)
+        if number.effect == place and fitted.inverse_information[index, index] > 0.0
+    ]
+    # numbers that the data hold together, an amplitude and a time constant say, leave less room than each alone
+    covariance = fitted.covariance[np.ix_(own, own)]
+    room = float(np.linalg.slogdet(2.0 * math.pi * covariance)[1]) if own else 0.0
+    possible = sum(2.0 * math.log(_possible(fitted.numbers[index], effect)) for index in own)
+    cost = max(possible - room, 0.0)
     for parameter in effect.parameters.values():
         if parameter.role == "choice":
             cost += 2.0 * math.log(max(len(parameter.scan), 1))
     return cost
 
 
-def _possible(parameter: Parameter, value: float) -> float:
-    """The width of what a parameter could be, in the scale in which it is moved; of a size, its own."""
+def _possible(number: Free, effect: DescribedEffect) -> float:
+    """The width of what a number could be, in the scale in which it is moved; of a size, its own."""
+    parameter, value = effect.parameters[number.name], effect.values[number.name]
     if parameter.role == "phase":
         return _TURN
     if parameter.role == "size":
-        return abs(value)
+        return max(abs(value), 1e-300)
     low, high = min(parameter.scan, default=parameter.low), max(parameter.scan, default=parameter.high)
     return 1.0 + math.log(high / low) if parameter.logarithmic else max(high - low, abs(value))

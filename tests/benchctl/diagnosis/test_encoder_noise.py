@@ -85,17 +85,17 @@ def test_it_grows_with_the_square_of_the_noise() -> None:
     loud = steady(TIME_S) + 3.0 * (angle - steady(TIME_S))
     whole, step = rate_variance(frame((angle, motion)))
     louder_whole, louder_step = rate_variance(frame((loud, motion)))
-    assert louder_whole == pytest.approx(9.0 * whole, rel=1e-6)
-    assert louder_step == pytest.approx(9.0 * step, rel=1e-6)
+    np.testing.assert_allclose(louder_whole, 9.0 * whole, rtol=1e-6)
+    np.testing.assert_allclose(louder_step, 9.0 * step, rtol=1e-6)
 
 
 def test_all_stretches_have_one_noise_which_a_rare_fast_sine_does_not_change() -> None:
     sine = moved(lambda time_s: 0.1 * np.sin(2 * np.pi * 20.0 * time_s))
     alone, _ = rate_variance(frame(sine))
-    calm = [moved(steady, seed) for seed in range(1, 10)]
+    calm = [moved(steady, seed) for seed in range(1, 20)]
     plain, _ = rate_variance(frame(*calm))
     whole, _ = rate_variance(frame(*calm, sine))
-    assert whole[: plain.size] == pytest.approx(plain, rel=0.2)
+    assert float(whole[: plain.size].mean()) == pytest.approx(float(plain.mean()), rel=TOLERANCE)
     assert float(whole[plain.size :].mean()) < 1e-3 * float(alone.mean())
 
 

@@ -61,10 +61,10 @@ def test_of_many_places_the_one_that_shows_best_is_stated() -> None:
     assert missed(problem)["ripple"].others.keys() == {"order"}
 
 
-def test_what_the_recording_does_not_excite_is_said_to_be_unobservable() -> None:
+def test_what_the_model_follows_already_is_said_to_be_part_of_it() -> None:
     one = missed(toy(hypotheses=[Steeper, Cubic]))["steeper"]
     assert one.smallest is None
-    assert one.says == "Not observable in this recording: it needs made up."
+    assert one.says == "Part of the lab's model already: its own parameters follow it."
     assert missed(toy(hypotheses=[Steeper, Cubic]))["cubic"].says == ""
 
 

@@ -52,7 +52,8 @@ def test_a_shape_costs_what_the_mean_of_the_likelihood_over_its_width_is_below_t
     logs = np.linspace(math.log(found.tau_s) - 0.5, math.log(found.tau_s) + 0.5, 401)
     losses = np.array([squares(math.exp(log)) for log in logs.tolist()]) - best.squares
     mean = np.trapezoid(np.exp(-0.5 * losses / best.deviation**2), logs) / (1.0 + math.log(300.0 / 30.0))
-    size_error = math.sqrt(best.covariance[2, 2])
+    own = best.covariance[2:4, 2:4]
+    size_error = math.sqrt(own[0, 0] - own[0, 1] ** 2 / own[1, 1])  # at a given time constant
     of_size = 2.0 * math.log(abs(found.amplitude_v) / (math.sqrt(2.0 * math.pi) * size_error))
     assert occam(best, 0) - of_size == pytest.approx(-2.0 * math.log(mean), abs=0.1)
 
@@ -67,10 +68,18 @@ def test_an_effect_of_two_parameters_costs_more_than_one_of_one_that_fits_as_wel
 def test_a_choice_costs_the_number_of_its_places_and_a_phase_a_whole_turn() -> None:
     truth = Ripple(amplitude_v=5e-3, phase_deg=40.0, order=2.0)
     one = fitted(toy(truth), truth)
-    size_error, phase_error = (math.sqrt(one.covariance[i, i]) for i in (2, 3))
-    root = math.sqrt(2.0 * math.pi)
-    size, phase = one.point.effects[0].values["amplitude_v"] / (root * size_error), 360.0 / (root * phase_error)
-    assert occam(one, 0) == pytest.approx(2.0 * math.log(size * phase * 2.0))
+    room = 2.0 * math.pi * math.sqrt(float(np.linalg.det(one.covariance[2:4, 2:4])))
+    possible = one.point.effects[0].values["amplitude_v"] * 360.0 * 2.0
+    assert occam(one, 0) == pytest.approx(2.0 * math.log(possible / room))
+
+
+def test_two_numbers_that_only_the_data_hold_together_cost_more_than_each_by_itself_says() -> None:
+    truth = Decay(amplitude_v=5e-3, tau_s=5000.0)
+    one = fitted(toy(truth), truth)
+    errors = np.sqrt(np.diag(one.covariance))[2:4]
+    alone = 2.0 * math.log(abs(one.point.effects[0].values["amplitude_v"]) / errors[0])
+    assert errors[1] > 1.0
+    assert occam(one, 0) > alone
 
 
 def test_what_the_data_leave_wholly_open_costs_nothing() -> None:
