@@ -42,6 +42,7 @@ def check_parts(parts: Mapping[str, Any]) -> None:
     from instruments.physics.chamber_effects.registry import chamber_effects
     from instruments.physics.drive_effects.registry import drive_effects
     from instruments.physics.effects.effect import DescribedEffect
+    from instruments.physics.effects.numbered import identifier_in
 
     known: dict[str, Mapping[str, type[DescribedEffect]]] = {"drive": drive_effects(), "chamber": chamber_effects()}
     for part, table in parts.items():
@@ -53,11 +54,10 @@ def check_parts(parts: Mapping[str, Any]) -> None:
         effects = table.get(EFFECTS, {})
         if not isinstance(effects, Mapping):
             raise UsageError(f"[{place}] {EFFECTS}: expected a table, got {effects!r}")
-        for identifier, values in effects.items():
-            if identifier not in known[part]:
-                raise UsageError(
-                    f"[{place}.{EFFECTS}] {identifier}: no such effect; there are {', '.join(known[part])}"
-                )
+        for name, values in effects.items():
+            kind = known[part].get(identifier_in(name, known[part]))
+            if kind is None:
+                raise UsageError(f"[{place}.{EFFECTS}] {name}: no such effect; there are {', '.join(known[part])}")
             if not isinstance(values, Mapping):
-                raise UsageError(f"[{place}.{EFFECTS}] {identifier}: expected a table, got {values!r}")
-            numbers_of(values, f"{place}.{EFFECTS}.{identifier}", tuple(known[part][identifier].parameters))
+                raise UsageError(f"[{place}.{EFFECTS}] {name}: expected a table, got {values!r}")
+            numbers_of(values, f"{place}.{EFFECTS}.{name}", tuple(kind.parameters))

@@ -12,6 +12,7 @@ import numpy.typing as npt
 import scipy.optimize
 
 from benchctl.diagnosis.chamber_rows import DRIVES, ChamberRows, chamber_rows_of
+from benchctl.diagnosis.keys import tables_of
 from benchctl.part_models import EFFECTS, numbers_of
 from benchctl.recordings.model import StepInfo
 from benchctl.recordings.reader import Recording
@@ -131,7 +132,7 @@ class ChamberProblem:
     def model_of(self, baseline: FloatArray, effects: Sequence[DescribedEffect], noise: float) -> dict[str, Any]:
         """The content of a model file, its table `[parts.chamber]`; `noise` [K] is that of a row."""
         numbers = dict(zip(self.baseline_names, baseline.tolist(), strict=True))
-        found = {effect.identifier: effect.values for effect in effects}
+        found = tables_of(effects)
         return {"parts": {"chamber": {**numbers, _NOISE: noise, EFFECTS: found}}}
 
     def remarks(self, before: FloatArray, after: FloatArray, heldout: BoolArray) -> tuple[str, ...]:

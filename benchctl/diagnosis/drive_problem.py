@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchctl.diagnosis.drive_rows import BLOCK, DriveRows, drive_rows_of
+from benchctl.diagnosis.keys import tables_of
 from benchctl.part_models import EFFECTS, numbers_of
 from benchctl.recordings.model import StepInfo
 from benchctl.recordings.reader import Recording
@@ -124,7 +125,7 @@ class DriveProblem:
         """The content of a model file, its table `[parts.drive]`; `noise` [N·m] is that of a row."""
         constant = {} if self.torque_constant_nm_per_a is None else {CONSTANT: self.torque_constant_nm_per_a}
         numbers = dict(zip(NAMES, baseline.tolist(), strict=True))
-        found = {effect.identifier: effect.values for effect in effects}
+        found = tables_of(effects)
         return {"parts": {"drive": {**numbers, **constant, "noise_nm_rms": noise, EFFECTS: found}}}
 
     def remarks(self, before: FloatArray, after: FloatArray, heldout: BoolArray) -> tuple[str, ...]:

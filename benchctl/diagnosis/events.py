@@ -114,6 +114,8 @@ def lines(left: Leftover, time_s: FloatArray, interval_s: float, step: npt.NDArr
     span = 0.5 * max(float(np.ptp(time_s)), interval_s)
     for slow in (True, False):
         chosen = np.flatnonzero((frequency < _SLOW_HZ) == slow)
+        if not chosen.size:  # rows too far apart to see so fast a line
+            continue
         level = power[chosen] / (1.0 if slow else np.maximum(around[chosen], 1.0))
         best = _refined(left, time_s, float(frequency[chosen[int(np.argmax(level))]]), 0.5 / span)
         phase = 2.0 * np.pi * best * (time_s - centre)

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.located import where_of
 from benchctl.diagnosis.noise_model import GROWING, Noisy
 from benchctl.diagnosis.problem import Problem
@@ -37,8 +38,8 @@ def _effects(problem: Problem, chosen: Selection) -> Iterator[Finding]:
     whole = chosen.whole
     errors = np.sqrt(np.diag(whole.robust_covariance(problem.step)))
     total = max(chosen.before.squares - chosen.after.squares, 1e-300)
-    for place, effect in enumerate(whole.point.effects):
-        evidence = chosen.evidence[effect.identifier]
+    for place, (key, effect) in enumerate(zip(keys_of(whole.point.effects), whole.point.effects, strict=True)):
+        evidence = chosen.evidence[key]
         estimates: dict[str, Estimate] = {}
         for name, parameter in effect.parameters.items():
             value = effect.values[name]

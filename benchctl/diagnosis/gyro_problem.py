@@ -17,6 +17,7 @@ from benchctl.diagnosis.free_band import Band, band_of
 from benchctl.diagnosis.gyro_chain import GyroChain, Law
 from benchctl.diagnosis.gyro_limits import at_rest, limits_of
 from benchctl.diagnosis.gyro_model import checked_model
+from benchctl.diagnosis.keys import tables_of
 from benchctl.diagnosis.seen_by_both import lines_of_angle
 from benchctl.diagnosis.series import cut
 from benchctl.recordings.model import StepInfo
@@ -220,7 +221,7 @@ class GyroProblem:
             "noise_v_rms": noise,
             "output_limit_v": float(limit),
         }
-        return {"simulation": simulation, "effects": {effect.identifier: effect.values for effect in effects}}
+        return {"simulation": simulation, "effects": tables_of(effects)}
 
     def remarks(self, before: FloatArray, after: FloatArray, heldout: BoolArray) -> tuple[str, ...]:
         """What this recording cannot show, and whether encoder and gyro both see what repeats with the angle."""

@@ -8,6 +8,7 @@ from benchctl.diagnosis.candidates import bench_of_recording
 from benchctl.diagnosis.experiment import NOTHING_OPEN, OpenPair, next_experiment
 from benchctl.diagnosis.fit import fit
 from benchctl.diagnosis.gyro_problem import GyroProblem
+from benchctl.diagnosis.keys import keys_of_names
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.repeated import repeat_along
 from benchctl.diagnosis.result import Finding, NextExperiment, Unexplained
@@ -40,8 +41,8 @@ def next_of(
 
 
 def _pairs(problem: GyroProblem, chosen: Selection, findings: Sequence[Finding]) -> Iterator[OpenPair]:
-    for one in findings:
-        evidence = chosen.evidence.get(one.effect)
+    for key, one in zip(keys_of_names(one.effect for one in findings), findings, strict=True):
+        evidence = chosen.evidence.get(key)
         if not one.alternatives or evidence is None or evidence.nearest is None:
             continue
         second = fit(problem, chosen.whitener, evidence.nearest, chosen.after.fitted)

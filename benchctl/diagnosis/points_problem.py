@@ -19,6 +19,7 @@ from scipy.stats import t as student
 
 from benchctl.diagnosis.gyro_chain import Law
 from benchctl.diagnosis.gyro_model import checked_model
+from benchctl.diagnosis.keys import tables_of
 from benchctl.recordings.model import StepInfo
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.static_points import KIND, StaticPoints
@@ -201,7 +202,7 @@ class PointsProblem:
             "noise_v_rms": noise,
             "output_limit_v": float(self.simulation.get("output_limit_v") or 2.0 * self.full_scale),
         }
-        return {"simulation": simulation, "effects": {effect.identifier: effect.values for effect in effects}}
+        return {"simulation": simulation, "effects": tables_of(effects)}
 
     def remarks(self, before: FloatArray, after: FloatArray, heldout: BoolArray) -> tuple[str, ...]:
         """What points cannot show, how they scatter, and what those at rest do."""

@@ -38,6 +38,10 @@ FAITHFUL = 300.0
 NOISES = ("bias_random_walk", "flicker_noise")
 """Effects that are in the whitener rather than in the prediction."""
 
+_CLEARLY = 1.05
+"""By how much a coordinate must do better in a finding's stead: the finding's own model is not perfect either."""
+_OWED = 100.0
+"""What is left is owed to the model of a finding that explains so many times more: a tenth of it, in amplitude."""
 _AS_GOOD = 0.02
 """Share of the best gain by which another coordinate may fall short and still be named beside it."""
 _MOST_NAMED = 3
@@ -200,7 +204,7 @@ def withdrawn(gains: Mapping[str, float], rest: Rest, instead: Mapping[str, floa
     def falls(name: str, gain: float) -> bool:
         if name in NOISES and rest.for_noise:
             return True
-        return gain < (FAITHFUL if held.get(name, -math.inf) >= gain else SHORT) * rest.gain
+        return gain < (FAITHFUL if held.get(name, -math.inf) > _CLEARLY * gain else SHORT) * rest.gain
 
     return tuple(name for name, gain in gains.items() if falls(name, gain))
 
@@ -208,7 +212,7 @@ def withdrawn(gains: Mapping[str, float], rest: Rest, instead: Mapping[str, floa
 def imperfect(gains: Mapping[str, float], rest: Rest, instead: Mapping[str, float] | None = None) -> bool:
     """Whether what is left is so little beside what a finding that stands explains that it is owed to its model."""
     standing = set(gains) - set(withdrawn(gains, rest, instead)) - set(NOISES)
-    return rest.significant and any(gains[name] >= FAITHFUL * rest.gain for name in standing)
+    return rest.significant and any(gains[name] >= _OWED * rest.gain for name in standing)
 
 
 def is_plain(whitener: Whitens, seed: int) -> bool:

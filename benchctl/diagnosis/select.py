@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchctl.diagnosis.fit import Fit, Point, fit, gain_kept, gain_of
+from benchctl.diagnosis.keys import Place, keys_of, may_join, place_of
 from benchctl.diagnosis.noise import Whitener
 from benchctl.diagnosis.noise_model import NoiseModel
 from benchctl.diagnosis.occam import occam
@@ -57,8 +58,8 @@ class Evidence:
 class Selection:
     """What was chosen. `before` has the baseline alone, `after` the findings; neither has seen the held-out steps.
 
-    `whole` is fitted to all steps. `evidence` is by effect, in the order of `after.point.effects`; `noise` what was
-    found of the noise, with the whitener that goes with it.
+    `whole` is fitted to all steps. `evidence` is by the keys of `after.point.effects`, in their order; `noise` what
+    was found of the noise, with the whitener that goes with it.
     """
 
     before: Fit
@@ -95,28 +96,32 @@ def select(problem: Problem, *, seed: int, progress: Callable[[str, float], None
     return _Search(problem, seed, progress).run()
 
 
-def without(problem: Problem, chosen: Selection, name: str) -> Fit:
-    """The fit of all but one effect, on the steps that chose."""
-    kept = tuple(effect for effect in chosen.after.point.effects if effect.identifier != name)
-    start = Point(baseline=chosen.after.point.baseline, effects=kept)
-    return fit(problem, chosen.whitener, start, chosen.after.fitted)
+def without(problem: Problem, chosen: Selection, key: str) -> Fit:
+    """The fit of all but the effect of a key, on the steps that chose."""
+    return fit(problem, chosen.whitener, _dropped(chosen.after.point, {key}), chosen.after.fitted)
 
 
-def reduced(problem: Problem, chosen: Selection, names: Collection[str]) -> Selection:
-    """The selection without some of what was chosen, the rest refitted."""
-    noise = chosen.noise.dropped(names)
+def reduced(problem: Problem, chosen: Selection, keys: Collection[str]) -> Selection:
+    """The selection without some of what was chosen, effects and noises, the rest refitted and its keys made anew."""
+    noise = chosen.noise.dropped(keys)
 
     def fitted(one: Fit) -> Fit:
-        kept = tuple(effect for effect in one.point.effects if effect.identifier not in names)
-        return fit(problem, noise.whitener, Point(baseline=one.point.baseline, effects=kept), one.fitted)
+        return fit(problem, noise.whitener, _dropped(one.point, keys), one.fitted)
 
+    after = fitted(chosen.after)
+    kept = [one for key, one in chosen.evidence.items() if key not in keys]
     return replace(
         chosen,
-        after=fitted(chosen.after),
+        after=after,
         whole=fitted(chosen.whole),
         noise=noise,
-        evidence={name: one for name, one in chosen.evidence.items() if name not in names},
+        evidence=dict(zip(keys_of(after.point.effects), kept, strict=True)),
     )
+
+
+def _dropped(point: Point, keys: Collection[str]) -> Point:
+    named = zip(keys_of(point.effects), point.effects, strict=True)
+    return replace(point, effects=tuple(effect for key, effect in named if key not in keys))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,7 +150,7 @@ class _Search:
         self._noise = NoiseModel.of(problem)
         self._threshold: float | None = None
         self._bare: tuple[Whitener, Fit] | None = None
-        self._rivals: dict[str, tuple[str, ...]] = {}
+        self._rivals: dict[Place, tuple[str, ...]] = {}
 
     def run(self) -> Selection:
         untouched = Point(baseline=self._problem.baseline_start)
@@ -230,9 +235,10 @@ class _Search:
         return scatter((worse.white - better.white) * rows, worse.white * rows)
 
     def _promising(self, present: Fit, screening: Screening) -> list[Scored]:
-        """What is worth a fit: the best place of each effect that chance does not bring."""
-        known = {effect.identifier for effect in present.point.effects}
-        ranked = [one for one in screening.best_of_each() if one.probe.identifier not in known]
+        """What is worth a fit: the best place, still free, of each effect that chance does not bring."""
+        known = present.point.effects
+        free = tuple(one for one in screening.scored if may_join(one.probe.columns[0], known))
+        ranked = replace(screening, scored=free).best_of_each()
         least = max(self._least(present), _WORTH_TRYING * ranked[0].promise) if ranked else 0.0
         return [one for one in ranked if one.promise > least][:_TRIED]
 
@@ -248,7 +254,7 @@ class _Search:
             if tried.promise > self._least(present) and gain_kept(tried.fit, present, self._folds) > 0.0:
                 best = tried
         if best is not None:
-            self._rivals[best.added.identifier] = tuple(names)
+            self._rivals[place_of(best.added)] = tuple(names)
         return best
 
     def _without(self, present: Fit, effect: DescribedEffect) -> Fit:
@@ -267,7 +273,7 @@ class _Search:
         """Every effect against none and against its rivals, with all others in place, until none gives way."""
         for _ in range(_MOST_SWAPS):
             evidence: dict[str, Evidence] = {}
-            for effect in present.point.effects:
+            for key, effect in zip(keys_of(present.point.effects), present.point.effects, strict=True):
                 less = self._without(present, effect)
                 own = self._evidence(present, less, effect)
                 if own.gain / own.scatter < self._least(less):
@@ -276,13 +282,14 @@ class _Search:
                 rivals, nearest, better = self._rivalled(present, less, effect)
                 if better is not None:
                     present = better.fit
-                    self._rivals[better.added.identifier] = (*rivals, effect.identifier)
+                    self._rivals[place_of(better.added)] = (*rivals, effect.identifier)
                     break
-                evidence[effect.identifier] = replace(own, rivals=rivals, nearest=nearest)
+                evidence[key] = replace(own, rivals=rivals, nearest=nearest)
             else:
                 return present, evidence
         return present, {
-            one.identifier: self._evidence(present, self._without(present, one), one) for one in present.point.effects
+            key: self._evidence(present, self._without(present, one), one)
+            for key, one in zip(keys_of(present.point.effects), present.point.effects, strict=True)
         }
 
     def _evidence(self, present: Fit, less: Fit, effect: DescribedEffect) -> Evidence:
@@ -298,7 +305,7 @@ class _Search:
     ) -> tuple[dict[str, float], Point | None, _Tried | None]:
         """By how much rivals in the effect's place are worse, the model with the nearest, and the best if better."""
         mine = gain_of(present, less) - occam(present, present.point.effects.index(effect))
-        kinds = frozenset({*self._rivals.get(effect.identifier, ()), *effect.look_alikes} - {effect.identifier})
+        kinds = frozenset({*self._rivals.get(place_of(effect), ()), *effect.look_alikes} - {effect.identifier})
         rivals: dict[str, float] = {}
         nearest: _Tried | None = None
         for scored in self._promising(less, self._screened(less, _SETTLING_SHARE, kinds))[:_RIVALS]:

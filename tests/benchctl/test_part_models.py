@@ -18,7 +18,11 @@ MODEL = Model(
         "drive": {
             "inertia_kg_m2": 0.05,
             "viscous_nm_s": 0.03,
-            "effects": {"coulomb_friction": {"coulomb_nm": 0.02}},
+            "effects": {
+                "coulomb_friction": {"coulomb_nm": 0.02},
+                "cogging_torque": {"amplitude_nm": 0.01, "phase_deg": 3.0, "order": 12.0},
+                "cogging_torque_2": {"amplitude_nm": 0.004, "phase_deg": 9.0, "order": 36.0},
+            },
         }
     },
     recording="runs/monday.h5",
@@ -38,6 +42,10 @@ def test_a_model_of_a_drive_is_read_back_as_it_was_written(tmp_path: Path) -> No
         ("[parts]\ndrive = 3.0\n", r"\[parts\] drive: expected a table, got 3.0"),
         ("[parts.drive]\neffects = 3.0\n", r"\[parts.drive\] effects: expected a table, got 3.0"),
         ("[parts.drive.effects.rust]\nx = 1\n", r"\[parts.drive.effects\] rust: no such effect; there are cogging"),
+        (
+            "[parts.drive.effects.coulomb_friction_2]\ncoulomb_nm = 1.0\n",
+            r"\[parts.drive.effects\] coulomb_friction_2: no such effect; there are cogging",
+        ),
         ("[parts.chamber.effects]\ndead_time = 1\n", r"\[parts.chamber.effects\] dead_time: expected a table"),
         (
             "[parts.chamber.effects.dead_time]\nseconds = 1\n",

@@ -30,6 +30,7 @@ class CoggingTorque(DriveEffect):
     coordinate: ClassVar[str] = "angle"
     excited_by: ClassVar[str] = "slow whole turns"
     look_alikes: ClassVar[tuple[str, ...]] = ("torque_offset",)
+    several: ClassVar[bool] = True
     parameters: ClassVar[Mapping[str, Parameter]] = {
         "amplitude_nm": Parameter(
             unit="N m",

@@ -77,6 +77,9 @@ class DescribedEffect(ABC):
         Identifiers of effects that can be mistaken for it.
     parameters
         Its parameters by name; in the order of its fields.
+    several
+        Whether a model may have several, which differ in what is chosen of them: orders. Such an effect keeps no memory
+        and draws nothing.
     """
 
     identifier: ClassVar[str]
@@ -86,6 +89,7 @@ class DescribedEffect(ABC):
     excited_by: ClassVar[str]
     look_alikes: ClassVar[tuple[str, ...]]
     parameters: ClassVar[Mapping[str, Parameter]]
+    several: ClassVar[bool] = False
 
     @abstractmethod
     def says(self) -> str:

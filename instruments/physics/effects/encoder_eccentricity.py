@@ -34,6 +34,7 @@ class EncoderEccentricity(EncoderEffect):
     coordinate: ClassVar[str] = "angle"
     excited_by: ClassVar[str] = "whole turns at a high rate"
     look_alikes: ClassVar[tuple[str, ...]] = ("heading_dependent_bias", "encoder_interpolation")
+    several: ClassVar[bool] = True
     parameters: ClassVar[Mapping[str, Parameter]] = {
         "amplitude_arcsec": Parameter(
             unit="arcsec", meaning="largest error of angle", low=0.0, high=3600.0, role="size", scan=(1.0,), zero=0.0

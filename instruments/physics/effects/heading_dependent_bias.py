@@ -31,6 +31,7 @@ class HeadingDependentBias(PhysicalEffect):
     coordinate: ClassVar[str] = "angle"
     excited_by: ClassVar[str] = "slow whole turns, or rest at several headings"
     look_alikes: ClassVar[tuple[str, ...]] = ("encoder_eccentricity", "encoder_interpolation")
+    several: ClassVar[bool] = True
     parameters: ClassVar[Mapping[str, Parameter]] = {
         "amplitude_v": Parameter(
             unit="V", meaning="largest shift of the bias", low=0.0, high=10.0, role="size", scan=(1e-6,), zero=0.0

@@ -8,7 +8,8 @@ from dataclasses import MISSING, fields
 
 from instruments.errors import UsageError
 from instruments.physics.effects.effect import Parameter, PhysicalEffect
-from instruments.physics.effects.registry import effect
+from instruments.physics.effects.numbered import identifier_in
+from instruments.physics.effects.registry import effect, effects
 
 LATE = ("sensor_bandwidth", "saturation", "mains_pickup", "adc_nonlinearity", "adc_coarse", "outliers", "dropouts")
 """Effects that act after the others of their stage, in this order: amplifier, cable, converter, transmission."""
@@ -22,7 +23,8 @@ def make_effects(
 ) -> tuple[PhysicalEffect, ...]:
     """Effects from their parameters, by identifier, in the order in which those of one stage act.
 
-    A table may also state circumstances of its effect; those win over the `circumstances` that all share.
+    Of kinds of which there may be several a further one is named `identifier_2`, `identifier_3` and so on. A table may
+    also state circumstances of its effect; those win over the `circumstances` that all share.
 
     Raises
     ------
@@ -30,26 +32,24 @@ def make_effects(
         Names the effect or field that is not known, missing, no finite number or out of bounds, as `[where.effect]`.
     """
     order = {identifier: place for place, identifier in enumerate(LATE)}
-    made = [_made(identifier, table, circumstances or {}, where) for identifier, table in tables.items()]
+    made = [_made(name, table, circumstances or {}, where) for name, table in tables.items()]
     return tuple(sorted(made, key=lambda one: order.get(one.identifier, -1)))
 
 
-def _made(
-    identifier: str, table: Mapping[str, float], circumstances: Mapping[str, float], where: str
-) -> PhysicalEffect:
+def _made(name: str, table: Mapping[str, float], circumstances: Mapping[str, float], where: str) -> PhysicalEffect:
     try:
-        kind = effect(identifier)
+        kind = effect(identifier_in(name, effects()))
     except UsageError as err:
         raise UsageError(f"[{where}] {err}") from err
-    place = f"[{where}.{identifier}]"
+    place = f"[{where}.{name}]"
     if not isinstance(table, Mapping):
         raise UsageError(f"{place} expected a table of its parameters, got {table!r}")
     items = fields(kind)  # type: ignore[arg-type]  # effects are dataclasses
     known = [item.name for item in items]
-    for name, value in table.items():
-        if name not in known:
-            raise UsageError(f"{place} {name}: no such field; there are {', '.join(known)}")
-        _check(f"{place} {name}", value, kind.parameters.get(name))
+    for field, value in table.items():
+        if field not in known:
+            raise UsageError(f"{place} {field}: no such field; there are {', '.join(known)}")
+        _check(f"{place} {field}", value, kind.parameters.get(field))
     for item in items:
         if item.default is MISSING and item.name not in table:
             raise UsageError(f"{place} {item.name}: this field is needed and is not there")

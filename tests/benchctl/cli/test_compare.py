@@ -46,6 +46,21 @@ def test_a_recording_stands_beside_the_labs_model_and_the_new_one(capsys: pytest
     assert "constant_rate at +23 constant rate 16." in page.words
 
 
+def test_a_model_with_two_effects_of_one_kind_predicts_both() -> None:
+    write_moving(Path("real.h5"))
+    tables = {
+        "heading_dependent_bias": {"amplitude_v": 0.04, "phase_deg": 0.0, "order": 1.0},
+        "heading_dependent_bias_2": {"amplitude_v": 0.03, "phase_deg": 0.0, "order": 2.0},
+    }
+    Path("new.toml").write_text(
+        tomli_w.dumps({"format": "benchctl-model/1", "simulation": SIMULATION, "effects": tables})
+    )
+    assert compare("real.h5", "--model", "new.toml", "--json", "out.json", "--quiet") == 0
+    turning = json.loads(Path("out.json").read_text())["steps"][1]
+    assert turning["rms_v"]["the lab's model"] == pytest.approx(NOISE_V, rel=0.1)
+    assert turning["rms_v"]["the new model"] == pytest.approx(0.05 / np.sqrt(2.0), rel=0.2)
+
+
 def test_two_recordings_of_one_procedure_are_laid_over_each_other(capsys: pytest.CaptureFixture[str]) -> None:
     write_moving(Path("real.h5"))
     write_moving(Path("simulated.h5"), K0_v_per_dps=0.99 * K0, phase=0.7, seed=3, kinds=("static", "sine", "sine"))

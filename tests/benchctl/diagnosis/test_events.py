@@ -65,6 +65,15 @@ def test_what_swings_only_while_it_moves_so_is_no_line() -> None:
     assert "frequency" not in by_word(left)
 
 
+def test_rows_too_far_apart_for_lines_have_swings_alone() -> None:
+    time_s = np.arange(120) * 10.5
+    swing = np.random.default_rng(0).standard_normal(120) + 3.0 * np.sin(2 * np.pi * time_s / 200.0)
+    left = Leftover(swing, np.ones((120, 1)), np.ones(120, np.bool_))
+    (only,) = lines(left, time_s, 10.5, np.zeros(120, np.int64))
+    assert only.words == ("time",)
+    assert float(only.form.split()[-2]) == pytest.approx(200.0, rel=0.02)
+
+
 def test_in_noise_nothing_is_significant() -> None:
     for seed in range(5):
         left = left_of(np.zeros(TIME_S.size), seed)

@@ -102,13 +102,14 @@ class Decay(ToyEffect):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ripple(ToyEffect):
-    """A wave in the angle, whose order is a choice."""
+    """A wave in the angle, whose order is a choice: there may be one of each."""
 
     amplitude_v: float
     phase_deg: float
     order: float
     identifier: ClassVar[str] = "ripple"
     coordinate: ClassVar[str] = "angle"
+    several: ClassVar[bool] = True
     parameters: ClassVar[Mapping[str, Parameter]] = {
         "amplitude_v": _size(),
         "phase_deg": Parameter(unit="degree", meaning="phase", low=0.0, high=360.0, role="phase", scan=(0.0,)),

@@ -8,6 +8,7 @@ import pytest
 from instruments.errors import UsageError
 from instruments.physics.effects.adc_coarse import AdcCoarse
 from instruments.physics.effects.bias_temperature import BiasTemperature
+from instruments.physics.effects.encoder_eccentricity import EncoderEccentricity
 from instruments.physics.effects.making import LATE, make_effects
 from instruments.physics.effects.registry import effects
 from instruments.physics.effects.sensor_bandwidth import SensorBandwidth
@@ -51,9 +52,29 @@ def test_an_effect_that_is_gone_may_be_stated() -> None:
     assert make_effects({"sensor_bandwidth": {"cutoff_hz": math.inf}})[0].values["cutoff_hz"] == math.inf
 
 
+def test_further_effects_of_a_kind_are_numbered() -> None:
+    first = {"amplitude_arcsec": 15.0, "phase_deg": 40.0}
+    second = {"amplitude_arcsec": 5.0, "phase_deg": 110.0, "order": 2.0}
+    tenth = {"amplitude_arcsec": 1.0, "phase_deg": 0.0, "order": 4.0}
+    tables = {"encoder_eccentricity": first, "encoder_eccentricity_2": second, "encoder_eccentricity_10": tenth}
+    assert make_effects(tables) == tuple(EncoderEccentricity(**one) for one in (first, second, tenth))
+
+
+@pytest.mark.parametrize("name", ["_1", "_0", "_02", "_2_2", "_two", "_", "2", "_-2", "_\N{SUPERSCRIPT TWO}"])
+def test_what_is_no_number_from_two_on_names_no_further_effect(name: str) -> None:
+    table = {"amplitude_arcsec": 5.0, "phase_deg": 110.0}
+    with pytest.raises(UsageError, match=rf"^\[effects\] effect 'encoder_eccentricity{name}': there is no such effect"):
+        make_effects({f"encoder_eccentricity{name}": table})
+
+
 @pytest.mark.parametrize(
     ("tables", "says"),
     [
+        ({"thermal_lag_2": {"tau_s": 1.0}}, r"^\[effects\] effect 'thermal_lag_2': there is no such effect; there are "),
+        (
+            {"encoder_eccentricity_2": {"phase_deg": 1.0}},
+            r"^\[effects\.encoder_eccentricity_2\] amplitude_arcsec: this field is needed and is not there",
+        ),
         ({"thermal_lagg": {"tau_s": 1.0}}, r"^\[effects\] effect 'thermal_lagg': there is no such effect; there are "),
         ({"thermal_lag": 312.0}, r"^\[effects\.thermal_lag\] expected a table of its parameters, got 312\.0"),
         ({"thermal_lag": {"tau": 1.0}}, r"^\[effects\.thermal_lag\] tau: no such field; there are tau_s$"),
