@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchctl.diagnosis.fit import Fit, inverse
+from benchctl.diagnosis.keys import Place, place_of
 from benchctl.diagnosis.noise import Whitener
 from benchctl.diagnosis.probes import Probe
 from benchctl.diagnosis.problem import Problem
@@ -29,6 +30,7 @@ FloatArray = npt.NDArray[np.float64]
 _UNSEEN = 1e-7
 """Share of a column's own power that must be left when the model in hand has been taken off: below it is rounding."""
 
+_CHOICES, _NEARLY = 2, 0.05
 _BLOCK = 64
 """Samples whose products are summed to see how they scatter: half a second."""
 _WORTH = 8.0
@@ -70,13 +72,22 @@ class Screening:
     threshold: float
 
     def best_of_each(self) -> list[Scored]:
-        """The most promising probe of each effect, the most promising effect first."""
-        best: dict[str, Scored] = {}
+        """The most promising probe of each effect, the most promising effect first.
+
+        Of an effect with choices the best of another choice follows where it promises anything like as much: which is
+        right only a fit can tell.
+        """
+        best: dict[Place, Scored] = {}
         for one in self.scored:
-            known = best.get(one.probe.identifier)
-            if known is None or one.promise > known.promise:
-                best[one.probe.identifier] = one
-        return sorted(best.values(), key=lambda one: -one.promise)
+            place = place_of(one.probe.columns[0])
+            if place not in best or one.promise > best[place].promise:
+                best[place] = one
+        kept: dict[str, list[Scored]] = {}
+        for one in sorted(best.values(), key=lambda one: -one.promise):
+            same = kept.setdefault(one.probe.identifier, [])
+            if not same or (len(same) < _CHOICES and one.promise > _NEARLY * same[0].promise):
+                same.append(one)
+        return sorted((one for same in kept.values() for one in same), key=lambda one: -one.promise)
 
 
 def screen(

@@ -305,12 +305,15 @@ class _Search:
     ) -> tuple[dict[str, float], Point | None, _Tried | None]:
         """By how much rivals in the effect's place are worse, the model with the nearest, and the best if better."""
         mine = gain_of(present, less) - occam(present, present.point.effects.index(effect))
-        kinds = frozenset({*self._rivals.get(place_of(effect), ()), *effect.look_alikes} - {effect.identifier})
+        kinds = frozenset({*self._rivals.get(place_of(effect), ()), *effect.look_alikes, effect.identifier})
         rivals: dict[str, float] = {}
         nearest: _Tried | None = None
-        for scored in self._promising(less, self._screened(less, _SETTLING_SHARE, kinds))[:_RIVALS]:
+        promising = self._promising(less, self._screened(less, _SETTLING_SHARE, kinds))
+        others = [one for one in promising if place_of(one.probe.columns[0]) != place_of(effect)]
+        for scored in others[:_RIVALS]:
             tried = self._with(less, scored)
-            rivals[tried.added.identifier] = mine - tried.evidence
+            if tried.added.identifier != effect.identifier:
+                rivals[tried.added.identifier] = mine - tried.evidence
             if nearest is None or tried.evidence > nearest.evidence:
                 nearest = tried
         if nearest is None:

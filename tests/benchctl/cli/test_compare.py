@@ -50,7 +50,7 @@ def test_a_model_with_two_effects_of_one_kind_predicts_both() -> None:
     write_moving(Path("real.h5"))
     tables = {
         "heading_dependent_bias": {"amplitude_v": 0.04, "phase_deg": 0.0, "order": 1.0},
-        "heading_dependent_bias_2": {"amplitude_v": 0.03, "phase_deg": 0.0, "order": 2.0},
+        "heading_dependent_bias_2": {"amplitude_v": 0.04, "phase_deg": 90.0, "order": 2.0},
     }
     Path("new.toml").write_text(
         tomli_w.dumps({"format": "benchctl-model/1", "simulation": SIMULATION, "effects": tables})
@@ -58,7 +58,9 @@ def test_a_model_with_two_effects_of_one_kind_predicts_both() -> None:
     assert compare("real.h5", "--model", "new.toml", "--json", "out.json", "--quiet") == 0
     turning = json.loads(Path("out.json").read_text())["steps"][1]
     assert turning["rms_v"]["the lab's model"] == pytest.approx(NOISE_V, rel=0.1)
-    assert turning["rms_v"]["the new model"] == pytest.approx(0.05 / np.sqrt(2.0), rel=0.2)
+    angle = np.radians(RATE_DPS * np.arange(0.0, 8.0, 1 / 200.0))
+    both = 0.04 * np.cos(angle) - 0.04 * np.cos(2.0 * angle)
+    assert turning["rms_v"]["the new model"] == pytest.approx(np.sqrt(np.mean(both**2)), rel=0.05)
 
 
 def test_two_recordings_of_one_procedure_are_laid_over_each_other(capsys: pytest.CaptureFixture[str]) -> None:

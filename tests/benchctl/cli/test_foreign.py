@@ -14,7 +14,9 @@ MAPS = Path(__file__).resolve().parents[1] / "recordings" / "maps"
 
 
 @needs_shared("recordings/examples")
-@pytest.mark.parametrize("name", ["null", "pair", "single"])
+@pytest.mark.parametrize(
+    "name", ["single", pytest.param("null", marks=pytest.mark.slow), pytest.param("pair", marks=pytest.mark.slow)]
+)
 def test_an_open_recording_imports_fits_and_exports_with_every_digit(name: str, tmp_path: Path) -> None:
     imported = benchctl("import", EXAMPLES / name, "-o", tmp_path / "r.h5")
     assert imported.returncode == 0, imported.stderr

@@ -17,7 +17,7 @@ from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo, Unit
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.writer import write_recording
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 
 RATE_HZ, NOISE_DPS, RANGE_DPS = 100.0, 0.01, 175.0
 K0_WITHIN_DPS = 40.0

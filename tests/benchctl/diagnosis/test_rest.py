@@ -197,10 +197,14 @@ def of_foreign(kind: str, seed: int) -> Rest:
     return rest_of(problem, whitener, fitted)
 
 
+@pytest.mark.slow
+@pytest.mark.timeout(300)
 def test_where_nothing_is_missing_nothing_is_left() -> None:
     assert not of_foreign("moved", 1).significant
 
 
+@pytest.mark.slow
+@pytest.mark.timeout(300)
 def test_an_effect_that_nobody_knows_is_located() -> None:
     truth = draw("outsider", 8)
     found = of_foreign("outsider", 8)

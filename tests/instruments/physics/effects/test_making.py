@@ -70,7 +70,10 @@ def test_what_is_no_number_from_two_on_names_no_further_effect(name: str) -> Non
 @pytest.mark.parametrize(
     ("tables", "says"),
     [
-        ({"thermal_lag_2": {"tau_s": 1.0}}, r"^\[effects\] effect 'thermal_lag_2': there is no such effect; there are "),
+        (
+            {"thermal_lag_2": {"tau_s": 1.0}},
+            r"^\[effects\] effect 'thermal_lag_2': there is no such effect; there are ",
+        ),
         (
             {"encoder_eccentricity_2": {"phase_deg": 1.0}},
             r"^\[effects\.encoder_eccentricity_2\] amplitude_arcsec: this field is needed and is not there",
