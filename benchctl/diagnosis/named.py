@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from benchctl.diagnosis.fit import Fit, gain_of
+from benchctl.diagnosis.gyro_problem import GyroProblem
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.rest import Rest, imperfect, instead_of, rest_of, withdrawn
 from benchctl.diagnosis.result import Unexplained
@@ -29,6 +30,7 @@ def named(problem: Problem, chosen: Selection, *, seed: int) -> tuple[Selection,
             * gains[name]
             / max(gain_of(chosen.after, one), 1.0)
             for name, one in less.items()
+            if isinstance(problem, GyroProblem)  # a drive or a chamber moves once or twice: time follows everything
         }
         forbidden = withdrawn(gains, rest, instead)
         if not forbidden:

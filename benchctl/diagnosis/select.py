@@ -258,7 +258,7 @@ class _Search:
         return best
 
     def _without(self, present: Fit, effect: DescribedEffect) -> Fit:
-        rest = tuple(one for one in present.point.effects if one is not effect)
+        rest = tuple(one for one in present.point.effects if place_of(one) != place_of(effect))
         return self._fit(Point(baseline=present.point.baseline, effects=rest))
 
     def _pruned(self, present: Fit) -> Fit:
@@ -307,15 +307,21 @@ class _Search:
         mine = gain_of(present, less) - occam(present, present.point.effects.index(effect))
         kinds = frozenset({*self._rivals.get(place_of(effect), ()), *effect.look_alikes, effect.identifier})
         rivals: dict[str, float] = {}
+        best: _Tried | None = None
         nearest: _Tried | None = None
         promising = self._promising(less, self._screened(less, _SETTLING_SHARE, kinds))
         others = [one for one in promising if place_of(one.probe.columns[0]) != place_of(effect)]
         for scored in others[:_RIVALS]:
             tried = self._with(less, scored)
-            if tried.added.identifier != effect.identifier:
-                rivals[tried.added.identifier] = mine - tried.evidence
+            if best is None or tried.evidence > best.evidence:
+                best = tried
+            if tried.added.identifier == effect.identifier:
+                continue
+            rivals[tried.added.identifier] = mine - tried.evidence
             if nearest is None or tried.evidence > nearest.evidence:
                 nearest = tried
-        if nearest is None:
-            return rivals, None, None
-        return rivals, nearest.fit.point, nearest if nearest.evidence > mine else None
+        return (
+            rivals,
+            None if nearest is None else nearest.fit.point,
+            best if best is not None and best.evidence > mine else None,
+        )

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from benchctl.diagnosis.keys import keys_of_names
 from benchctl.proof.truth import Truth
 from instruments.physics.effects.effect import Parameter
 from instruments.physics.effects.registry import effect
@@ -66,7 +67,8 @@ class Score:
 
 def score_diagnosis(truth: Truth, said: Mapping[str, Any]) -> Score:
     """Score a diagnosis, given as its JSON."""
-    found = {finding["effect"]: finding for finding in said["findings"]}
+    # a second effect of one kind, which no trial conceals, is one more
+    found = dict(zip(keys_of_names(one["effect"] for one in said["findings"]), said["findings"], strict=True))
     missed, made_up = _differences(truth, found)
     verdict_right = said["verdict"] == truth.verdict
     located = _located(truth, said["unexplained"]) if truth.withheld else None

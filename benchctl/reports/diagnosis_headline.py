@@ -82,4 +82,4 @@ def predicts_otherwise(diagnosis: Diagnosis) -> bool:
 
 
 def _names(findings: Sequence[Finding], kind: str) -> str:
-    return words.listed([title(one.effect) for one in findings if kind_of(one.effect) == kind])
+    return words.listed(list(dict.fromkeys(title(one.effect) for one in findings if kind_of(one.effect) == kind)))
