@@ -69,6 +69,14 @@ def fault_findings(problem: Problem, faults: tuple[Fault, ...]) -> Iterator[Find
         )
 
 
+def rounding_of(problem: Problem, faults: tuple[Fault, ...]) -> float:
+    """The variance [unit²] of the rounding by a converter that has lost bits; 0 where it has not."""
+    bits = next((one.parameters["bits_lost"].value for one in faults if one.effect == "adc_coarse"), None)
+    if bits is None or not isinstance(problem, GyroProblem):
+        return 0.0
+    return float((problem.adc_step_v * 2.0**bits) ** 2 / 12.0)
+
+
 def _spoilt(problem: GyroProblem, found: tuple[Fault, ...]) -> BoolArray:
     kept = [one.rows for one in found if one.effect not in problem.without]
     return np.asarray(np.logical_or.reduce([np.zeros_like(problem.usable), *kept]))

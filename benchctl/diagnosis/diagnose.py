@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from benchctl.diagnosis.cleaned import cleaned, fault_findings
+from benchctl.diagnosis.cleaned import cleaned, fault_findings, rounding_of
 from benchctl.diagnosis.findings import findings_of, noise_effects
 from benchctl.diagnosis.fit import Fit
 from benchctl.diagnosis.left_open import next_of
@@ -45,9 +45,10 @@ def diagnose(
     """
     told = progress or (lambda _name, _share: None)
     problem, faults = cleaned(problem_of(recording, part, model=model, without=without))
-    chosen = select(problem, seed=seed, progress=told)
+    rounding_v2 = rounding_of(problem, faults)
+    chosen = select(problem, seed=seed, progress=told, rounding_v2=rounding_v2)
     told("what is left", 0.95)
-    chosen, unexplained, owed = named(problem, chosen, seed=seed)
+    chosen, unexplained, owed = named(problem, chosen, rounding_v2=rounding_v2, seed=seed)
     findings = (*findings_of(problem, chosen), *fault_findings(problem, faults))
     baseline = baseline_of(problem, chosen)
     verdict = verdict_of(problem, findings, unexplained, baseline)

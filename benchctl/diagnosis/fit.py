@@ -29,6 +29,8 @@ _CLOSE = 0.02
 """Rounds end when twice the log likelihood is expected to gain less."""
 _RIDGE = 1e-10
 _NUDGE = 1e-4
+_SMALLEST = 1e-300
+"""Below it a number that is moved in its logarithm does not go."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +65,7 @@ class Point:
         if number.effect is None:
             return float(self.baseline[index])
         value = float(getattr(self.effects[number.effect], number.name))
-        return math.log(value) if _in_logarithms(number) else value
+        return math.log(max(value, _SMALLEST)) if _in_logarithms(number) else value
 
     def moved(self, numbers: Sequence[Free], values: FloatArray) -> Point:
         """The model with its free numbers at other values, each kept within its bounds."""
@@ -90,7 +92,7 @@ def _bounded(number: Free, value: float) -> float:
     if parameter.role == "phase":
         return value % 360.0
     if parameter.logarithmic:
-        value = math.exp(min(value, 700.0))
+        value = max(math.exp(min(value, 700.0)), _SMALLEST)
     return min(max(value, parameter.low), parameter.high)
 
 

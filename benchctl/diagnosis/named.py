@@ -11,18 +11,25 @@ from benchctl.diagnosis.select import Selection, reduced, without
 from benchctl.diagnosis.wandering import PROCESSES
 
 _ROUNDS = 3
+_ROUNDED = 0.1
+"""Share of the rounding's variance that may be left in lines, where the motion sweeps the steps alike each time."""
 NOTHING = Unexplained(significant=False, share=0.0)
 
 
-def named(problem: Problem, chosen: Selection, *, seed: int) -> tuple[Selection, Unexplained, tuple[str, ...]]:
+def named(
+    problem: Problem, chosen: Selection, *, rounding_v2: float = 0.0, seed: int
+) -> tuple[Selection, Unexplained, tuple[str, ...]]:
     """The selection without the names that what is left forbids, what is left then, and what is to be noted.
 
+    `rounding_v2` is the variance of what a coarse converter rounds off: it repeats with the motion, and is no noise.
     A name that falls uncovers what it had followed; so the rest is looked at again until no more fall.
     """
     for _ in range(_ROUNDS):
         rest = rest_of(problem, chosen.whitener, chosen.after, seed=seed)
         if not rest.significant:
             return chosen, NOTHING, ()
+        if rest.power < _ROUNDED * rounding_v2:
+            return chosen, NOTHING, (f"{rest.says} It is little enough to be owed to the converter's steps.",)
         less = {name: without(problem, chosen, name) for name in chosen.evidence}
         gains = {name: _beside(rest, chosen.after, one) for name, one in less.items()} | _noises(chosen, rest)
         instead = {

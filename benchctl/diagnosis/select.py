@@ -33,6 +33,8 @@ _WORTH_TRYING = 0.2
 """Share of the best promise below which an effect is not fitted: where it starts is near enough for that."""
 _IMPERFECT = 0.02
 """Share of what an effect does by which its model may miss it: so much of its gain, squared, is left to others."""
+_ROUNDED = 0.01
+"""Share of the rounding's variance that may follow the motion."""
 _HELD_OUT = 6
 """One step in so many of a kind chooses nothing and fits nothing."""
 
@@ -91,9 +93,15 @@ def _dealt(problem: Problem) -> IntArray:
     return np.array(dealt, dtype=np.int64)
 
 
-def select(problem: Problem, *, seed: int, progress: Callable[[str, float], None]) -> Selection:
-    """Find what a problem's data demand."""
-    return _Search(problem, seed, progress).run()
+def select(
+    problem: Problem, *, seed: int, progress: Callable[[str, float], None], rounding_v2: float = 0.0
+) -> Selection:
+    """Find what a problem's data demand.
+
+    `rounding_v2` [unit²] is the variance of what a coarse converter rounds off: where motion sweeps its steps slowly or
+    alike each time, that is no noise, and what explains a small share of it only is not believed.
+    """
+    return _Search(problem, seed, progress, rounding_v2).run()
 
 
 def without(problem: Problem, chosen: Selection, key: str) -> Fit:
@@ -141,8 +149,9 @@ class _Tried:
 
 
 class _Search:
-    def __init__(self, problem: Problem, seed: int, progress: Callable[[str, float], None]) -> None:
+    def __init__(self, problem: Problem, seed: int, progress: Callable[[str, float], None], rounding_v2: float) -> None:
         self._problem, self._seed, self._progress = problem, seed, progress
+        self._rounding_v2 = rounding_v2
         self._folds = _dealt(problem)
         self._held = held_out_steps(problem)
         self._fitted = ~self._held
@@ -211,7 +220,8 @@ class _Search:
         if self._bare is None or self._bare[0] is not self._noise.whitener:
             self._bare = self._noise.whitener, self._fit(Point(baseline=beside.point.baseline))
         explained = max(gain_of(beside, self._bare[1]), 0.0) if beside.point.effects else 0.0
-        return (self._threshold or 0.0) + _IMPERFECT**2 * explained
+        rounded = _ROUNDED * beside.rows * self._rounding_v2 / beside.deviation**2
+        return (self._threshold or 0.0) + _IMPERFECT**2 * explained + rounded
 
     def _remeasured(self, present: Fit, threshold: float) -> Fit:
         """The fit with what was found of the noise measured beside it."""

@@ -14,6 +14,7 @@ MAPS = Path(__file__).resolve().parents[1] / "recordings" / "maps"
 
 
 @needs_shared("recordings/examples")
+@pytest.mark.timeout(300)
 @pytest.mark.parametrize(
     "name", ["single", pytest.param("null", marks=pytest.mark.slow), pytest.param("pair", marks=pytest.mark.slow)]
 )
