@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +28,8 @@ _MOST_FINDINGS = 5
 _TRIED = 6
 _RIVALS = 3
 _MOST_SWAPS = 6
-_SETTLING_SHARE = 0.9
+_SEARCHED, _EACH_ROUND = 0.9, 0.5
+"""Share of a diagnosis that is the search, and of what is left of it that each further effect is taken to need."""
 _WORTH_TRYING = 0.2
 """Share of the best promise below which an effect is not fitted: where it starts is near enough for that."""
 _IMPERFECT = 0.02
@@ -76,6 +77,11 @@ class Selection:
     def whitener(self) -> Whitener:
         """What makes the noise white."""
         return self.noise.whitener
+
+
+def _share_done(rounds: int) -> float:
+    """How much of a diagnosis is done after so many screenings; how many there will be nobody knows."""
+    return _SEARCHED * (1.0 - _EACH_ROUND**rounds)
 
 
 def held_out_steps(problem: Problem) -> BoolArray:
@@ -167,7 +173,7 @@ class _Search:
         self._noise = self._noise.levelled(self._problem, present)
         present = self._fit(present.point)
         for number in range(_MOST_FINDINGS + 1):
-            screening = self._screened(present, number / (_MOST_FINDINGS + 2))
+            screening = self._screened(present, (_share_done(number), _share_done(number + 1)))
             self._threshold = screening.threshold
             if number == _MOST_FINDINGS:
                 break
@@ -195,22 +201,26 @@ class _Search:
             heldout=self._held,
         )
 
-    def _screened(self, present: Fit, share: float, kinds: frozenset[str] | None = None) -> Screening:
+    def _screened(self, present: Fit, shares: tuple[float, float], kinds: frozenset[str] | None = None) -> Screening:
+        """The probes' promise beside a model; meanwhile the share that is done goes from one to the other."""
         proposed = (
             () if kinds is not None and not kinds & SCANNED else proposals(self._problem, self._noise.whitener, present)
         )
+        probes = [probe for probe in (*self._probes, *proposed) if kinds is None or probe.identifier in kinds]
+        done = itertools.count()
+
+        def told(name: str) -> None:
+            self._progress(name, shares[0] + (shares[1] - shares[0]) * next(done) / len(probes))
+
         return screen(
             self._problem,
             self._noise.whitener,
             present,
-            [probe for probe in (*self._probes, *proposed) if kinds is None or probe.identifier in kinds],
+            probes,
             seed=self._seed,
             threshold=self._threshold,
-            progress=partial(self._told, share),
+            progress=told,
         )
-
-    def _told(self, share: float, name: str) -> None:
-        self._progress(name, share)
 
     def _fit(self, point: Point) -> Fit:
         return fit(self._problem, self._noise.whitener, point, self._fitted)
@@ -319,7 +329,7 @@ class _Search:
         rivals: dict[str, float] = {}
         best: _Tried | None = None
         nearest: _Tried | None = None
-        promising = self._promising(less, self._screened(less, _SETTLING_SHARE, kinds))
+        promising = self._promising(less, self._screened(less, (_SEARCHED, _SEARCHED), kinds))
         others = [one for one in promising if place_of(one.probe.columns[0]) != place_of(effect)]
         for scored in others[:_RIVALS]:
             tried = self._with(less, scored)

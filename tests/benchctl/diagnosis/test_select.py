@@ -133,7 +133,7 @@ def taken(problem: Toy) -> tuple[list[set[str]], Selection]:
             models.append({effect.identifier for effect in present.point.effects})
             return super()._best(present, screening)
 
-    return models, Followed(problem, 0, lambda _name, _share: None).run()
+    return models, Followed(problem, 0, lambda _name, _share: None, 0.0).run()
 
 
 def test_what_a_later_finding_makes_superfluous_is_pruned() -> None:
