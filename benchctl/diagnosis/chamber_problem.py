@@ -13,8 +13,8 @@ import scipy.optimize
 
 from benchctl.diagnosis.chamber_rows import DRIVES, ChamberRows, chamber_rows_of
 from benchctl.diagnosis.keys import tables_of
+from benchctl.diagnosis.stepped import MadeOfRows, MadeRows
 from benchctl.part_models import EFFECTS, numbers_of
-from benchctl.recordings.model import StepInfo
 from benchctl.recordings.reader import Recording
 from instruments.physics.chamber_effects.air import air_c
 from instruments.physics.chamber_effects.effect import ChamberEffect, ChamberSignals
@@ -30,7 +30,7 @@ _NOISE = "noise_k_rms"
 
 
 @dataclass(frozen=True, kw_only=True)
-class ChamberProblem:
+class ChamberProblem(MadeOfRows):
     """A `benchctl.diagnosis.problem.Problem`: increments of the freely simulated air from row to row.
 
     Baseline of a power: `gain` [K per its unit], `tau_s`, and `ambient_c` where the room was not measured; of a set
@@ -51,49 +51,19 @@ class ChamberProblem:
     noises: frozenset[str] = frozenset()
 
     @property
+    def made(self) -> MadeRows:
+        """The rows."""
+        return self.rows
+
+    @property
     def measured(self) -> FloatArray:
         """How far the air moved [K], shape (m,)."""
         return self.rows.increment_c
 
     @property
-    def time_s(self) -> FloatArray:
-        """Of the rows [s], shape (m,)."""
-        return self.rows.time_s
-
-    @property
     def interval_s(self) -> float:
         """Between two rows [s]."""
         return self.rows.block * self.rows.interval_s
-
-    @property
-    def stretches(self) -> tuple[slice, ...]:
-        """Rows without gaps."""
-        return self.rows.stretches
-
-    @property
-    def step(self) -> IntArray:
-        """Which step a row belongs to, shape (m,)."""
-        return self.rows.infos_of_rows.step
-
-    @property
-    def steps(self) -> tuple[StepInfo, ...]:
-        """The steps, or pieces of them."""
-        return self.rows.infos_of_rows.infos
-
-    @property
-    def step_names(self) -> tuple[str, ...]:
-        """Names of the steps."""
-        return tuple(info.name for info in self.steps)
-
-    @property
-    def step_kinds(self) -> tuple[str, ...]:
-        """Kinds of the steps."""
-        return tuple(info.kind for info in self.steps)
-
-    @property
-    def regressor_variance(self) -> tuple[FloatArray, FloatArray]:
-        """Nothing that is known apart from the noise of `measured`; (m,) each."""
-        return np.zeros(self.step.size), np.zeros(self.step.size)
 
     @property
     def circumstances(self) -> Mapping[str, float]:

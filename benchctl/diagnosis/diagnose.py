@@ -94,5 +94,5 @@ def _figures(problem: Problem, chosen: Selection) -> FitFigures:
 def _model(problem: Problem, chosen: Selection) -> dict[str, Any]:
     """The content of the model file."""
     effects = (*chosen.whole.point.effects, *noise_effects(chosen))
-    noise = chosen.after.deviation / chosen.whitener.innovation
-    return {"format": "benchctl-model/1"} | problem.model_of(chosen.whole.point.baseline, effects, noise)
+    tables = problem.model_of(chosen.whole.point.baseline, effects, chosen.white_deviation)
+    return {"format": "benchctl-model/1"} | tables

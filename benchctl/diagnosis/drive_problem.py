@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from benchctl.diagnosis.drive_rows import BLOCK, DriveRows, drive_rows_of
 from benchctl.diagnosis.keys import tables_of
+from benchctl.diagnosis.stepped import MadeOfRows, MadeRows
 from benchctl.part_models import EFFECTS, numbers_of
-from benchctl.recordings.model import StepInfo
 from benchctl.recordings.reader import Recording
 from instruments.errors import UsageError
 from instruments.physics.drive_effects.effect import DriveEffect, DriveSignals
@@ -29,7 +29,7 @@ CONSTANT = "torque_constant_nm_per_a"
 
 
 @dataclass(frozen=True, kw_only=True)
-class DriveProblem:
+class DriveProblem(MadeOfRows):
     """A `benchctl.diagnosis.problem.Problem`: τ = J·dω/dt + b·ω, row by row.
 
     `believed` says whether the start is a lab's model, or was estimated from the recording itself.
@@ -48,14 +48,14 @@ class DriveProblem:
     baseline_units: tuple[str, ...] = UNITS
 
     @property
+    def made(self) -> MadeRows:
+        """The rows."""
+        return self.rows
+
+    @property
     def measured(self) -> FloatArray:
         """The torque [N·m], shape (m,)."""
         return self.rows.torque_nm
-
-    @property
-    def time_s(self) -> FloatArray:
-        """Of the rows [s], shape (m,)."""
-        return self.rows.time_s
 
     @property
     def interval_s(self) -> float:
@@ -63,39 +63,9 @@ class DriveProblem:
         return BLOCK * self.rows.sample_interval_s
 
     @property
-    def stretches(self) -> tuple[slice, ...]:
-        """Rows without gaps."""
-        return self.rows.stretches
-
-    @property
-    def step(self) -> IntArray:
-        """Which step a row belongs to, shape (m,)."""
-        return self.rows.infos_of_rows.step
-
-    @property
-    def steps(self) -> tuple[StepInfo, ...]:
-        """The steps, or pieces of them."""
-        return self.rows.infos_of_rows.infos
-
-    @property
-    def step_names(self) -> tuple[str, ...]:
-        """Names of the steps."""
-        return tuple(info.name for info in self.steps)
-
-    @property
-    def step_kinds(self) -> tuple[str, ...]:
-        """Kinds of the steps."""
-        return tuple(info.kind for info in self.steps)
-
-    @property
     def usable(self) -> BoolArray:
         """Rows in which the table turns."""
         return self.rows.moving
-
-    @property
-    def regressor_variance(self) -> tuple[FloatArray, FloatArray]:
-        """Nothing that is known apart from the noise of `measured`; (m,) each."""
-        return np.zeros(self.step.size), np.zeros(self.step.size)
 
     @property
     def circumstances(self) -> Mapping[str, float]:

@@ -9,11 +9,11 @@ import numpy.typing as npt
 
 from benchctl.diagnosis.frame import Frame
 from benchctl.diagnosis.motion import Motion
+from benchctl.diagnosis.normal import QUARTILE
 
 FloatArray = npt.NDArray[np.float64]
 
 _FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
-_NORMAL_QUARTILE = 0.67449
 
 
 def rate_variance(frame: Frame) -> tuple[FloatArray, FloatArray]:
@@ -36,7 +36,7 @@ def _angle_variance(angles_deg: Sequence[FloatArray]) -> float:
     if not long:
         return 0.0
     differences = [np.abs(np.convolve(one - one[0], _FOURTH_DIFFERENCE, mode="valid")) for one in long]
-    deviation = float(np.median(np.concatenate(differences))) / _NORMAL_QUARTILE
+    deviation = float(np.median(np.concatenate(differences))) / QUARTILE
     return deviation**2 / float(_FOURTH_DIFFERENCE @ _FOURTH_DIFFERENCE)
 
 

@@ -14,14 +14,15 @@ import numpy.typing as npt
 import scipy.fft
 from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 
+from benchctl.diagnosis.blocks import BLOCK, block_starts
 from benchctl.diagnosis.groups import Group
 from benchctl.diagnosis.leftover import Leftover
+from benchctl.diagnosis.scan_mains import FAINTEST
 
 FloatArray = npt.NDArray[np.float64]
 
 _SLOW_HZ = 0.1
 """Below it a line is a swing in time."""
-_BLOCK = 64
 _WIDTHS_S = tuple(np.geomspace(3.0, 300.0, 21).tolist())
 _REACH = 5.0
 _ROOT = math.sqrt(2.0)
@@ -30,8 +31,6 @@ _LOUD = 40.0
 _LEAST = 1e-3
 """Share of the rows that must lie on either side of a jump."""
 _FINE = 61
-_FAINTEST = 0.02
-"""Rms of a line over that of the noise, below which it may be the encoder's steps, which repeat with the motion."""
 _STEADY = 0.8
 _SCATTER = 3.0
 """Share of what lines of each step's own explain that one line through all of them must reach."""
@@ -45,7 +44,7 @@ def jump(left: Leftover, time_s: FloatArray) -> Group:
     rows = after[:, 1]
     gain[(rows < _LEAST * rows[0]) | (rows > (1.0 - _LEAST) * rows[0])] = 0.0
     block = int(np.argmax(gain))
-    near = slice(max(block - 1, 0) * _BLOCK, min((block + 2) * _BLOCK, time_s.size))
+    near = slice(max(block - 1, 0) * BLOCK, min((block + 2) * BLOCK, time_s.size))
     # within a block of the likeliest one, to the sample
     rest = left.white[near]
     place = near.start + int(np.argmax(np.abs(np.cumsum(rest - rest.mean()))))
@@ -64,7 +63,7 @@ def jump(left: Leftover, time_s: FloatArray) -> Group:
 
 def bump(left: Leftover, time_s: FloatArray, interval_s: float) -> Group:
     """The instant and the width at which a bump of the bias explains most."""
-    cell_s = _BLOCK * interval_s
+    cell_s = BLOCK * interval_s
     cell = ((time_s - time_s[0]) / cell_s).astype(np.int64)
     parts = [left.white, left.rows, *left.known.T]
     sums = np.stack([np.bincount(cell, part) for part in parts], axis=1)
@@ -133,14 +132,10 @@ def lines(left: Leftover, time_s: FloatArray, interval_s: float, step: npt.NDArr
 
 def _refined(left: Leftover, time_s: FloatArray, frequency: float, width: float) -> float:
     """The frequency within `width` [Hz] of one at which a line explains most."""
-    sums = np.add.reduceat(left.white * np.exp(-2j * np.pi * frequency * time_s), _starts(time_s))
+    sums = np.add.reduceat(left.white * np.exp(-2j * np.pi * frequency * time_s), block_starts(time_s.size))
     near = np.linspace(-width, width, _FINE)
-    turned = np.exp(-2j * np.pi * np.outer(near, time_s[_starts(time_s)]))
+    turned = np.exp(-2j * np.pi * np.outer(near, time_s[block_starts(time_s.size)]))
     return frequency + float(near[int(np.argmax(np.abs(turned @ sums)))])
-
-
-def _starts(rows: FloatArray) -> npt.NDArray[np.int64]:
-    return np.arange(0, rows.size, _BLOCK)
 
 
 def _line(both: FloatArray, slowly: FloatArray) -> Callable[[], FloatArray]:
@@ -156,7 +151,7 @@ def _is_everywhere(left: Leftover, both: FloatArray, step: npt.NDArray[np.int64]
     scores = np.stack([np.bincount(step, column * left.white) for column in both.T])
     alone = 2.0 * float(np.sum(scores**2 / rows)) / left.variance
     together = 2.0 * float(np.sum(scores.sum(axis=1) ** 2)) / float(rows.sum()) / left.variance
-    if together < _FAINTEST**2 * float(rows.sum()):
+    if together < FAINTEST**2 * float(rows.sum()):
         return False
     # what chance adds to the sum of so many is 2 for each, and scatters
     by_chance = 2.0 * rows.size + _SCATTER * math.sqrt(4.0 * rows.size)
@@ -165,7 +160,7 @@ def _is_everywhere(left: Leftover, both: FloatArray, step: npt.NDArray[np.int64]
 
 def _summed(left: Leftover) -> FloatArray:
     """Sums over blocks of what is left, of the rows and of what was fitted, shape (blocks, 2 + p)."""
-    starts = _starts(left.rows)
+    starts = block_starts(left.rows.size)
     parts = [np.add.reduceat(left.white, starts), np.add.reduceat(left.rows, starts)]
     return np.column_stack([*parts, np.add.reduceat(left.known, starts, axis=0)])
 

@@ -9,14 +9,15 @@ import numpy as np
 
 from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.located import where_of
-from benchctl.diagnosis.noise_model import GROWING, Noisy
+from benchctl.diagnosis.noise_model import GROWING
+from benchctl.diagnosis.noisy import Noisy
+from benchctl.diagnosis.normal import Z95
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Alternative, Estimate, Finding
 from benchctl.diagnosis.select import Evidence, Selection
 from instruments.physics.effects.effect import DescribedEffect
 from instruments.physics.effects.registry import effect as effect_named
 
-Z95 = 1.959964
 _FREE = 50.0
 """Of a logarithm: an error beyond which a number is not determined at all."""
 _NEAR = 0.001
@@ -30,8 +31,7 @@ def findings_of(problem: Problem, chosen: Selection) -> tuple[Finding, ...]:
 
 def noise_effects(chosen: Selection) -> tuple[DescribedEffect, ...]:
     """What was found of the noise, as effects with their sizes."""
-    white = chosen.after.deviation / chosen.whitener.innovation
-    return tuple(_as_effect(one, white) for one in chosen.noise.found.values())
+    return tuple(_as_effect(one, chosen.white_deviation) for one in chosen.noise.found.values())
 
 
 def _effects(problem: Problem, chosen: Selection) -> Iterator[Finding]:

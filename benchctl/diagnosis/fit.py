@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from benchctl.diagnosis.blocks import block_starts
 from benchctl.diagnosis.noise import Whitener
 from benchctl.diagnosis.problem import Problem
 from instruments.physics.effects.effect import DescribedEffect, Parameter
@@ -22,7 +23,6 @@ FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]
 
-_BLOCK = 64
 _LEAST_KNOWN = 0.05
 _MOST_ROUNDS = 12
 _CLOSE = 0.02
@@ -184,7 +184,7 @@ class Fit:
         usual = self.covariance
         rows = self.fitted[step]
         products = self.derivatives * (self.white * rows)[:, None]
-        sums = np.add.reduceat(products, np.arange(0, rows.size, _BLOCK), axis=0)
+        sums = np.add.reduceat(products, block_starts(rows.size), axis=0)
         scattered = np.diag(inverse_information @ (sums.T @ sums) @ inverse_information)
         usual_variance = np.diag(usual)
         ratio = np.where(usual_variance > 0.0, scattered / np.where(usual_variance > 0.0, usual_variance, 1.0), 1.0)

@@ -20,6 +20,7 @@ from benchctl.diagnosis.gyro_model import checked_model
 from benchctl.diagnosis.keys import tables_of
 from benchctl.diagnosis.seen_by_both import lines_of_angle
 from benchctl.diagnosis.series import cut
+from benchctl.diagnosis.stepped import Stepped
 from benchctl.recordings.model import StepInfo
 from benchctl.recordings.reader import Recording
 from instruments.errors import UsageError
@@ -51,7 +52,7 @@ _FEWEST_STEPS = 12
 
 
 @dataclass(frozen=True, kw_only=True)
-class GyroProblem:
+class GyroProblem(Stepped):
     """A `benchctl.diagnosis.problem.Problem`: the gyro's volts from the encoder's motion and the thermistor.
 
     Its rows are those of the frame, or, of a motion beyond the filters' band, the slow part of some of them (`band`).
@@ -106,16 +107,6 @@ class GyroProblem:
     def step(self) -> IntArray:
         """Which step a row belongs to, shape (n,)."""
         return self.frame.step if self.band is None else self.frame.step[self.band.rows]
-
-    @property
-    def step_names(self) -> tuple[str, ...]:
-        """Names of the steps."""
-        return tuple(info.name for info in self.frame.infos)
-
-    @property
-    def step_kinds(self) -> tuple[str, ...]:
-        """Kinds of the steps."""
-        return tuple(info.kind for info in self.frame.infos)
 
     @property
     def steps(self) -> tuple[StepInfo, ...]:

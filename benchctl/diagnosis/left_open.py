@@ -31,7 +31,7 @@ def next_of(
     bench = bench_of_recording(meta)
     pairs = list(_pairs(problem, chosen, findings))
     if pairs:
-        white_v = chosen.after.deviation / chosen.whitener.innovation
+        white_v = chosen.white_deviation
         wanders = chosen.noise.found.get("bias_random_walk")
         noise = SampleNoise(white_v=white_v, walk_v_per_sqrt_s=0.0 if wanders is None else wanders.size * white_v)
         return next_experiment(problem, noise, pairs, bench=bench, progress=lambda name: progress(name, 0.98))

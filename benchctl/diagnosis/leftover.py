@@ -23,12 +23,12 @@ import scipy.sparse
 import scipy.special
 import scipy.stats
 
+from benchctl.diagnosis.blocks import BLOCK, block_starts
+
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 Columns = npt.NDArray[np.floating[Any]] | scipy.sparse.csr_array
 
-_BLOCK = 64
-"""Rows of a block: longer than the filters through which the encoder's noise comes, shorter than any step."""
 _UNSEEN = 1e-6
 """A column with less than this share of the largest column's power is hardly ever visited: it is left out."""
 _DEPENDENT = 1e-5
@@ -108,7 +108,8 @@ class Leftover:
         rest = self.white - profile
         variance = max(self.squares - drop, 1e-12 * self.squares) / max(self.freedom - dof, 1.0)
         blocks = _block_sums(columns, rest)
-        blocks -= np.add.reduceat(self.known * rest[:, None], _starts(rest.size), axis=0) @ (self.inverse @ crossed.T)
+        of_known = np.add.reduceat(self.known * rest[:, None], block_starts(rest.size), axis=0)
+        blocks -= of_known @ (self.inverse @ crossed.T)
         blocks = blocks @ root
         scatter = blocks.T @ blocks / variance
         mean, square = float(np.trace(scatter)), float(np.sum(scatter * scatter))
@@ -163,17 +164,13 @@ def _root(gram: FloatArray, known: FloatArray) -> FloatArray:
     return np.asarray(vectors[:, kept] / np.sqrt(values[kept]) * scale[:, None])
 
 
-def _starts(rows: int) -> npt.NDArray[np.int64]:
-    return np.arange(0, rows, _BLOCK)
-
-
 def _block_sums(columns: Columns, values: FloatArray) -> FloatArray:
     """Σ of columns times values over each block of rows, shape (blocks, k)."""
-    starts = _starts(values.size)
+    starts = block_starts(values.size)
     if isinstance(columns, np.ndarray):
         products = columns.T * _like(columns, values)
         return np.add.reduceat(products, starts, axis=1).T.astype(np.float64)
     many, count = columns.shape[1], np.diff(columns.indptr)
-    place = np.repeat(np.arange(values.size) // _BLOCK * many, count) + columns.indices
+    place = np.repeat(np.arange(values.size) // BLOCK * many, count) + columns.indices
     sums = np.bincount(place, columns.data * np.repeat(values, count), minlength=starts.size * many)
     return np.asarray(sums, dtype=np.float64).reshape(starts.size, many)

@@ -13,28 +13,14 @@ import numpy.typing as npt
 from benchctl.diagnosis.fit import Fit
 from benchctl.diagnosis.growing import growing
 from benchctl.diagnosis.noise import Whitener
+from benchctl.diagnosis.noisy import Noisy
+from benchctl.diagnosis.normal import QUARTILE
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.wandering import PROCESSES, wandering
 
 FloatArray = npt.NDArray[np.float64]
 
 GROWING = "noise_rate_dependent"
-_NORMAL_QUARTILE = 0.67449
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Noisy:
-    """Something found of the noise: the gain in twice the log likelihood, its size and the size's logarithm's error.
-
-    The size of a wandering bias is in units of the white noise's deviation; that of noise that grows is the growth of
-    its variance up to full rate.
-    """
-
-    effect: str
-    gain: float
-    size: float
-    log_error: float
-    whitener: Whitener
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +51,7 @@ class NoiseModel:
         """
         counted = problem.usable[1:] & problem.usable[:-1]
         steps = np.abs(np.diff(fitted.residual))[counted]
-        level = float(np.median(steps)) / _NORMAL_QUARTILE / math.sqrt(2.0) if steps.size else fitted.deviation
+        level = float(np.median(steps)) / QUARTILE / math.sqrt(2.0) if steps.size else fitted.deviation
         level = level if level > 0.0 else fitted.deviation
         whole, _ = problem.regressor_variance
         weight = problem.usable / np.sqrt(1.0 + whole / level**2)
@@ -114,21 +100,15 @@ class NoiseModel:
     def wandering(self, problem: Problem, fitted: Fit, least_gain: float) -> Noisy | None:
         """The slow process that gains most, where one gains enough."""
         tried = wandering(problem, self.whitener, fitted, least_gain=least_gain)
-        best = max(tried, key=lambda one: one.gain, default=None)
-        if best is None:
-            return None
-        return Noisy(
-            effect=best.effect, gain=best.gain, size=best.size, log_error=best.log_error, whitener=best.whitener
-        )
+        return max(tried, key=lambda one: one.gain, default=None)
 
     def _growing(self, problem: Problem, fitted: Fit) -> Noisy:
         weight = self.plain.weight
         counted = (weight > 0.0) & fitted.fitted[problem.step]
         rest = np.divide(fitted.white, self.whitener.weight, out=np.zeros_like(weight), where=counted)
         share = problem.coordinates["rate"] / problem.circumstances["range_dps"]
-        _, step = problem.regressor_variance
+        whole, step = problem.regressor_variance
         found = growing(rest, counted, share, step / self.level**2)
-        whole, _ = problem.regressor_variance
         grown = 1.0 + whole / self.level**2 + found.growth * share**2
         return Noisy(
             effect=GROWING,

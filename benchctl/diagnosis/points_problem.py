@@ -20,6 +20,7 @@ from scipy.stats import t as student
 from benchctl.diagnosis.gyro_chain import Law
 from benchctl.diagnosis.gyro_model import checked_model
 from benchctl.diagnosis.keys import tables_of
+from benchctl.diagnosis.stepped import Stepped
 from benchctl.recordings.model import StepInfo
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.static_points import KIND, StaticPoints
@@ -44,7 +45,7 @@ _ODD = 0.001
 
 
 @dataclass(frozen=True, kw_only=True)
-class PointsProblem:
+class PointsProblem(Stepped):
     """A `benchctl.diagnosis.problem.Problem`: mean volts from commanded rates, a row a point.
 
     `simulation` is the lab's model, or the straight line through the points where there is none (`believed` says).
@@ -110,16 +111,6 @@ class PointsProblem:
             )
             for i, rate in enumerate(self.points.rate_dps.tolist())
         )
-
-    @property
-    def step_names(self) -> tuple[str, ...]:
-        """Their names."""
-        return tuple(info.name for info in self.steps)
-
-    @property
-    def step_kinds(self) -> tuple[str, ...]:
-        """Their kinds."""
-        return tuple(info.kind for info in self.steps)
 
     @cached_property
     def usable(self) -> BoolArray:

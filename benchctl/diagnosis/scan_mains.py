@@ -22,7 +22,7 @@ _OFF_GRID = 0.05
 _BANDS = 64
 _TRIED = 8
 _CHANCE = 1e-3
-_FAINTEST = 0.02
+FAINTEST = 0.02
 """Rms of a line over that of the noise, below which it may be the encoder's steps, which repeat with the motion."""
 _UNEVEN = 0.1
 """A line whose parts disagree by less than this share of its gain is one line, however well each of them is known."""
@@ -45,7 +45,7 @@ def mains_places(
     # how often a periodogram, at any frequency and not only at whole ones, crosses a level by chance (Baluev, 2008)
     places = width * math.sqrt(math.log(width) + 7.0)
     found: list[Place] = []
-    least = _FAINTEST**2 * float(np.count_nonzero(pull.rows))
+    least = FAINTEST**2 * float(np.count_nonzero(pull.rows))
     for index in peaks(honest, _TRIED, max(2, math.ceil(3.0 / (frequency[1] * max(lasts_s, interval_s))))):
         value = float(between(honest, index) * frequency[1])
         if gain[index] > least and 0.0 < value <= 0.5 / interval_s and _is_one_line(pull, time_s, group, value):

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from benchctl.diagnosis.blocks import block_starts
 from benchctl.diagnosis.fit import Fit, inverse
 from benchctl.diagnosis.keys import Place, place_of
 from benchctl.diagnosis.noise import Whitener
@@ -31,8 +32,6 @@ _UNSEEN = 1e-7
 """Share of a column's own power that must be left when the model in hand has been taken off: below it is rounding."""
 
 _CHOICES, _NEARLY = 2, 0.05
-_BLOCK = 64
-"""Samples whose products are summed to see how they scatter: half a second."""
 _WORTH = 8.0
 """Gains below it are not looked at twice."""
 
@@ -167,8 +166,7 @@ def scatter(explained: FloatArray, white: FloatArray) -> float:
     `explained` (n,) is what is taken off the residual `white` (n,); rows that do not count are zero in both.
     """
     column, rest = explained, white - explained
-    blocks = np.arange(0, rest.size, _BLOCK)
-    sums = np.add.reduceat(column * rest, blocks)
+    sums = np.add.reduceat(column * rest, block_starts(rest.size))
     variance = float(rest @ rest) / max(int(np.count_nonzero(rest)), 1)
     usual = variance * float(column @ column)
     return max(float(sums @ sums) / usual, 1.0) if usual > 0.0 else 1.0

@@ -78,6 +78,11 @@ class Selection:
         """What makes the noise white."""
         return self.noise.whitener
 
+    @property
+    def white_deviation(self) -> float:
+        """Deviation of the white part of a row's noise."""
+        return self.after.deviation / self.whitener.innovation
+
 
 def _share_done(rounds: int) -> float:
     """How much of a diagnosis is done after so many screenings; how many there will be nobody knows."""
@@ -295,7 +300,7 @@ class _Search:
             evidence: dict[str, Evidence] = {}
             for key, effect in zip(keys_of(present.point.effects), present.point.effects, strict=True):
                 less = self._without(present, effect)
-                own = self._evidence(present, less, effect)
+                own = self._evidence(present, less)
                 if own.gain / own.scatter < self._least(less):
                     present = less
                     break
@@ -308,11 +313,11 @@ class _Search:
             else:
                 return present, evidence
         return present, {
-            key: self._evidence(present, self._without(present, one), one)
+            key: self._evidence(present, self._without(present, one))
             for key, one in zip(keys_of(present.point.effects), present.point.effects, strict=True)
         }
 
-    def _evidence(self, present: Fit, less: Fit, effect: DescribedEffect) -> Evidence:
+    def _evidence(self, present: Fit, less: Fit) -> Evidence:
         return Evidence(
             gain=gain_of(present, less),
             heldout=gain_of(present, less, self._held),

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from benchctl.diagnosis.findings import Z95
+from benchctl.diagnosis.normal import Z95
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Estimate, Finding, Unexplained, Verdict
 from benchctl.diagnosis.select import Selection

@@ -10,7 +10,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -18,9 +17,11 @@ from scipy.optimize import minimize_scalar
 
 from benchctl.diagnosis.fit import Fit, inverse, whitened_columns
 from benchctl.diagnosis.noise import Slow, Whitener, flicker, walk
+from benchctl.diagnosis.noisy import Noisy
 from benchctl.diagnosis.problem import Problem
 
 FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
 Process = Callable[[float, float, float], tuple[Slow, ...]]
 
 PROCESSES: Mapping[str, Process] = {
@@ -40,41 +41,31 @@ _BELIED = 10.0
 A step's own level is fitted to it and a process foretells it: that alone is worth a few."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Wandering:
-    """A slow process that was tried: `size` is over the white noise's deviation, `log_error` that of its logarithm.
-
-    `gain` is the fall of twice the negative log likelihood against white noise alone.
-    """
-
-    effect: str
-    gain: float
-    size: float
-    log_error: float
-    whitener: Whitener
-
-
-def wandering(problem: Problem, whitener: Whitener, fitted: Fit, *, least_gain: float) -> list[Wandering]:
+def wandering(problem: Problem, whitener: Whitener, fitted: Fit, *, least_gain: float) -> list[Noisy]:
     """The processes that gain more than `least_gain` over white noise on the steps that a model was fitted to."""
     kinds = [name for name in PROCESSES if name in problem.noises]
-    blocks = _Blocks(problem, whitener, fitted)
+    if not kinds:
+        return []
+    columns = np.column_stack([fitted.residual, fitted.raw_derivatives])
+    blocks = _Blocks(problem, whitener, columns, fitted.fitted)
     found = []
     for name in kinds:
         gain, size = blocks.best(PROCESSES[name], least_gain)
         if gain > least_gain:
-            found.append(_measured(problem, whitener, fitted, name, size))
+            found.append(_measured(problem, whitener, fitted, columns, name, size))
     return [one for one in found if one.gain > least_gain]
 
 
-def _measured(problem: Problem, whitener: Whitener, fitted: Fit, name: str, size: float) -> Wandering:
+def _measured(problem: Problem, whitener: Whitener, fitted: Fit, columns: FloatArray, name: str, size: float) -> Noisy:
     """The gain and the size on the samples themselves, by a parabola through three sizes."""
     lasts_s = float(problem.time_s[-1] - problem.time_s[0])
+    rows = fitted.fitted[problem.step]
 
     def at(log_size: float) -> tuple[float, Whitener]:
         other = whitener.beside(PROCESSES[name](math.exp(log_size), problem.interval_s, lasts_s))
-        return _deviance(problem, other, fitted), other
+        return _deviance(other, columns, rows), other
 
-    without = _deviance(problem, whitener.beside(()), fitted)
+    without = _deviance(whitener.beside(()), columns, rows)
     middle = math.log(size)
     low, here, high = (at(middle + k * _NEAR)[0] for k in (-1, 0, 1))
     curvature = max((low - 2.0 * here + high) / _NEAR**2, 1e-6)
@@ -82,7 +73,7 @@ def _measured(problem: Problem, whitener: Whitener, fitted: Fit, name: str, size
     best, other = at(middle + step)
     resting = sum(kind == "static" for kind in problem.step_kinds)
     belied = _gain_at_rest(problem, other, fitted) < -_BELIED * (1 + resting)
-    return Wandering(
+    return Noisy(
         effect=name,
         gain=0.0 if belied else without - best,
         size=math.exp(middle + step),
@@ -115,12 +106,10 @@ def _gain_at_rest(problem: Problem, whitener: Whitener, fitted: Fit) -> float:
     return rows * math.log(level / process) if process > 0.0 and level > 0.0 else 0.0
 
 
-def _deviance(problem: Problem, whitener: Whitener, fitted: Fit) -> float:
-    """Minus twice the log likelihood of a model's residual, its numbers refitted along their derivatives."""
-    rows = fitted.fitted[problem.step]
-    columns = whitened_columns(whitener, np.column_stack([fitted.residual, fitted.raw_derivatives]))[rows]
+def _deviance(whitener: Whitener, columns: FloatArray, rows: BoolArray) -> float:
+    """Minus twice the log likelihood of a residual, the first column, with the others refitted to it, on some rows."""
     count = float((whitener.weight[rows] > 0.0).sum())
-    return count * math.log(_left(columns)) + whitener.log_determinant
+    return count * math.log(_left(whitened_columns(whitener, columns)[rows])) + whitener.log_determinant
 
 
 def _left(columns: FloatArray) -> float:
@@ -133,7 +122,7 @@ def _left(columns: FloatArray) -> float:
 class _Blocks:
     """Residual and derivatives as means over many samples."""
 
-    def __init__(self, problem: Problem, whitener: Whitener, fitted: Fit) -> None:
+    def __init__(self, problem: Problem, whitener: Whitener, columns: FloatArray, fitted: BoolArray) -> None:
         self._samples = max(1, round(_BLOCK_S / problem.interval_s))
         self._interval_s = self._samples * problem.interval_s
         self._lasts_s = float(problem.time_s[-1] - problem.time_s[0])
@@ -147,11 +136,10 @@ class _Blocks:
         rows = first[:, None] + np.arange(self._samples)
         usable = whitener.weight > 0.0
         counted = usable[rows].sum(axis=1)
-        columns = np.column_stack([fitted.residual, fitted.raw_derivatives])
         self._columns = np.stack(
             [np.where(usable, one, 0.0)[rows].sum(axis=1) / np.maximum(counted, 1) for one in columns.T], axis=1
         )
-        self._fitted = fitted.fitted[problem.step[first]] if first.size else np.zeros(0, np.bool_)
+        self._fitted = fitted[problem.step[first]] if first.size else np.zeros(0, np.bool_)
         self._whitener = Whitener(
             stretches=tuple(itertools.starmap(slice, itertools.pairwise(bounds))),
             interval_s=self._interval_s,

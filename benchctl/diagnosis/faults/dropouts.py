@@ -9,13 +9,13 @@ import numpy.typing as npt
 
 from benchctl.diagnosis.faults.fault import Fault, bounded_gain
 from benchctl.diagnosis.faults.standing import Output, Runs, evidence_of
+from benchctl.diagnosis.normal import Z95
 from benchctl.diagnosis.result import Estimate
 from instruments.physics.effects.dropouts import Dropouts
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
-_Z95 = 1.959964
 _PRETENDED = 300
 """Places at which a hold is pretended, to learn how many of them would be seen."""
 
@@ -40,7 +40,7 @@ def holds_in(output: Output, runs: Runs, railed: BoolArray, interval_s: float) -
     length, shorter, longer = _length(lengths, output)
     seen = _share_seen(output, ~railed & output.alive, max(3, round(length)))
     count = lengths.size / seen
-    spread = _Z95 * math.sqrt(lengths.size * (1.0 - seen)) / seen
+    spread = Z95 * math.sqrt(lengths.size * (1.0 - seen)) / seen
     hold_s = (length - 0.5) * interval_s
     effect = Dropouts(count=float(round(count)), hold_s=hold_s)
     units = {name: parameter.unit for name, parameter in effect.parameters.items()}
@@ -80,7 +80,7 @@ def _length(lengths: FloatArray, output: Output) -> tuple[float, float, float]:
         meets = min(output.step_v / (math.sqrt(math.pi) * max(output.noise_v, 1e-300)), _OFTEN)
         met = math.floor(math.log(_ONE_SIDE) / (float(together[most]) * math.log(meets)))
         return float(values[most]), 1.0 + met, 1.0
-    spread = 1.0 + _Z95 * float(np.std(lengths, ddof=1)) * math.sqrt(math.pi / (2.0 * lengths.size))
+    spread = 1.0 + Z95 * float(np.std(lengths, ddof=1)) * math.sqrt(math.pi / (2.0 * lengths.size))
     return float(np.median(lengths)), spread, spread
 
 

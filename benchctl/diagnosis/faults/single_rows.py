@@ -15,6 +15,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import median_filter
 
+from benchctl.diagnosis.normal import DEVIATION_OF_MEDIAN
+
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
@@ -44,8 +46,6 @@ _AGREE = 0.5
 _ROUNDS = 3
 """Searches, each without the spikes that are known: one hides another nearby."""
 
-_MAD = 1.4826
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SingleRows:
@@ -66,7 +66,7 @@ def single_rows(residual: FloatArray, searched: BoolArray, times: float, floor: 
     size = np.empty_like(residual)
     for _ in range(_ROUNDS):
         rest = _less_neighbours(clean, _weights())
-        size = _MAD * median_filter(np.abs(rest), 2 * _REACH + 1, mode="nearest")
+        size = DEVIATION_OF_MEDIAN * median_filter(np.abs(rest), 2 * _REACH + 1, mode="nearest")
         least = max(float(np.quantile(size, 0.1)), floor)
         size = np.maximum(size, least)
         candidates = np.flatnonzero(np.abs(rest) > _CANDIDATE * times * size)
@@ -88,7 +88,7 @@ def _alone(residual: FloatArray, rest: FloatArray, rows: IntArray, times: float,
     places = np.clip(rows[:, None] + offsets[None, :], 0, rest.size - 1)
     # what the surroundings show once a spike here is taken out
     others = np.abs(rest[places] - rest[rows, None] * answer[None, :])
-    size = np.maximum(_MAD * np.median(others, axis=1), least)
+    size = np.maximum(DEVIATION_OF_MEDIAN * np.median(others, axis=1), least)
     near = np.sort(others[:, np.abs(offsets) <= HALF], axis=1)[:, -_NEIGHBOUR]
     height = np.abs(rest[rows])
     alone = height > times * np.maximum(size, _PER_NEIGHBOUR * near)

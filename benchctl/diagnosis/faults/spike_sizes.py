@@ -14,9 +14,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtr
 
+from benchctl.diagnosis.normal import Z95
+
 FloatArray = npt.NDArray[np.float64]
 
-_Z95 = 1.959964
 _SCALES = np.geomspace(0.02, 20.0, 3000)
 """Scales that are weighed, in units of the root of the mean square of what is seen."""
 
@@ -39,11 +40,11 @@ def spike_sizes(sizes_v: FloatArray, limits_v: FloatArray, rows: int, noise_v: f
     seen = np.maximum(seen, 1e-300)
     likelihood = -sizes_v.size * (np.log(scales) + np.log(seen)) - np.sum(sizes_v**2) / (2.0 * scales**2)
     best = int(np.argmax(likelihood))
-    inside = np.flatnonzero(likelihood[best] - likelihood <= _Z95**2 / 2.0)
+    inside = np.flatnonzero(likelihood[best] - likelihood <= Z95**2 / 2.0)
     low, high = scales[inside[0]], scales[inside[-1]]
     # the error of the fraction: chance of how many come, and the unseen share that goes with the scale
-    unseen_spread = math.log(seen[inside[-1]] / seen[inside[0]]) / (2.0 * _Z95)
-    spread = math.exp(_Z95 * math.hypot(1.0 / math.sqrt(sizes_v.size), unseen_spread))
+    unseen_spread = math.log(seen[inside[-1]] / seen[inside[0]]) / (2.0 * Z95)
+    spread = math.exp(Z95 * math.hypot(1.0 / math.sqrt(sizes_v.size), unseen_spread))
     fraction = sizes_v.size / (rows * float(seen[best]))
     without = [math.sqrt(max(one**2 - noise_v**2, (0.1 * one) ** 2)) for one in (scales[best], low, high)]
     return SpikeSizes(

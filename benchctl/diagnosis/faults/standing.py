@@ -18,6 +18,7 @@ import numpy.typing as npt
 from scipy.special import log_ndtr
 
 from benchctl.diagnosis.faults.fault import CHANCE
+from benchctl.diagnosis.normal import DEVIATION_OF_MEDIAN
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -38,8 +39,6 @@ _EXCUSED = 3.0
 
 _LEAST_DEVIATION = 0.02
 """In steps: what a deviation of zero is replaced by."""
-
-_MAD = 1.4826
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,7 +144,7 @@ def _deviations(output: Output, first: int, stop: int) -> tuple[float, float]:
         if around.size == 0:
             continue
         middles.append(float(np.median(around)))
-        spreads.append(_MAD * float(np.median(np.abs(around - middles[-1]))))
+        spreads.append(DEVIATION_OF_MEDIAN * float(np.median(np.abs(around - middles[-1]))))
     least = _least(output)
     return least, max(least, *spreads, max(middles) - min(middles)) if middles else least
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import importlib
-import inspect
-import pkgutil
 from functools import lru_cache
 from importlib.metadata import entry_points
 from types import MappingProxyType
 
 import instruments.physics.effects as package
 from instruments.errors import UsageError
+from instruments.physics.effect_modules import effects_in
 from instruments.physics.effects.effect import PhysicalEffect
 
 GROUP = "benchctl.effects"
@@ -19,11 +17,7 @@ GROUP = "benchctl.effects"
 @lru_cache(maxsize=1)
 def effects() -> MappingProxyType[str, type[PhysicalEffect]]:
     """Every effect by its identifier, in alphabetical order; one of ours is not replaced by one of an entry point."""
-    found: dict[str, type[PhysicalEffect]] = {}
-    for module in pkgutil.iter_modules(package.__path__):
-        for kind in vars(importlib.import_module(f"{package.__name__}.{module.name}")).values():
-            if inspect.isclass(kind) and issubclass(kind, PhysicalEffect) and not inspect.isabstract(kind):
-                found[kind.identifier] = kind
+    found = dict(effects_in(package, PhysicalEffect))  # type: ignore[type-abstract]  # the base is what they are found by
     for point in entry_points(group=GROUP):
         kind = point.load()
         found.setdefault(kind.identifier, kind)

@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.findings import Z95, findings_of, noise_effects
+from benchctl.diagnosis.findings import findings_of, noise_effects
 from benchctl.diagnosis.fit import Fit
 from benchctl.diagnosis.noise_model import GROWING, NoiseModel, Noisy
+from benchctl.diagnosis.normal import Z95
 from benchctl.diagnosis.result import Finding
 from benchctl.diagnosis.select import Evidence, Selection, select
 from tests.benchctl.diagnosis.toy_problem import (

@@ -14,7 +14,8 @@ from benchctl.diagnosis.experiment import NOTHING_OPEN, OpenPair
 from benchctl.diagnosis.gyro_problem import GyroProblem
 from benchctl.diagnosis.left_open import next_of
 from benchctl.diagnosis.noise import walk
-from benchctl.diagnosis.noise_model import NoiseModel, Noisy
+from benchctl.diagnosis.noise_model import NoiseModel
+from benchctl.diagnosis.noisy import Noisy
 from benchctl.diagnosis.result import Alternative, Finding, NextExperiment, Unexplained, Where
 from benchctl.diagnosis.sampled import SampleNoise
 from benchctl.diagnosis.select import Evidence, Selection, select

@@ -9,7 +9,8 @@ import pytest
 
 from benchctl.diagnosis.fit import Fit, Point, fit
 from benchctl.diagnosis.noise import walk
-from benchctl.diagnosis.noise_model import GROWING, NoiseModel, Noisy
+from benchctl.diagnosis.noise_model import GROWING, NoiseModel
+from benchctl.diagnosis.noisy import Noisy
 from tests.benchctl.diagnosis.toy_problem import INTERVAL_S, NOISE_V, TOTAL, Decay, Toy, toy, walked
 
 ALL = ("bias_random_walk", "flicker_noise", GROWING)

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.findings import Z95, findings_of
+from benchctl.diagnosis.findings import findings_of
+from benchctl.diagnosis.normal import Z95
 from benchctl.diagnosis.result import Estimate, Finding, Unexplained
 from benchctl.diagnosis.select import Selection, select
 from benchctl.diagnosis.verdict import baseline_of, sentence_of, verdict_of

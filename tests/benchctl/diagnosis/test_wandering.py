@@ -9,7 +9,8 @@ import pytest
 
 from benchctl.diagnosis.fit import Fit, Point, fit
 from benchctl.diagnosis.noise_model import NoiseModel
-from benchctl.diagnosis.wandering import PROCESSES, Wandering, wandering
+from benchctl.diagnosis.noisy import Noisy
+from benchctl.diagnosis.wandering import PROCESSES, wandering
 from tests.benchctl.diagnosis.toy_problem import INTERVAL_S, NOISE_V, TOTAL, Decay, Toy, toy, walked
 
 BOTH = ("bias_random_walk", "flicker_noise")
@@ -23,7 +24,7 @@ def fitted(problem: Toy, *effects: Decay) -> Fit:
     return fit(problem, NoiseModel.of(problem).plain, point, everything)
 
 
-def tried(problem: Toy, *effects: Decay, least_gain: float = 12.0) -> dict[str, Wandering]:
+def tried(problem: Toy, *effects: Decay, least_gain: float = 12.0) -> dict[str, Noisy]:
     plain = NoiseModel.of(problem).plain
     found = wandering(problem, plain, fitted(problem, *effects), least_gain=least_gain)
     return {one.effect: one for one in found}

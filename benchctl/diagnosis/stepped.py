@@ -1,0 +1,84 @@
+"""What every problem derives from its steps, and what those share whose rows are made of a part's slow samples."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.diagnosis.series import Pieces
+from benchctl.recordings.model import StepInfo
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+
+class Stepped(ABC):
+    """A problem with steps."""
+
+    @property
+    @abstractmethod
+    def steps(self) -> tuple[StepInfo, ...]:
+        """The steps, or pieces of them."""
+
+    @property
+    def step_names(self) -> tuple[str, ...]:
+        """Their names."""
+        return tuple(info.name for info in self.steps)
+
+    @property
+    def step_kinds(self) -> tuple[str, ...]:
+        """Their kinds."""
+        return tuple(info.kind for info in self.steps)
+
+
+class MadeRows(Protocol):
+    """Rows of shape (m,) that are made of samples."""
+
+    @property
+    def time_s(self) -> FloatArray:
+        """When they are [s]."""
+
+    @property
+    def stretches(self) -> tuple[slice, ...]:
+        """Those without gaps."""
+
+    @property
+    def infos_of_rows(self) -> Pieces:
+        """Which piece of which step each belongs to."""
+
+
+class MadeOfRows(Stepped):
+    """A problem whose rows are made of samples and cut into pieces; what it is predicted from brings no noise."""
+
+    @property
+    @abstractmethod
+    def made(self) -> MadeRows:
+        """The rows."""
+
+    @property
+    def time_s(self) -> FloatArray:
+        """Of the rows [s], shape (m,)."""
+        return self.made.time_s
+
+    @property
+    def stretches(self) -> tuple[slice, ...]:
+        """Rows without gaps."""
+        return self.made.stretches
+
+    @property
+    def step(self) -> IntArray:
+        """Which step a row belongs to, shape (m,)."""
+        return self.made.infos_of_rows.step
+
+    @property
+    def steps(self) -> tuple[StepInfo, ...]:
+        """The steps, or pieces of them."""
+        return self.made.infos_of_rows.infos
+
+    @property
+    def regressor_variance(self) -> tuple[FloatArray, FloatArray]:
+        """Nothing that is known apart from the noise of `measured`; (m,) each."""
+        return np.zeros(self.step.size), np.zeros(self.step.size)
