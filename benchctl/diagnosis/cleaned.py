@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from benchctl.diagnosis.faults import Fault, faults_in, spikes_in
-from benchctl.diagnosis.fit import Point, fit
-from benchctl.diagnosis.gyro_problem import GyroProblem
-from benchctl.diagnosis.located import where_of
-from benchctl.diagnosis.noise_model import NoiseModel
+from benchctl.diagnosis.findings.located import where_of
+from benchctl.diagnosis.fitting.fit import Point, fit
+from benchctl.diagnosis.fitting.noise_model import NoiseModel
+from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Finding, Where
 from instruments.physics.effects.registry import effect

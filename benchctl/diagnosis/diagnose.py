@@ -10,18 +10,18 @@ import numpy as np
 import numpy.typing as npt
 
 from benchctl.diagnosis.cleaned import cleaned, fault_findings, rounding_of
-from benchctl.diagnosis.findings import findings_of, noise_effects
-from benchctl.diagnosis.fit import Fit
-from benchctl.diagnosis.left_open import next_of
-from benchctl.diagnosis.located import slices_of, step_figures
-from benchctl.diagnosis.named import named
-from benchctl.diagnosis.not_found import not_found_of
+from benchctl.diagnosis.findings.findings import findings_of, noise_effects
+from benchctl.diagnosis.findings.located import slices_of, step_figures
+from benchctl.diagnosis.findings.not_found import not_found_of
+from benchctl.diagnosis.findings.traces import traces_of
+from benchctl.diagnosis.findings.verdict import baseline_of, sentence_of, verdict_of
+from benchctl.diagnosis.fitting.fit import Fit
+from benchctl.diagnosis.next_run.left_open import next_of
 from benchctl.diagnosis.parts import Part, problem_of
 from benchctl.diagnosis.problem import Problem
+from benchctl.diagnosis.rest.named import named
 from benchctl.diagnosis.result import Diagnosis, FitFigures
-from benchctl.diagnosis.select import Selection, select
-from benchctl.diagnosis.traces import traces_of
-from benchctl.diagnosis.verdict import baseline_of, sentence_of, verdict_of
+from benchctl.diagnosis.search.select import Selection, select
 from benchctl.recordings.reader import Recording
 
 BoolArray = npt.NDArray[np.bool_]

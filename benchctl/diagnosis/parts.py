@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import Any, Literal
 
-from benchctl.diagnosis.chamber_problem import chamber_problem
-from benchctl.diagnosis.drive_problem import drive_problem
-from benchctl.diagnosis.gyro_problem import gyro_problem
-from benchctl.diagnosis.points_problem import has_points, points_problem
+from benchctl.diagnosis.chamber.problem import chamber_problem
+from benchctl.diagnosis.drive.problem import drive_problem
+from benchctl.diagnosis.gyro.points import has_points, points_problem
+from benchctl.diagnosis.gyro.problem import gyro_problem
 from benchctl.diagnosis.problem import Problem
 from benchctl.recordings.reader import Recording
 from instruments.errors import UsageError

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from benchctl.diagnosis.series import Pieces
+from benchctl.diagnosis.signals.series import Pieces
 from benchctl.recordings.model import StepInfo
 
 FloatArray = npt.NDArray[np.float64]

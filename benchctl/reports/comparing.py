@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchctl.diagnosis.frame import frame_of
-from benchctl.diagnosis.pairing import with_predictions, with_recording
-from benchctl.diagnosis.parting import Parting, part
-from benchctl.diagnosis.predicted import predict
+from benchctl.diagnosis.comparison.pairing import with_predictions, with_recording
+from benchctl.diagnosis.comparison.parting import Parting, part
+from benchctl.diagnosis.gyro.frame import frame_of
+from benchctl.diagnosis.gyro.predicted import predict
 from benchctl.model_file import read_model
 from benchctl.recordings.model import Meta, StepInfo
 from benchctl.recordings.reader import open_recording

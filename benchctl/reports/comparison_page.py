@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from benchctl.diagnosis.parting import Parting, StepParting
+from benchctl.diagnosis.comparison.parting import Parting, StepParting
 from benchctl.recordings.model import Meta, StepInfo
 from benchctl.reports import diagnosis_words as words
 from benchctl.reports import setup_section, text

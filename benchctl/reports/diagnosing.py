@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from benchctl import diagnosis
-from benchctl.diagnosis.chamber_problem import ChamberProblem
-from benchctl.diagnosis.drive_problem import DriveProblem
+from benchctl.diagnosis.chamber.problem import ChamberProblem
+from benchctl.diagnosis.drive.problem import DriveProblem
 from benchctl.diagnosis.parts import Part
 from benchctl.diagnosis.result import Diagnosis
 from benchctl.model_file import Model, read_model, write_model

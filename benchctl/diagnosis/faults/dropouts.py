@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from benchctl.diagnosis.faults.fault import Fault, bounded_gain
 from benchctl.diagnosis.faults.standing import Output, Runs, evidence_of
-from benchctl.diagnosis.normal import Z95
 from benchctl.diagnosis.result import Estimate
+from benchctl.diagnosis.signals.normal import Z95
 from instruments.physics.effects.dropouts import Dropouts
 
 FloatArray = npt.NDArray[np.float64]

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import median_filter
 
-from benchctl.diagnosis.normal import DEVIATION_OF_MEDIAN
+from benchctl.diagnosis.signals.normal import DEVIATION_OF_MEDIAN
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtr
 
-from benchctl.diagnosis.normal import Z95
+from benchctl.diagnosis.signals.normal import Z95
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from scipy.special import log_ndtr
 
 from benchctl.diagnosis.faults.fault import CHANCE
-from benchctl.diagnosis.normal import DEVIATION_OF_MEDIAN
+from benchctl.diagnosis.signals.normal import DEVIATION_OF_MEDIAN
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]

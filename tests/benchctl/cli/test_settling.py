@@ -15,14 +15,14 @@ from benchctl.bench import Bench, load_bench, template
 from benchctl.campaign.opened import world_settings
 from benchctl.cli.app import run_verb
 from benchctl.cli.settling import bench_of, run_next, write_next
-from benchctl.diagnosis.alike import ALIKE
-from benchctl.diagnosis.candidates import candidates
-from benchctl.diagnosis.experiment import SETTLED, next_experiment, open_pair
-from benchctl.diagnosis.fit import Fit, Point, fit
-from benchctl.diagnosis.gyro_problem import GyroProblem, gyro_problem
-from benchctl.diagnosis.noise import Whitener
+from benchctl.diagnosis.fitting.fit import Fit, Point, fit
+from benchctl.diagnosis.fitting.noise import Whitener
+from benchctl.diagnosis.gyro.problem import GyroProblem, gyro_problem
+from benchctl.diagnosis.next_run.alike import ALIKE
+from benchctl.diagnosis.next_run.candidates import candidates
+from benchctl.diagnosis.next_run.experiment import SETTLED, next_experiment, open_pair
+from benchctl.diagnosis.next_run.sampled import SampleNoise
 from benchctl.diagnosis.result import NextExperiment
-from benchctl.diagnosis.sampled import SampleNoise
 from benchctl.recordings.joined import join
 from benchctl.recordings.reader import Recording, open_recording
 from benchctl.toml_file import parse_toml

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from benchctl.bench import SIMULATED, Bench, load_bench
-from benchctl.diagnosis.experiment import OpenPair
-from benchctl.diagnosis.fit import Fit, Point, fit
-from benchctl.diagnosis.gyro_chain import GyroChain
-from benchctl.diagnosis.gyro_problem import GyroProblem, gyro_problem
-from benchctl.diagnosis.noise import Whitener
-from benchctl.diagnosis.planned import planned
+from benchctl.diagnosis.fitting.fit import Fit, Point, fit
+from benchctl.diagnosis.fitting.noise import Whitener
+from benchctl.diagnosis.gyro.chain import GyroChain
+from benchctl.diagnosis.gyro.problem import GyroProblem, gyro_problem
+from benchctl.diagnosis.next_run.experiment import OpenPair
+from benchctl.diagnosis.next_run.planned import planned
 from benchctl.plan import Plan, Sine, Static, Step
 from benchctl.recordings.reader import open_recording
 from instruments.physics.effects.effect import DescribedEffect

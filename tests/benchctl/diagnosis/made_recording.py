@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from benchctl.diagnosis.fit import Point
+from benchctl.diagnosis.fitting.fit import Point
 from benchctl.diagnosis.problem import Problem
-from benchctl.diagnosis.select import select
+from benchctl.diagnosis.search.select import select
 from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo, Unit
 from benchctl.recordings.reader import Recording
 from instruments.physics.effects.effect import DescribedEffect

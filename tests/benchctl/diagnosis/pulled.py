@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from benchctl.diagnosis.fit import inverse
-from benchctl.diagnosis.noise import Whitener
-from benchctl.diagnosis.pull import Pull, pull_of
+from benchctl.diagnosis.fitting.fit import inverse
+from benchctl.diagnosis.fitting.noise import Whitener
+from benchctl.diagnosis.search.pull import Pull, pull_of
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchctl.diagnosis.cleaned import cleaned, fault_findings
-from benchctl.diagnosis.gyro_problem import GyroProblem, gyro_problem
+from benchctl.diagnosis.gyro.problem import GyroProblem, gyro_problem
 from benchctl.recordings.reader import open_recording
 from instruments.physics.effects.registry import effect
 from tests.benchctl.diagnosis.following import fitted

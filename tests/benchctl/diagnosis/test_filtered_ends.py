@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchctl.diagnosis.gyro_problem import gyro_problem
+from benchctl.diagnosis.gyro.problem import gyro_problem
 from benchctl.recordings.reader import open_recording
 from instruments.physics.effects.sensor_bandwidth import SensorBandwidth
 from tests.benchctl.diagnosis.moving import K0, PEAK_DPS, SINE_HZ, U0, write_moving

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.gyro_problem import gyro_problem
+from benchctl.diagnosis.gyro.problem import gyro_problem
 from benchctl.recordings.joined import join
 from benchctl.recordings.reader import open_recording
 from instruments.physics.effects.clock_drift import ClockDrift

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from benchctl.calibration.paper_audit import K_OMEGA_1, K_OMEGA_2, implied_sine
-from benchctl.diagnosis.gyro_problem import gyro_problem
-from benchctl.diagnosis.select import select
+from benchctl.diagnosis.gyro.problem import gyro_problem
+from benchctl.diagnosis.search.select import select
 from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo, Unit
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.writer import write_recording

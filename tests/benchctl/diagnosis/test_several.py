@@ -12,16 +12,17 @@ import pytest
 from benchctl.bench import load_bench, template
 from benchctl.campaign.opened import world_settings
 from benchctl.cli.app import run_verb
-from benchctl.diagnosis import diagnose, left_open
-from benchctl.diagnosis.drive_problem import drive_problem
-from benchctl.diagnosis.experiment import NOTHING_OPEN, OpenPair
-from benchctl.diagnosis.findings import findings_of
-from benchctl.diagnosis.fit import Fit, Point, fit, gain_of
-from benchctl.diagnosis.left_open import next_of
-from benchctl.diagnosis.named import named
-from benchctl.diagnosis.noise_model import NoiseModel
+from benchctl.diagnosis import diagnose
+from benchctl.diagnosis.drive.problem import drive_problem
+from benchctl.diagnosis.findings.findings import findings_of
+from benchctl.diagnosis.fitting.fit import Fit, Point, fit, gain_of
+from benchctl.diagnosis.fitting.noise_model import NoiseModel
+from benchctl.diagnosis.next_run import left_open
+from benchctl.diagnosis.next_run.experiment import NOTHING_OPEN, OpenPair
+from benchctl.diagnosis.next_run.left_open import next_of
+from benchctl.diagnosis.rest.named import named
 from benchctl.diagnosis.result import Alternative, NextExperiment, Unexplained
-from benchctl.diagnosis.select import Selection, reduced, select, without
+from benchctl.diagnosis.search.select import Selection, reduced, select, without
 from benchctl.model_file import Model, write_model
 from benchctl.part_models import check_parts
 from benchctl.recordings.model import BenchFacts, Meta, Unit

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchctl.diagnosis.faults import Fault, faults_in, spikes_in
-from benchctl.diagnosis.gyro_problem import gyro_problem
+from benchctl.diagnosis.gyro.problem import gyro_problem
 from tests.benchctl.diagnosis.foreign import Truth, make, to_recording
 from tests.benchctl.diagnosis.foreign.truth import Effects
 

@@ -1,0 +1,1 @@
+"""A chamber as a problem for the engine."""

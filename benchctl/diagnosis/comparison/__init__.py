@@ -1,0 +1,1 @@
+"""Where a recording and its predictions part, step by step."""

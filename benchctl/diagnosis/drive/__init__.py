@@ -1,0 +1,1 @@
+"""A table's drive as a problem for the engine."""

@@ -1,0 +1,150 @@
+"""A recording of a table's drive laid out for a diagnosis: the motion, and the torque that it takes.
+
+The torque is not integrated to a rate: its noise would become a random walk. The motion is differentiated instead, as
+a measurement with its own noise, and both are compared as means over equal times. The mean of an acceleration is a
+difference of two rates, so that no content beyond the band of the motion is asked for.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.diagnosis.signals.band_limited import HALF
+from benchctl.diagnosis.signals.motion import motion_of
+from benchctl.diagnosis.signals.series import Pieces, Series, block_mean, consecutive, cut, series_of
+from benchctl.recordings.reader import Recording
+from instruments.errors import UsageError
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+_SAMPLE_RATE_HZ = 100.0
+"""Samples are averaged down to this rate or a little above: the band of the motion ends below 20 Hz."""
+
+BLOCK = 5
+"""Samples to a row: two rows a period of the fastest motion that the rate follows exactly, a tenth of the samples'."""
+
+_FEWEST_ROWS = 60
+_RESTING_DEVIATIONS = 5.0
+_RESTING_SHARE = 0.002
+"""A rate below so many deviations of its noise, or below this share of the largest, is rest: the table may stick."""
+_THIRD_DIFFERENCE = 0.6745 * math.sqrt(20.0)
+"""Median of the absolute third difference of white noise, in its standard deviations."""
+
+ANGLES = ("encoder_deg", "velocity_rad_s", "table_rate_dps")
+TORQUES = ("torque_nm", "current_a")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveRows:
+    """Samples of shape (n,) within `runs`; rows of shape (m,) made of `BLOCK` samples each, within `stretches`.
+
+    `time_s` is that of the rows, `run_s` that of the samples since their run began. `torque_nm` (m,) is measured.
+    `moving` are rows in which the table turns, within whole windows of angles: at rest friction takes up any torque.
+    """
+
+    infos_of_rows: Pieces
+    sample_interval_s: float
+    runs: tuple[slice, ...]
+    run_s: FloatArray
+    angle_deg: FloatArray
+    rate_rad_s: FloatArray
+    acceleration_rad_s2: FloatArray
+    stretches: tuple[slice, ...]
+    time_s: FloatArray
+    torque_nm: FloatArray
+    moving: BoolArray
+
+    def means(self, samples: FloatArray) -> FloatArray:
+        """Values of the samples (n,) as rows (m,)."""
+        return np.concatenate([block_mean(samples[run], BLOCK) for run in self.runs])
+
+
+def drive_rows_of(recording: Recording, torque_constant_nm_per_a: float | None = None) -> DriveRows:
+    """Read a recording of a drive.
+
+    The motion is that of `encoder_deg`, or the integral of `velocity_rad_s` or `table_rate_dps`. The torque is
+    `torque_nm`, or `current_a` by the torque constant.
+
+    Raises `UsageError` where motion or torque is missing, or the table hardly moves.
+    """
+    series = _series(recording, torque_constant_nm_per_a)
+    factor = max(1, int(1.0 / series.interval_s / _SAMPLE_RATE_HZ + 1e-6))
+    interval_s = factor * series.interval_s
+    shortest = factor * (2 * HALF + BLOCK)
+    runs = [run for run in series.runs if run.stop - run.start >= shortest]
+    if not runs:
+        raise UsageError(
+            f"{recording.path}: no {shortest} samples in a row: too short to tell an acceleration from noise"
+        )
+    angles = [block_mean(_angle(series, run), factor) for run in runs]
+    angles = [angle[: angle.size // BLOCK * BLOCK] for angle in angles]
+    motions = [motion_of(angle, 1.0 / interval_s) for angle in angles]
+    constant = 1.0 if "torque_nm" in series.columns else float(torque_constant_nm_per_a or 0.0)
+    source = "torque_nm" if "torque_nm" in series.columns else "current_a"
+    whole = factor * BLOCK
+    rate = np.concatenate([np.radians(motion.rate_dps) for motion in motions])
+    moving = np.concatenate(
+        [_moving(angle, np.radians(motion.rate_dps), interval_s) for angle, motion in zip(angles, motions, strict=True)]
+    )
+    samples = consecutive([angle.size for angle in angles])
+    time_s = np.concatenate([block_mean(series.time_s[run], whole) for run in runs])
+    step = np.concatenate([series.step[run][: (run.stop - run.start) // whole * whole : whole] for run in runs])
+    rows = DriveRows(
+        infos_of_rows=cut(series.infos, step, time_s),
+        sample_interval_s=interval_s,
+        runs=samples,
+        run_s=np.concatenate([np.arange(angle.size) * interval_s for angle in angles]),
+        angle_deg=np.concatenate([motion.angle_deg for motion in motions]),
+        rate_rad_s=rate,
+        acceleration_rad_s2=np.concatenate([np.radians(motion.acceleration_dps2) for motion in motions]),
+        stretches=consecutive([angle.size // BLOCK for angle in angles]),
+        time_s=time_s,
+        torque_nm=constant * np.concatenate([block_mean(series.columns[source][run], whole) for run in runs]),
+        moving=np.concatenate([moving[part].reshape(-1, BLOCK).all(axis=1) for part in samples]),
+    )
+    if int(rows.moving.sum()) < _FEWEST_ROWS:
+        raise UsageError(
+            f"{recording.path}: the table turns for {int(rows.moving.sum()) * BLOCK * interval_s:.3g} s only;"
+            f" a diagnosis of its drive needs {_FEWEST_ROWS * BLOCK * interval_s:.3g} s of motion or more"
+        )
+    return rows
+
+
+def _series(recording: Recording, torque_constant_nm_per_a: float | None) -> Series:
+    """The samples with the first motion and the first torque that the recording has."""
+    there = set.union(set(), *(set(recording.channels(info.index)) for info in recording.infos))
+    angle = next((name for name in ANGLES if name in there), ANGLES[0])
+    torque = next((name for name in TORQUES if name in there), TORQUES[0])
+    series = series_of(recording, (angle, torque), polled=False)
+    if torque == "current_a" and not torque_constant_nm_per_a:
+        raise UsageError(
+            f"{recording.path}: has a current and no torque_nm;"
+            " say torque_constant_nm_per_a in [drive] of the import's map, or in [parts.drive] of a --model FILE"
+        )
+    return series
+
+
+def _angle(series: Series, run: slice) -> FloatArray:
+    """The unwrapped angle [deg] of a run, shape (n,)."""
+    if "encoder_deg" in series.columns:
+        return np.asarray(np.unwrap(series.columns["encoder_deg"][run], period=360.0))
+    name = next(name for name in ANGLES if name in series.columns)
+    rate = series.columns[name][run] * (1.0 if name == "table_rate_dps" else math.degrees(1.0))
+    turned = np.cumsum((rate[1:] + rate[:-1]) / 2) * series.interval_s
+    return np.concatenate([[0.0], turned])
+
+
+def _moving(angle_deg: FloatArray, rate_rad_s: FloatArray, interval_s: float) -> BoolArray:
+    """Samples whose rate is beyond the noise that the encoder brings into it, and made of whole windows."""
+    noise = float(np.median(np.abs(np.diff(np.radians(angle_deg), 3)))) / _THIRD_DIFFERENCE
+    band_hz = 0.1 / interval_s
+    floor = noise * 2 * math.pi * band_hz * math.sqrt(2.0 * band_hz * interval_s / 3.0)
+    slowest = max(_RESTING_DEVIATIONS * floor, _RESTING_SHARE * float(np.abs(rate_rad_s).max()))
+    moving = np.abs(rate_rad_s) > slowest
+    moving[:HALF] = moving[-HALF:] = False
+    return moving

@@ -1,0 +1,1 @@
+"""What was selected, told: findings, where model and recording part, what was not found, the verdict."""

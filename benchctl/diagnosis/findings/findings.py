@@ -1,0 +1,111 @@
+"""What was selected, as findings with values, intervals, evidence and alternatives."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from benchctl.diagnosis.findings.located import where_of
+from benchctl.diagnosis.fitting.noise_model import GROWING
+from benchctl.diagnosis.fitting.noisy import Noisy
+from benchctl.diagnosis.keys import keys_of
+from benchctl.diagnosis.problem import Problem
+from benchctl.diagnosis.result import Alternative, Estimate, Finding
+from benchctl.diagnosis.search.select import Evidence, Selection
+from benchctl.diagnosis.signals.normal import Z95
+from instruments.physics.effects.effect import DescribedEffect
+from instruments.physics.effects.registry import effect as effect_named
+
+_FREE = 50.0
+"""Of a logarithm: an error beyond which a number is not determined at all."""
+_NEAR = 0.001
+"""Alternatives less probable than this are not named."""
+
+
+def findings_of(problem: Problem, chosen: Selection) -> tuple[Finding, ...]:
+    """The findings of a selection: first the effects, then what was found of the noise."""
+    return (*_effects(problem, chosen), *_noises(problem, chosen))
+
+
+def noise_effects(chosen: Selection) -> tuple[DescribedEffect, ...]:
+    """What was found of the noise, as effects with their sizes."""
+    return tuple(_as_effect(one, chosen.white_deviation) for one in chosen.noise.found.values())
+
+
+def _effects(problem: Problem, chosen: Selection) -> Iterator[Finding]:
+    whole = chosen.whole
+    errors = np.sqrt(np.diag(whole.robust_covariance(problem.step)))
+    total = max(chosen.before.squares - chosen.after.squares, 1e-300)
+    for place, (key, effect) in enumerate(zip(keys_of(whole.point.effects), whole.point.effects, strict=True)):
+        evidence = chosen.evidence[key]
+        estimates: dict[str, Estimate] = {}
+        for name, parameter in effect.parameters.items():
+            value = effect.values[name]
+            index = next((i for i, one in enumerate(whole.numbers) if one.effect == place and one.name == name), None)
+            half = 0.0 if index is None else Z95 * float(errors[index])
+            low, high = value - half, value + half
+            if parameter.logarithmic and index is not None:
+                low, high = value * math.exp(-min(half, _FREE)), value * math.exp(min(half, _FREE))
+            if index is not None and parameter.role != "phase":
+                low, high = max(low, min(parameter.low, value)), min(high, max(parameter.high, value))
+            estimates[name] = Estimate(value=value, low=low, high=high, unit=parameter.unit)
+        alternatives, probability = _alternatives(evidence)
+        yield Finding(
+            effect=effect.identifier,
+            probability=probability,
+            parameters=estimates,
+            where=where_of(problem, evidence.excess, effect.coordinate),
+            explains=min(max(float(evidence.excess.sum()) / total, 0.0), 1.0),
+            gain=evidence.gain,
+            gain_heldout=evidence.heldout,
+            says=effect.says(),
+            alternatives=alternatives,
+        )
+
+
+def _alternatives(evidence: Evidence) -> tuple[tuple[Alternative, ...], float]:
+    """Rivals with their probability beside the finding, the likeliest first, and that of the finding."""
+    odds = {
+        name: math.exp(-min(max(loss, 0.0), 1400.0) / 2.0)
+        for name, loss in sorted(evidence.rivals.items(), key=lambda one: one[1])
+    }
+    whole = 1.0 + sum(odds.values())
+    named = tuple(
+        Alternative(effect=name, probability=chance / whole, loss=evidence.rivals[name])
+        for name, chance in odds.items()
+        if chance / whole > _NEAR
+    )
+    return named, 1.0 / whole
+
+
+def _noises(problem: Problem, chosen: Selection) -> Iterator[Finding]:
+    excess = (chosen.before.white**2 - chosen.after.white**2).astype(np.float32)
+    for one, effect in zip(chosen.noise.found.values(), noise_effects(chosen), strict=True):
+        yield Finding(
+            effect=one.effect,
+            probability=1.0 / (1.0 + math.exp(-min(one.gain, 1400.0) / 2.0)),
+            parameters=_interval(effect, one),
+            where=where_of(problem, excess, effect.coordinate),
+            explains=min(max(1.0 - chosen.after.squares / chosen.before.squares, 0.0), 1.0),
+            gain=one.gain,
+            gain_heldout=0.0,
+            says=effect.says(),
+        )
+
+
+def _as_effect(one: Noisy, white: float) -> DescribedEffect:
+    kind = effect_named(one.effect)
+    name = next(iter(kind.parameters))
+    value = math.sqrt(1.0 + one.size) if one.effect == GROWING else one.size * white
+    return kind.make({name: value})
+
+
+def _interval(effect: DescribedEffect, one: Noisy) -> Mapping[str, Estimate]:
+    ((name, value),) = effect.values.items()
+    # the growth of the variance is factor² − 1: less of its error reaches the factor
+    share = one.size / (2.0 * (1.0 + one.size)) if one.effect == GROWING else 1.0
+    wide = math.exp(min(Z95 * one.log_error * share, _FREE))
+    unit = effect.parameters[name].unit
+    return {name: Estimate(value=value, low=value / wide, high=value * wide, unit=unit)}

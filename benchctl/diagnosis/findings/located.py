@@ -1,0 +1,152 @@
+"""Where a mismatch lives: the residual sliced along each coordinate, before and after, and step by step."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import ndtri
+
+from benchctl.diagnosis.fitting.fit import Fit
+from benchctl.diagnosis.fitting.noise import Whitener
+from benchctl.diagnosis.problem import Problem
+from benchctl.diagnosis.result import Slice, StepFigures, Where
+from benchctl.diagnosis.search.select import Selection
+from benchctl.diagnosis.signals.bins import bin_of
+
+FloatArray = npt.NDArray[np.float64]
+
+_BINS = 40
+_COARSE_BINS = 10
+_RARE = 0.0005
+"""Share of the rows at either end that is put into the outermost bin."""
+_CHANCE = 0.01
+"""How often the mean of any bin on the whole map may be beyond chance by chance."""
+_MOST_OF_EXCESS = 0.8
+
+
+def left_of(problem: Problem, fit: Fit, whitener: Whitener) -> FloatArray:
+    """What a model leaves of every row, shape (n,).
+
+    Where the noise wanders that is what a prediction from the rows before leaves, of those rows that count.
+    """
+    if not whitener.slow:
+        return fit.residual
+    counted = whitener.weight > 0.0
+    return np.divide(fit.white, whitener.weight, out=fit.residual.copy(), where=counted)
+
+
+def slices_of(problem: Problem, chosen: Selection) -> tuple[Slice, ...]:
+    """The residual's mean in bins of every coordinate that the recording varies."""
+    weight = chosen.whitener.weight
+    residuals = chosen.before.residual, left_of(problem, chosen.after, chosen.whitener)
+    slices = []
+    for name, known_values in problem.coordinates.items():
+        values = _without_noise(name, problem, chosen, known_values)
+        known = (weight > 0.0) & np.isfinite(values)
+        edges = _edges(values[known])
+        if edges is None:
+            continue
+        place = bin_of(values[known], edges)
+        count = np.bincount(place, minlength=edges.size - 1).astype(np.float64)
+        least = np.maximum(count, 1.0)
+        before, after = (np.bincount(place, one[known], minlength=count.size) / least for one in residuals)
+        variance = np.bincount(place, weight[known] ** -2.0, minlength=count.size) / least
+        slices.append(
+            Slice(
+                coordinate=name,
+                edges=edges,
+                count=count,
+                before_v=before,
+                after_v=after,
+                standard_error_v=chosen.after.deviation * np.sqrt(variance / least),
+                threshold=math.inf,
+            )
+        )
+    bins = sum(int((one.count > 0).sum()) for one in slices)
+    return tuple(replace(one, threshold=float(ndtri(1.0 - 0.5 * _CHANCE / bins))) for one in slices)
+
+
+def _without_noise(name: str, problem: Problem, chosen: Selection, values: FloatArray) -> FloatArray:
+    """A coordinate as predicted where it is what is measured: noise that sorts its own residual makes a structure."""
+    if name == "output":
+        return chosen.after.predicted
+    return chosen.after.predicted / problem.interval_s if name == "chamber_temp_rate" else values
+
+
+def _edges(values: FloatArray) -> FloatArray | None:
+    """Edges of bins of values: around each where they are few whole numbers; None where they do not vary."""
+    if values.size == 0 or float(np.ptp(values)) == 0.0:
+        return None
+    if np.array_equal(values, np.rint(values)) and np.ptp(values) < _BINS:
+        return np.arange(values.min() - 0.5, values.max() + 1.0)
+    low, high = np.quantile(values, [_RARE, 1.0 - _RARE])
+    return np.linspace(low, high, _BINS + 1) if low < high else None
+
+
+def where_of(problem: Problem, excess: npt.NDArray[np.float32], coordinate: str) -> Where:
+    """The ranges of a coordinate, and the steps, that hold most of an `excess` of squares, shape (n,)."""
+    per_step = np.bincount(problem.step, excess, minlength=len(problem.step_names))
+    steps = tuple(problem.step_names[i] for i in np.argsort(-per_step)[:3])
+    values = problem.coordinates.get(coordinate.split("*")[0])
+    if values is None or not np.isfinite(values).all():
+        return Where(coordinate=coordinate, steps=steps)
+    edges = np.linspace(float(values.min()), float(values.max()), _COARSE_BINS + 1)
+    place = bin_of(values, edges)
+    held = np.maximum(np.bincount(place, excess, minlength=_COARSE_BINS), 0.0)
+    total = float(held.sum())
+    if total <= 0.0:
+        return Where(coordinate=coordinate, steps=steps)
+    order = np.argsort(-held)
+    needed = int(np.searchsorted(np.cumsum(held[order]), _MOST_OF_EXCESS * total)) + 1
+    kept = sorted(order[:needed].tolist())
+    return Where(
+        coordinate=coordinate,
+        ranges=_joined(kept, edges.tolist()),
+        steps=steps,
+        share_of_excess=float(held[kept].sum()) / total,
+    )
+
+
+def _joined(kept: list[int], edges: list[float]) -> tuple[tuple[float, float], ...]:
+    """The ranges of bins in increasing order, neighbours as one."""
+    starts = [i for i in kept if i - 1 not in kept]
+    stops = [i + 1 for i in kept if i + 1 not in kept]
+    return tuple((edges[start], edges[stop]) for start, stop in zip(starts, stops, strict=True))
+
+
+def step_figures(problem: Problem, chosen: Selection) -> tuple[StepFigures, ...]:
+    """Every step's rms residual: by the model as it came, refitted, and with the findings.
+
+    Of innovations, weighed by row where the noise is not of one size, as in `FitFigures`.
+    """
+    came = chosen.noise.plain(problem.measured - problem.predict(problem.baseline_start, ()))
+    rows = np.bincount(problem.step, chosen.whitener.weight > 0.0, minlength=len(problem.step_names))
+
+    def rms(white: FloatArray) -> list[float]:
+        squares = np.bincount(problem.step, white**2, minlength=rows.size)
+        return [math.sqrt(value) for value in (squares / np.maximum(rows, 1)).tolist()]
+
+    columns = zip(
+        problem.steps,
+        chosen.heldout.tolist(),
+        rms(came),
+        rms(chosen.before.white),
+        rms(chosen.after.white),
+        strict=True,
+    )
+    return tuple(
+        StepFigures(
+            name=info.name,
+            kind=info.kind,
+            t_start=info.t_start,
+            t_end=info.t_end,
+            heldout=held,
+            as_it_came_v=as_it_came,
+            before_v=before,
+            after_v=after,
+        )
+        for info, held, as_it_came, before, after in columns
+    )

@@ -1,0 +1,65 @@
+"""The verdict: what a recording says of its lab's model, in a word and in a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from benchctl.diagnosis.problem import Problem
+from benchctl.diagnosis.result import Estimate, Finding, Unexplained, Verdict
+from benchctl.diagnosis.search.select import Selection
+from benchctl.diagnosis.signals.normal import Z95
+
+_MOVED_ERRORS = 5.0
+_MOVED_SHARE = 1e-4
+"""A parameter has moved beyond five standard errors and beyond 1e-4 of the scale factor or of full scale."""
+
+
+def baseline_of(problem: Problem, chosen: Selection) -> dict[str, Estimate]:
+    """The parameters of the lab's model, refitted; `was` where a lab believed in other values."""
+    errors = (Z95 * np.sqrt(np.diag(chosen.whole.robust_covariance(problem.step)))).tolist()
+    columns = zip(
+        problem.baseline_names,
+        problem.baseline_units,
+        chosen.whole.point.baseline.tolist(),
+        errors,
+        problem.baseline_start.tolist(),
+        strict=False,
+    )
+    return {
+        name: Estimate(
+            value=value, low=value - error, high=value + error, unit=unit, was=was if problem.believed else None
+        )
+        for name, unit, value, error, was in columns
+    }
+
+
+def verdict_of(
+    problem: Problem, findings: Sequence[Finding], unexplained: Unexplained, baseline: Mapping[str, Estimate]
+) -> Verdict:
+    """Missing physics before an unknown structure, that before moved parameters."""
+    if findings:
+        return "missing-physics"
+    if unexplained.significant:
+        return "unknown-structure"
+    for name, one in baseline.items():
+        if one.was is None:
+            continue
+        change = one.value - one.was
+        surely = abs(change) > _MOVED_ERRORS * (one.high - one.value) / Z95
+        if surely and problem.matters(name, change) > _MOVED_SHARE:
+            return "recalibrate"
+    return "consistent"
+
+
+def sentence_of(verdict: Verdict, findings: Sequence[Finding], unexplained: Unexplained) -> str:
+    """The verdict for someone who was not there."""
+    said = [one.says for one in findings]
+    if unexplained.significant:
+        said.append(unexplained.says)
+    if said:
+        return " ".join(said)
+    if verdict == "recalibrate":
+        return "No physics is missing; the model's own parameters have moved and want recalibrating."
+    return "The model agrees with the recording to within its noise."

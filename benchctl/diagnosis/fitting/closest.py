@@ -1,0 +1,103 @@
+"""How near one model comes to another: its numbers refitted to the other's prediction, within what is known of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.diagnosis.fitting.fit import Fit, Free, Point, inverse, solve
+
+FloatArray = npt.NDArray[np.float64]
+Column = Callable[[FloatArray], FloatArray]
+Predict = Callable[[FloatArray, Sequence[Any]], FloatArray]
+
+_ROUNDS = 8
+_HALVINGS = 4
+_CLOSE = 0.1
+"""Rounds end when twice the log likelihood is expected to change by less."""
+_NUDGE = 0.1
+"""How far a number is moved for its derivative, in its own standard errors."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Known:
+    """A model and what a recording says of its numbers: their values (p,), information and covariance (p, p)."""
+
+    point: Point
+    numbers: tuple[Free, ...]
+    values: FloatArray
+    information: FloatArray
+    covariance: FloatArray
+
+
+def known_from(fitted: Fit, *, anew: str = "") -> Known:
+    """What a fit knows of its numbers; of the one named `anew`, a bias that may have moved since, nothing."""
+    information = fitted.products.of(fitted.fitted)[0] / fitted.deviation**2
+    for i, number in enumerate(fitted.numbers):
+        if number.name == anew and number.effect is None and information[i, i] > 0.0:
+            information = information - np.outer(information[:, i], information[i]) / information[i, i]
+    values = np.array([fitted.point.value(number, i) for i, number in enumerate(fitted.numbers)])
+    return Known(
+        point=fitted.point,
+        numbers=fitted.numbers,
+        values=values,
+        information=information,
+        covariance=fitted.covariance,
+    )
+
+
+def distance(target: FloatArray, known: Known, predict: Predict, whiten: Column) -> float:
+    """What is left of Σ((target − prediction)/σ)², (n,) whitened to a deviation of one, at the nearest numbers.
+
+    Numbers that leave what the recording says of them pay for it: both together are by how much twice the log
+    likelihood parts the two models. Gauss and Newton's rounds, each step halved until it goes down.
+    """
+    sizes = np.sqrt(np.maximum(np.diag(known.covariance), 0.0))
+    values, point = known.values, known.point
+    predicted = predict(point.baseline, point.effects)
+    rest = whiten(target - predicted)
+    cost = float(rest @ rest)
+    for _ in range(_ROUNDS):
+        if cost <= _CLOSE:
+            break
+        slopes = _slopes(known, values, predicted, sizes, predict, whiten)
+        gradient = slopes.T @ rest - known.information @ (values - known.values)
+        step = solve(slopes.T @ slopes + known.information, gradient)
+        before = cost
+        for halving in range(_HALVINGS):
+            trial = values + step * 0.5**halving
+            moved = point.moved(known.numbers, trial)
+            trial_predicted = predict(moved.baseline, moved.effects)
+            trial_rest = whiten(target - trial_predicted)
+            away = trial - known.values
+            trial_cost = float(trial_rest @ trial_rest + away @ known.information @ away)
+            if trial_cost < cost:
+                values, predicted, rest, cost = trial, trial_predicted, trial_rest, trial_cost
+                break
+        if before - cost < _CLOSE:
+            break
+    return cost
+
+
+def _slopes(
+    known: Known, values: FloatArray, predicted: FloatArray, sizes: FloatArray, predict: Predict, whiten: Column
+) -> FloatArray:
+    """Whitened derivatives by every number, shape (n, p); zero by those of which nothing is known."""
+    slopes = np.zeros((predicted.size, values.size), order="F")
+    for i, size in enumerate((_NUDGE * sizes).tolist()):
+        if size <= 0.0:
+            continue
+        moved = values.copy()
+        moved[i] += size
+        other = known.point.moved(known.numbers, moved)
+        slopes[:, i] = whiten(predict(other.baseline, other.effects) - predicted) / size
+    return slopes
+
+
+def without_direction(columns: FloatArray, vector: FloatArray) -> FloatArray:
+    """A vector (n,) without what columns (n, p) can make of it."""
+    return np.asarray(vector - columns @ (inverse(columns.T @ columns) @ (columns.T @ vector)))

@@ -1,0 +1,22 @@
+"""Something found of the noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from benchctl.diagnosis.fitting.noise import Whitener
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Noisy:
+    """What was found: its gain in twice the log likelihood, its size, and the error of the size's logarithm.
+
+    The size of a wandering bias is in units of the white noise's deviation; that of noise that grows is the growth of
+    its variance up to full rate. `whitener` is the one with it.
+    """
+
+    effect: str
+    gain: float
+    size: float
+    log_error: float
+    whitener: Whitener

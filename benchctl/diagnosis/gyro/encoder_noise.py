@@ -1,0 +1,52 @@
+"""What the encoder's own noise adds to a prediction: the rate is a measurement, not a given."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.diagnosis.gyro.frame import Frame
+from benchctl.diagnosis.signals.motion import Motion
+from benchctl.diagnosis.signals.normal import QUARTILE
+
+FloatArray = npt.NDArray[np.float64]
+
+_FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
+
+
+def rate_variance(frame: Frame) -> tuple[FloatArray, FloatArray]:
+    """Variance of the rate [(deg/s)²] that the encoder's noise brings, and half that of its step from row to row.
+
+    Both of shape (n,). The noise of an angle is seen in fourth differences, which hold next to nothing of the motion;
+    it passes the filters of `Motion`, wide where the motion is sudden.
+    """
+    whole, step = np.empty(frame.rows), np.empty(frame.rows)
+    variance = _angle_variance([frame.encoder_deg[part] for part in frame.stretches])
+    for part, motion in zip(frame.stretches, frame.motions, strict=True):
+        whole[part] = variance * _passed(motion, motion.filters)
+        step[part] = 0.5 * variance * _passed(motion, tuple(np.diff(one) for one in motion.filters))
+    return whole, step
+
+
+def _angle_variance(angles_deg: Sequence[FloatArray]) -> float:
+    """Of all stretches together: in fast sines the differences hold motion, but these are rare."""
+    long = [one for one in angles_deg if one.size >= 2 * _FOURTH_DIFFERENCE.size]
+    if not long:
+        return 0.0
+    differences = [np.abs(np.convolve(one - one[0], _FOURTH_DIFFERENCE, mode="valid")) for one in long]
+    deviation = float(np.median(np.concatenate(differences))) / QUARTILE
+    return deviation**2 / float(_FOURTH_DIFFERENCE @ _FOURTH_DIFFERENCE)
+
+
+def _passed(motion: Motion, filters: tuple[FloatArray, ...]) -> FloatArray:
+    """Variance behind the mixed filters for white noise of variance one, shape (n,)."""
+    narrow, wide = filters
+    share = motion.sudden
+    passed: FloatArray = (
+        (1.0 - share) ** 2 * float(narrow @ narrow)
+        + 2.0 * share * (1.0 - share) * float(narrow @ wide)
+        + share**2 * float(wide @ wide)
+    )
+    return passed

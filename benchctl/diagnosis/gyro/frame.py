@@ -1,0 +1,226 @@
+"""A recording of a gyro laid out for a diagnosis: one row a sample, every signal that the model is made of."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.diagnosis.signals.free_band import goes_beyond, wide_motion
+from benchctl.diagnosis.signals.motion import Motion, motion_of
+from benchctl.diagnosis.signals.ripple import ripple_of
+from benchctl.diagnosis.signals.temperature import Pause, Thermistor, thermistor_of
+from benchctl.recordings.model import Step, StepInfo
+from benchctl.recordings.reader import Recording
+from instruments.errors import UsageError
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+NEEDED = ("time_s", "encoder_deg", "gyro_v")
+THERMISTOR, AIR, FILLED = "gyro_temp_c", "chamber_temp_c", "filled"
+
+_FEWEST_ROWS = 2000
+_GAP = 1.5
+"""Sample intervals beyond which two rows do not belong to one stretch."""
+
+_UNEVEN, _MOST_UNEVEN = 0.1, 0.01
+"""Share of an interval that a stamp may be off, and share of the stamps that may be off by more."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frame:
+    """All samples of a recording in order; arrays of shape (n,).
+
+    `step` is the index into `infos` of a row's step; `stretches` are the parts without gaps, `motions` theirs;
+    `origins_s` is when the recording began that a stretch belongs to, where several were joined.
+    `time_s` counts from the start of the first. `temp_c` is the gyro's thermistor, smoothed; `thermistor` says what it
+    is where the gyro has none. `pauses` are what the thermistor did before a stretch, where something is known of it.
+    `filled` rows were never measured. Where the motion goes `beyond` the band of the filters, the wide one made all of
+    it.
+    """
+
+    infos: tuple[StepInfo, ...]
+    interval_s: float
+    time_s: FloatArray
+    step: IntArray
+    stretches: tuple[slice, ...]
+    origins_s: tuple[float, ...]
+    motions: tuple[Motion, ...]
+    encoder_deg: FloatArray
+    angle_deg: FloatArray
+    rate_dps: FloatArray
+    acceleration_dps2: FloatArray
+    sudden: FloatArray
+    volts: FloatArray
+    temp_c: FloatArray
+    temp_rate_c_per_s: FloatArray
+    chamber_c: FloatArray
+    auxiliary: dict[str, FloatArray]
+    thermistor: str = THERMISTOR
+    pauses: tuple[Pause | None, ...] = ()
+    filled: BoolArray | None = None
+    beyond: bool = False
+
+    @property
+    def rows(self) -> int:
+        """The number of samples."""
+        return int(self.time_s.size)
+
+
+def frame_of(recording: Recording, *, temperature_c: float | None = None) -> Frame:
+    """Read a recording into a frame; `temperature_c` is taken where neither gyro nor chamber has a thermometer.
+
+    Raises `UsageError` where it has no scans of encoder and gyro, or too few of them, or they cannot be used.
+    """
+    steps = [step for step in recording.steps() if _has_scans(step)]
+    if not steps:
+        raise UsageError(
+            f"{recording.path}: a diagnosis needs steps with the channels {', '.join(NEEDED)} in one scan;"
+            f" it has {_channels_of(recording)}"
+        )
+    columns = {name: np.concatenate([step[name] for step in steps]) for name in NEEDED}
+    time_s = columns["time_s"]
+    if time_s.size < _FEWEST_ROWS:
+        raise UsageError(
+            f"{recording.path}: {time_s.size} samples with motion and output are too few to tell physics from noise;"
+            f" a diagnosis needs {_FEWEST_ROWS} or more"
+        )
+    _require_finite(recording, steps)
+    interval_s = float(np.median(np.diff(time_s)))
+    stretches = tuple(_stretches(time_s, interval_s))
+    _require_even(recording, time_s, interval_s)
+    origins_s = tuple(max(one for one in (0.0, *recording.starts_s) if one <= time_s[part.start]) for part in stretches)
+    unwrapped = [np.unwrap(columns["encoder_deg"][part], period=360.0) for part in stretches]
+    beyond = goes_beyond(unwrapped, 1.0 / interval_s)
+    motions = _motions(unwrapped, 1.0 / interval_s, beyond)
+    name, thermistors = _thermistors(recording, steps, sorted(set(origins_s)), temperature_c)
+    temperatures = [thermistors[at].at(time_s[part]) for at, part in zip(origins_s, stretches, strict=True)]
+    extras = set.intersection(*(set(step.channels) for step in steps)) - {*NEEDED, THERMISTOR, AIR, FILLED}
+    return Frame(
+        infos=tuple(step.info for step in steps),
+        interval_s=interval_s,
+        time_s=time_s,
+        step=np.repeat(np.arange(len(steps)), [step["time_s"].size for step in steps]),
+        stretches=stretches,
+        origins_s=origins_s,
+        motions=motions,
+        encoder_deg=np.concatenate(unwrapped),
+        angle_deg=np.concatenate([motion.angle_deg for motion in motions]),
+        rate_dps=np.concatenate([motion.rate_dps for motion in motions]),
+        acceleration_dps2=np.concatenate([motion.acceleration_dps2 for motion in motions]),
+        sudden=np.concatenate([motion.sudden for motion in motions]),
+        volts=columns["gyro_v"],
+        temp_c=np.concatenate([temp for temp, _ in temperatures]),
+        temp_rate_c_per_s=np.concatenate([rate for _, rate in temperatures]),
+        chamber_c=np.concatenate([_air(step) for step in steps]),
+        auxiliary={
+            name: np.concatenate([step[name] for step in steps])
+            for name in sorted(extras)
+            if not name.startswith("poll_")
+        },
+        thermistor=name,
+        pauses=tuple(_pauses(time_s, stretches, origins_s, thermistors)),
+        filled=np.concatenate([step.channels.get(FILLED, np.zeros(step["time_s"].size)) > 0.0 for step in steps]),
+        beyond=beyond,
+    )
+
+
+def _motions(unwrapped: Sequence[FloatArray], sample_rate_hz: float, beyond: bool) -> tuple[Motion, ...]:
+    if beyond:
+        return tuple(wide_motion(angle, sample_rate_hz) for angle in unwrapped)
+    ripple = ripple_of(unwrapped, sample_rate_hz)
+    return tuple(motion_of(angle, sample_rate_hz, ripple) for angle in unwrapped)
+
+
+def _has_scans(step: Step) -> bool:
+    return all(name in step.channels for name in NEEDED) and step["time_s"].size > 1
+
+
+def _channels_of(recording: Recording) -> str:
+    names = {name for info in recording.infos for name in recording.channels(info.index)}
+    return ", ".join(sorted(names)) or "none"
+
+
+def _stretches(time_s: FloatArray, interval_s: float) -> Iterator[slice]:
+    """Parts without gaps that are long enough for a filter; shorter ones are joined to nothing and kept."""
+    ends = np.flatnonzero(np.diff(time_s) > _GAP * interval_s) + 1
+    bounds = np.concatenate([[0], ends, [time_s.size]])
+    for first, last in itertools.pairwise(bounds.tolist()):
+        yield slice(first, last)
+
+
+def _require_finite(recording: Recording, steps: Sequence[Step]) -> None:
+    for step in steps:
+        for name in ("encoder_deg", THERMISTOR):
+            values = step.channels.get(name)
+            if values is not None and not np.isfinite(values).all():
+                row = int(np.flatnonzero(~np.isfinite(values))[0])
+                raise UsageError(
+                    f"{recording.path}: step {step.info.index} ({step.info.name}): {name} is {values[row]} at sample"
+                    f" {row}; a motion or a temperature that is not known cannot be diagnosed: import it without"
+                )
+
+
+def _require_even(recording: Recording, time_s: FloatArray, interval_s: float) -> None:
+    """Raise `UsageError` where the stamps are not those of one clock."""
+    apart = np.diff(time_s)
+    inside = apart[apart <= _GAP * interval_s]
+    uneven = float(np.mean(np.abs(inside - interval_s) > _UNEVEN * interval_s)) if interval_s > 0.0 else 1.0
+    if uneven > _MOST_UNEVEN:
+        raise UsageError(
+            f"{recording.path}: {100.0 * uneven:.0f} % of the stamps are not {interval_s * 1e3:.4g} ms after the one"
+            ' before: a diagnosis needs samples of one clock; import with stamps = "repair", or steps of one rate alone'
+        )
+
+
+def _thermistors(
+    recording: Recording, steps: Sequence[Step], origins_s: Sequence[float], temperature_c: float | None
+) -> tuple[str, Mapping[float, Thermistor]]:
+    """What the gyro's temperature was read from, and that temperature by when the recording began that has it."""
+    name = next((one for one in (THERMISTOR, AIR) if all(one in step.channels for step in steps)), "")
+    if not name and temperature_c is None:
+        raise UsageError(
+            f"{recording.path}: no step has the gyro's thermistor ({THERMISTOR}); it has {_channels_of(recording)}"
+        )
+    measured: dict[float, list[tuple[FloatArray, FloatArray]]] = {at: [] for at in origins_s}
+
+    def add(time_s: FloatArray, temp_c: FloatArray) -> None:
+        if time_s.size:
+            measured[max(at for at in origins_s if at <= time_s[0] or at == origins_s[0])].append((time_s, temp_c))
+
+    for step in steps:
+        add(step["time_s"], step[name] if name else np.full(step["time_s"].size, temperature_c))
+    polled = f"poll_{THERMISTOR}"
+    for info in recording.infos if name == THERMISTOR else ():
+        if polled in recording.channels(info.index):
+            soak = recording.step(info.index, ("poll_time_s", polled))
+            add(soak["poll_time_s"], soak[polled])
+    return name, {at: thermistor_of(those) for at, those in measured.items()}
+
+
+def _pauses(
+    time_s: FloatArray,
+    stretches: Sequence[slice],
+    origins_s: Sequence[float],
+    thermistors: Mapping[float, Thermistor],
+) -> Iterator[Pause | None]:
+    """What is known of the time before each stretch, since the one before it or since the first poll."""
+    for i, (part, at) in enumerate(zip(stretches, origins_s, strict=True)):
+        begins = i == 0 or origins_s[i - 1] != at
+        since_s = thermistors[at].begin_s if begins else float(time_s[stretches[i - 1].stop - 1])
+        yield thermistors[at].pause(since_s, float(time_s[part.start]))
+
+
+def _air(step: Step) -> FloatArray:
+    """The chamber's air at the scans; as it was polled where no scan has it; NaN where nothing has."""
+    if AIR in step.channels:
+        return step[AIR]
+    polled, times = step.channels.get(f"poll_{AIR}"), step.channels.get("poll_time_s")
+    if polled is None or times is None or not times.size:
+        return np.full(step["time_s"].size, np.nan)
+    return np.interp(step["time_s"], times, polled)

@@ -1,0 +1,89 @@
+"""What a recording of a gyro cannot show, whatever is done with it: said in sentences, never guessed around."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from benchctl.diagnosis.gyro.frame import AIR, THERMISTOR, Frame
+from benchctl.diagnosis.signals.free_band import Band
+
+_TURNING_DPS = 0.05
+"""Below it a table is taken to rest: an encoder's noise makes hundredths of a degree a second."""
+
+_REST_S = 1.0
+_SPAN_C = 2.0
+_FASTEST_C_PER_S = 5e-4
+_TURN_DEG = 360.0
+_SECTOR_DEG = 5.0
+
+
+def at_rest(frame: Frame) -> Frame:
+    """The frame with no rate at all where the table never turns: what is left is noise, and would be taken for one."""
+    if _turns(frame):
+        return frame
+    still = np.zeros_like(frame.rate_dps)
+    return replace(frame, rate_dps=still, acceleration_dps2=still)
+
+
+def limits_of(frame: Frame, simulation: Mapping[str, Any], band: Band | None) -> tuple[str, ...]:
+    """The sentences."""
+    return tuple(_limits(frame, simulation, band))
+
+
+def _turns(frame: Frame) -> bool:
+    return bool(np.quantile(np.abs(frame.rate_dps), 0.995) > _TURNING_DPS)
+
+
+def _seen_deg(frame: Frame) -> float:
+    """Over how much of the turn the encoder was read."""
+    seen = np.unique(np.mod(frame.encoder_deg, _TURN_DEG) // _SECTOR_DEG)
+    return float(seen.size * _SECTOR_DEG)
+
+
+def _limits(frame: Frame, simulation: Mapping[str, Any], band: Band | None) -> Iterator[str]:
+    if not _turns(frame):
+        yield (
+            "The table never turns in this recording: of the scale factor, of all that grows with the rate, of time and"
+            " of the encoder nothing is observable; what is said is of the bias."
+        )
+    elif float(np.sum(np.abs(frame.rate_dps) < _TURNING_DPS)) * frame.interval_s < _REST_S:
+        yield "The table never rests in this recording: the bias is known from its motion alone."
+    if _turns(frame) and (seen := _seen_deg(frame)) < _TURN_DEG:
+        yield (
+            f"The encoder was read over {seen:.0f}° of its turn only, so its own scale is not tested: if its degrees"
+            " are too small or too large by a share, that looks exactly like a K0 that is wrong by the same share."
+        )
+    if not frame.thermistor:
+        yield (
+            f"No temperature was recorded: the gyro is taken to be at T0 = {float(simulation['T0_c']):g} °C throughout,"
+            " and no effect of temperature is observable."
+        )
+    else:
+        if frame.thermistor == AIR:
+            yield (
+                f"The gyro's thermistor ({THERMISTOR}) was not recorded: the chamber's air stands for it, and the"
+                " housing's own slowness would look like a thermal lag."
+            )
+        span = float(np.ptp(frame.temp_c))
+        steepest = float(np.quantile(np.abs(frame.temp_rate_c_per_s), 0.99))
+        if span < _SPAN_C:
+            yield (
+                f"The gyro's temperature changes by {span:.2g} °C in all: effects of temperature are not observable"
+                " in this recording, or only if they are large."
+            )
+        elif steepest < _FASTEST_C_PER_S:
+            yield (
+                "The gyro's temperature is steady wherever samples were taken: what depends on how fast it changes is"
+                " not observable in this recording."
+            )
+    if band is not None:
+        yield (
+            f"The motion goes beyond the band in which an encoder's angles make a rate: gyro and model are compared up"
+            f" to {band.up_to_hz:.3g} Hz, and residuals are those of that band; single spikes, a held output, lines"
+            " above it, and what is not in proportion to the momentary rate (the sine law, a dead zone, saturation, a"
+            " converter's errors) are not looked for."
+        )

@@ -1,0 +1,330 @@
+"""A table of static points as a problem for the engine: means of the gyro's output at commanded rates, no samples.
+
+Means of seconds hold no noise to speak of: what they scatter by is the bench's, from point to point, and is estimated
+from what a model leaves. A point is a step of its own, so that whole points are held out. Only laws that answer to a
+steady rate can be seen; nobody recorded when, or how the table came there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import t as student
+
+from benchctl.diagnosis.gyro.chain import Law
+from benchctl.diagnosis.gyro.model import checked_model
+from benchctl.diagnosis.keys import tables_of
+from benchctl.diagnosis.stepped import Stepped
+from benchctl.recordings.model import StepInfo
+from benchctl.recordings.reader import Recording
+from benchctl.recordings.static_points import KIND, StaticPoints
+from instruments.errors import UsageError
+from instruments.physics.chain import Signals
+from instruments.physics.effects.effect import DescribedEffect
+from instruments.physics.effects.registry import effects
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+_LAWS = ("dead_zone", "fringe_ambiguity", "rate_nonlinearity", "rate_squared", "saturation", "scale_asymmetry")
+_LAWS_OF_TEMPERATURE = ("bias_temperature", "scale_rate_temperature_coupling", "scale_temperature")
+
+_FEWEST = 12
+_FEWEST_RATES = 5
+_SPAN_C = 2.0
+_RESTING_DPS = 1e-3
+_ODD = 0.001
+"""How often chance may put the points at rest so far from the model through all."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointsProblem(Stepped):
+    """A `benchctl.diagnosis.problem.Problem`: mean volts from commanded rates, a row a point.
+
+    `simulation` is the lab's model, or the straight line through the points where there is none (`believed` says).
+    """
+
+    points: StaticPoints
+    law: Law
+    simulation: Mapping[str, Any]
+    range_dps: float
+    without: frozenset[str]
+    believed: bool
+    unit: str
+    noises: frozenset[str] = frozenset()
+
+    @cached_property
+    def regressor_variance(self) -> tuple[FloatArray, FloatArray]:
+        """None: a commanded rate has no noise; (n,) each."""
+        return np.zeros(self.step.size), np.zeros(self.step.size)
+
+    @property
+    def measured(self) -> FloatArray:
+        """Mean outputs [V], shape (n,)."""
+        return self.points.mean_v
+
+    @property
+    def full_scale(self) -> float:
+        """The line's output at the rated range, or at the highest rate where that is not known."""
+        return abs(float(self.simulation["K0_v_per_dps"])) * self.range_dps
+
+    @cached_property
+    def time_s(self) -> FloatArray:
+        """The number of a point, in place of a time: nobody recorded when it was."""
+        return np.arange(self.points.rate_dps.size, dtype=np.float64)
+
+    @property
+    def interval_s(self) -> float:
+        """From one to the next."""
+        return 1.0
+
+    @property
+    def stretches(self) -> tuple[slice, ...]:
+        """All of them in one."""
+        return (slice(0, self.points.rate_dps.size),)
+
+    @cached_property
+    def step(self) -> IntArray:
+        """Each is a step."""
+        return np.arange(self.points.rate_dps.size)
+
+    @cached_property
+    def steps(self) -> tuple[StepInfo, ...]:
+        """What they are."""
+        runs = self.points.run
+        return tuple(
+            StepInfo(
+                index=i,
+                name=f"{rate:+g} deg/s" if runs is None else f"{rate:+g} deg/s in run {runs[i]:g}",
+                kind=KIND,
+                t_start=float(i),
+                t_end=float(i + 1),
+                chamber_setpoint_c=math.nan,
+                rate_dps=rate,
+            )
+            for i, rate in enumerate(self.points.rate_dps.tolist())
+        )
+
+    @cached_property
+    def usable(self) -> BoolArray:
+        """Points whose mean is a number."""
+        return np.isfinite(self.points.mean_v) & np.isfinite(self.points.rate_dps)
+
+    @cached_property
+    def baseline_names(self) -> tuple[str, ...]:
+        """K0_v_per_dps, U0_v, k_T_1 …, k_omega_2, …."""
+        temperature = [f"k_T_{i + 1}" for i in range(self.law.temperature_terms)]
+        return ("K0_v_per_dps", "U0_v", *temperature, *(f"k_omega_{2 * i + 2}" for i in range(self.law.rate_terms)))
+
+    @cached_property
+    def baseline_units(self) -> tuple[str, ...]:
+        """Their units."""
+        temperature = [f"°C^-{i + 1}" for i in range(self.law.temperature_terms)]
+        rate = [f"(°/s)^-{2 * i + 2}" for i in range(self.law.rate_terms)]
+        return (f"{self.unit}/(°/s)", self.unit, *temperature, *rate)
+
+    @cached_property
+    def baseline_start(self) -> FloatArray:
+        """The lab's values, shape (p,)."""
+        stated = self.simulation
+        return np.array([stated["K0_v_per_dps"], stated["U0_v"], *stated["k_T"], *stated["k_omega"]], dtype=np.float64)
+
+    @cached_property
+    def circumstances(self) -> Mapping[str, float]:
+        """Reference temperature and rated range."""
+        return {"T0_c": self.law.T0_c, "range_dps": self.range_dps, "start_s": 0.0}
+
+    @cached_property
+    def effects(self) -> Mapping[str, type[DescribedEffect]]:
+        """The laws of a steady rate, and of temperature where the points have several."""
+        names = _LAWS + (_LAWS_OF_TEMPERATURE if self._temperatures_vary else ())
+        return {name: kind for name, kind in effects().items() if name in names and name not in self.without}
+
+    @cached_property
+    def coordinates(self) -> Mapping[str, FloatArray]:
+        """Rate, its size and sign, output; temperature where it is known."""
+        rate = self.points.rate_dps
+        known = {
+            "rate": rate,
+            "abs_rate": np.abs(rate),
+            "rate_sign": np.sign(np.where(np.abs(rate) < _RESTING_DPS, 0.0, rate)),
+            "output": self.points.mean_v,
+        }
+        return known if self.points.temperature_c is None else {**known, "gyro_temp": self.points.temperature_c}
+
+    def predict(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
+        """Volts, shape (n,)."""
+        signals = self._signals(self.law.volts(baseline, self.points.rate_dps, self._coil_c))
+        for effect in effects:
+            if effect.stage == "scale":
+                signals = effect.apply(signals)
+        output_v = signals.output_v + baseline[1]
+        for effect in effects:
+            if effect.stage != "scale":
+                output_v = effect.apply(self._signals(output_v)).output_v
+        return np.asarray(output_v)
+
+    def matters(self, name: str, change: float) -> float:
+        """Of the bias a share of full scale, of the others one of the scale factor, at the edge of the points."""
+        if name == "U0_v":
+            return abs(change) / self.full_scale
+        if name == "K0_v_per_dps":
+            return abs(change / float(self.simulation["K0_v_per_dps"]))
+        power = int(name.rsplit("_", 1)[1])
+        away_c = float(np.abs(self._coil_c - self.law.T0_c).max())
+        return abs(change) * (away_c if name.startswith("k_T") else self.range_dps) ** power
+
+    def model_of(self, baseline: FloatArray, effects: Sequence[DescribedEffect], noise: float) -> dict[str, Any]:
+        """The tables `simulation` and `effects`; `noise` is the scatter of a point, not that of a sample."""
+        values, split = baseline.tolist(), 2 + self.law.temperature_terms
+        simulation = {
+            "K0_v_per_dps": values[0],
+            "U0_v": values[1],
+            "T0_c": self.law.T0_c,
+            "k_T": values[2:split],
+            "k_omega": values[split:],
+            "noise_v_rms": noise,
+            "output_limit_v": float(self.simulation.get("output_limit_v") or 2.0 * self.full_scale),
+        }
+        return {"simulation": simulation, "effects": tables_of(effects)}
+
+    def remarks(self, before: FloatArray, after: FloatArray, heldout: BoolArray) -> tuple[str, ...]:
+        """What points cannot show, how they scatter, and what those at rest do."""
+        del before, heldout
+        return tuple(self._remarks(after))
+
+    def _remarks(self, after: FloatArray) -> Iterator[str]:
+        yield (
+            f"{int(self.usable.sum())} static points, no samples: of time, motion, encoder and noise nothing is"
+            " observable here; a commanded rate stands for the table's own."
+        )
+        if not self._temperatures_vary:
+            yield "All points are at one temperature, or none is known: no effect of temperature is observable."
+        points = self.points
+        scatter = float(np.sqrt(np.mean(after[self.usable] ** 2)))
+        dps = scatter / abs(float(self.simulation["K0_v_per_dps"]))
+        yield (
+            f"The points scatter by {scatter:.3g} {self.unit} rms ({dps:.2g} °/s,"
+            f" {100.0 * scatter / self.full_scale:.2g} % of full scale) about the final model; intervals and thresholds"
+            " are by that scatter, not by the deviation stated with each point."
+        )
+        rest = np.abs(points.rate_dps) < _RESTING_DPS
+        yield from _at_rest(after[rest & self.usable], after[~rest & self.usable], self.simulation, self.unit)
+
+    @property
+    def _temperatures_vary(self) -> bool:
+        known = self.points.temperature_c
+        return known is not None and bool(np.ptp(known) > _SPAN_C)
+
+    @cached_property
+    def _coil_c(self) -> FloatArray:
+        known = self.points.temperature_c
+        return np.full(self.points.rate_dps.size, self.law.T0_c) if known is None else known
+
+    def _signals(self, output_v: FloatArray) -> Signals:
+        rate, none = self.points.rate_dps, np.zeros(self.points.rate_dps.size)
+        return Signals(
+            interval_s=1.0,
+            time_s=self.time_s,
+            angle_deg=none,
+            rate_dps=rate,
+            acceleration_dps2=none,
+            housing_c=self._coil_c,
+            coil_c=self._coil_c,
+            sensed_rate_dps=rate,
+            output_v=output_v,
+            encoder_deg=none,
+            thermistor_c=self._coil_c,
+            coil_rate_c_per_s=none,
+        )
+
+
+def _at_rest(rest: FloatArray, turning: FloatArray, simulation: Mapping[str, Any], unit: str) -> Iterator[str]:
+    """Whether the points at rest lie where the turning ones say; residuals of shape (r,) and (m,)."""
+    if not rest.size or turning.size < _FEWEST_RATES:
+        return
+    away, deviation = float(rest.mean() - turning.mean()), float(turning.std(ddof=1))
+    error = deviation * math.sqrt(1.0 / rest.size + 1.0 / turning.size)
+    chance = 2.0 * float(student.sf(abs(away) / max(error, 1e-300), turning.size - 1))
+    dps = away / float(simulation["K0_v_per_dps"])
+    said = f"The {rest.size} points at rest lie {away:+.3g} {unit} ({dps:+.2g} °/s) off the model through all points"
+    if chance < _ODD:
+        yield (
+            f"{said}, which chance does {chance:.1g} of the time: that is left unexplained. A table at rest differs"
+            " from one that turns in more than its rate (slip rings, cables, drive); runs at 1 to 5 °/s would tell."
+        )
+    else:
+        yield f"{said}, which is within the scatter of the others."
+
+
+def has_points(recording: Recording) -> bool:
+    """Whether a recording is one of static points."""
+    return bool(recording.infos) and all(info.kind == KIND for info in recording.infos)
+
+
+def points_problem(
+    recording: Recording, *, model: Mapping[str, Any] | None = None, without: Collection[str] = ()
+) -> PointsProblem:
+    """The problem of a recording of static points; without a model the lab is taken to believe in a straight line.
+
+    Raises `UsageError` where there are too few points or rates, or the model has a wrong field.
+    """
+    parts = [StaticPoints.from_step(step) for step in recording.steps((KIND,))]
+    points = _joined(parts)
+    rates = np.unique(points.rate_dps)
+    if points.rate_dps.size < _FEWEST or rates.size < _FEWEST_RATES:
+        raise UsageError(
+            f"{recording.path}: {points.rate_dps.size} static points at {rates.size} rates are too few to tell a law"
+            f" from their scatter; a diagnosis needs {_FEWEST} at {_FEWEST_RATES} rates or more"
+        )
+    told = model or recording.meta.simulation
+    digital = recording.meta.extra.get("gyro_output_unit") == "deg/s"
+    if told is None:
+        slope, offset = np.polyfit(points.rate_dps, points.mean_v, 1).tolist()
+        simulation: Mapping[str, Any] = {
+            "K0_v_per_dps": slope,
+            "U0_v": offset,
+            "T0_c": 20.0 if points.temperature_c is None else float(np.median(points.temperature_c)),
+            "k_T": [],
+            "k_omega": [],
+        }
+    else:
+        where = "[simulation] of the model" if model else f"{recording.path}: [simulation]"
+        simulation = checked_model(told, where=where, digital=digital)
+    return PointsProblem(
+        points=points,
+        law=Law(
+            T0_c=float(simulation["T0_c"]),
+            temperature_terms=len(simulation["k_T"]),
+            rate_terms=len(simulation["k_omega"]),
+        ),
+        simulation=simulation,
+        range_dps=recording.meta.unit.range_dps or float(np.abs(points.rate_dps).max()),
+        without=frozenset(without),
+        believed=told is not None,
+        unit="°/s" if digital else "V",
+    )
+
+
+def _joined(parts: Sequence[StaticPoints]) -> StaticPoints:
+    """Several tables as one; what not all of them have is left out."""
+    if len(parts) == 1:
+        return parts[0]
+
+    def together(name: str) -> FloatArray | None:
+        columns = [getattr(part, name) for part in parts]
+        return None if any(column is None for column in columns) else np.concatenate(columns)
+
+    rate, mean = (np.concatenate([getattr(part, name) for part in parts]) for name in ("rate_dps", "mean_v"))
+    return StaticPoints(
+        rate_dps=rate,
+        mean_v=mean,
+        **{name: together(name) for name in ("std_v", "run", "temperature_c", "duration_s")},
+    )

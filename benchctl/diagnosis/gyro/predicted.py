@@ -1,0 +1,35 @@
+"""What models say that the gyro of a recording should have put out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.diagnosis.gyro.frame import Frame
+from benchctl.diagnosis.gyro.problem import gyro_problem
+from benchctl.recordings.reader import Recording
+from instruments.errors import UsageError
+from instruments.physics.effects.kinds import NoiseEffect
+from instruments.physics.effects.making import make_effects
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def predict(recording: Recording, model: Mapping[str, Any]) -> tuple[Frame, FloatArray]:
+    """The recording's samples and the output [V] that a model predicts for each, shape (n,).
+
+    `model` has the layout of a model file: `simulation`, the lab's model, and `effects` beside it. What an effect draws
+    by chance, noise and faults of the data, is left out.
+
+    Raises `UsageError` where the model has no `simulation`, or the recording no scans that one could predict.
+    """
+    if not model.get("simulation"):
+        raise UsageError("this model has no [simulation]: it says nothing of what a recording's gyro should put out")
+    simulation = {"k_T": (), "k_omega": (), **model["simulation"]}
+    problem = gyro_problem(recording, model=simulation, whole_steps=True)
+    effects = make_effects(model.get("effects", {}), problem.circumstances)
+    volts = problem.predict(problem.baseline_start, [one for one in effects if not isinstance(one, NoiseEffect)])
+    return problem.frame, volts

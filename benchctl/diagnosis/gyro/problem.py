@@ -1,0 +1,296 @@
+"""A recording of a gyro as a problem for the engine: the lab's model, the hypotheses, where a mismatch can live."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.diagnosis.gyro.chain import GyroChain, Law
+from benchctl.diagnosis.gyro.encoder_noise import rate_variance
+from benchctl.diagnosis.gyro.frame import Frame, frame_of
+from benchctl.diagnosis.gyro.limits import at_rest, limits_of
+from benchctl.diagnosis.gyro.model import checked_model
+from benchctl.diagnosis.gyro.seen_by_both import lines_of_angle
+from benchctl.diagnosis.keys import tables_of
+from benchctl.diagnosis.signals.band_limited import HALF
+from benchctl.diagnosis.signals.free_band import Band, band_of
+from benchctl.diagnosis.signals.series import cut
+from benchctl.diagnosis.stepped import Stepped
+from benchctl.recordings.model import StepInfo
+from benchctl.recordings.reader import Recording
+from instruments.errors import UsageError
+from instruments.physics.effects.effect import DescribedEffect
+from instruments.physics.effects.kinds import NoiseEffect
+from instruments.physics.effects.registry import effects
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+_TURN = 360.0
+_MOMENTARY = frozenset(
+    {
+        "adc_coarse",
+        "adc_nonlinearity",
+        "dead_zone",
+        "fringe_ambiguity",
+        "mount_resonance",
+        "rate_nonlinearity",
+        "rate_squared",
+        "saturation",
+        "scale_asymmetry",
+    }
+)
+"""What answers to the momentary rate or voltage, or rings above a band."""
+_FEWEST_STEPS = 12
+"""Of fewer steps none can be held out; they are cut into pieces."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GyroProblem(Stepped):
+    """A `benchctl.diagnosis.problem.Problem`: the gyro's volts from the encoder's motion and the thermistor.
+
+    Its rows are those of the frame, or, of a motion beyond the filters' band, the slow part of some of them (`band`).
+    `simulation` is the lab's model under the names of the open recording; `T0_c` its reference temperature.
+    """
+
+    frame: Frame
+    chain: GyroChain
+    simulation: Mapping[str, Any]
+    full_scale: float
+    range_dps: float
+    without: frozenset[str]
+    adc_step_v: float
+    usable: BoolArray
+    band: Band | None = None
+    unit: str = "V"
+    believed: bool = True
+
+    @cached_property
+    def noises(self) -> frozenset[str]:
+        """A random walk of the bias, flicker, noise that grows with the rate."""
+        return frozenset({"bias_random_walk", "flicker_noise", "noise_rate_dependent"} - self.without)
+
+    @cached_property
+    def regressor_variance(self) -> tuple[FloatArray, FloatArray]:
+        """What the encoder's noise adds [V²], and to half a step from row to row; (n,) each."""
+        whole, step = rate_variance(self.frame)
+        squared = float(self.simulation["K0_v_per_dps"]) ** 2 * (self.band is None)
+        return self._kept(squared * whole), self._kept(squared * step)
+
+    @cached_property
+    def measured(self) -> FloatArray:
+        """The gyro's output [V], shape (n,)."""
+        return self._slow(self.frame.volts)
+
+    @property
+    def time_s(self) -> FloatArray:
+        """Stamps since the start of the recording [s], shape (n,)."""
+        return self._kept(self.frame.time_s)
+
+    @property
+    def interval_s(self) -> float:
+        """Between two rows [s]."""
+        return self.frame.interval_s if self.band is None else self.frame.interval_s * self.band.every
+
+    @property
+    def stretches(self) -> tuple[slice, ...]:
+        """The parts without gaps."""
+        return self.frame.stretches if self.band is None else self.band.kept_stretches
+
+    @property
+    def step(self) -> IntArray:
+        """Which step a row belongs to, shape (n,)."""
+        return self.frame.step if self.band is None else self.frame.step[self.band.rows]
+
+    @property
+    def steps(self) -> tuple[StepInfo, ...]:
+        """The recording's own steps."""
+        return self.frame.infos
+
+    @cached_property
+    def baseline_names(self) -> tuple[str, ...]:
+        """K0_v_per_dps, U0_v, k_T_1 …, k_omega_2, k_omega_4 …."""
+        law = self.chain.law
+        temperature = [f"k_T_{i + 1}" for i in range(law.temperature_terms)]
+        rate = [f"k_omega_{2 * (i + 1)}" for i in range(law.rate_terms)]
+        return ("K0_v_per_dps", "U0_v", *temperature, *rate)
+
+    @cached_property
+    def baseline_units(self) -> tuple[str, ...]:
+        """Their units."""
+        law = self.chain.law
+        temperature = [f"°C^-{i + 1}" for i in range(law.temperature_terms)]
+        rate = [f"(°/s)^-{2 * (i + 1)}" for i in range(law.rate_terms)]
+        return ("V/(°/s)", "V", *temperature, *rate)
+
+    @cached_property
+    def baseline_start(self) -> FloatArray:
+        """The lab's values, shape (p,)."""
+        stated = self.simulation
+        return np.array([stated["K0_v_per_dps"], stated["U0_v"], *stated["k_T"], *stated["k_omega"]], dtype=np.float64)
+
+    @cached_property
+    def circumstances(self) -> Mapping[str, float]:
+        """Reference temperature, rated range, the converter's step, where time begins."""
+        return {
+            "T0_c": self.chain.law.T0_c,
+            "range_dps": self.range_dps,
+            "adc_step_v": self.adc_step_v,
+            "start_s": 0.0,
+        }
+
+    @cached_property
+    def effects(self) -> Mapping[str, type[DescribedEffect]]:
+        """Every effect of the vocabulary that changes a prediction, but for those that are withheld.
+
+        How coarse a converter has become is seen in the samples themselves (`faults`), and what is not in proportion to
+        the rate only where the momentary one is known.
+        """
+        without = {*self.without, "adc_coarse"}
+        without |= _MOMENTARY if self.band is not None else set()
+        return {
+            name: kind for name, kind in effects().items() if name not in without and not issubclass(kind, NoiseEffect)
+        }
+
+    @cached_property
+    def coordinates(self) -> Mapping[str, FloatArray]:
+        """Where a mismatch can live, each of shape (n,)."""
+        frame = self.frame
+        every_row = {
+            "time": frame.time_s,
+            "rate": frame.rate_dps,
+            "abs_rate": np.abs(frame.rate_dps),
+            "rate_sign": np.sign(np.where(np.abs(frame.rate_dps) < 0.5, 0.0, frame.rate_dps)),
+            "acceleration": frame.acceleration_dps2,
+            "angle": np.mod(frame.angle_deg, _TURN),
+            "gyro_temp": frame.temp_c,
+            "gyro_temp_rate": frame.temp_rate_c_per_s,
+            "chamber_temp": frame.chamber_c,
+            "output": frame.volts,
+            "step": frame.step.astype(np.float64),
+        }
+        return {name: self._kept(values) for name, values in every_row.items()}
+
+    def predict(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
+        """Volts, shape (n,)."""
+        return self._slow(self.chain.predict(baseline, effects))
+
+    def _kept(self, values: FloatArray) -> FloatArray:
+        return values if self.band is None else values[self.band.rows]
+
+    def _slow(self, values: FloatArray) -> FloatArray:
+        return values if self.band is None else self.band.slow(values)
+
+    def matters(self, name: str, change: float) -> float:
+        """A share of full scale for the bias, of the scale factor for the others, at the edge of what was recorded."""
+        if name == "U0_v":
+            return abs(change) / self.full_scale
+        if name == "K0_v_per_dps":
+            return abs(change / float(self.simulation["K0_v_per_dps"]))
+        power = int(name.rsplit("_", 1)[1])
+        away_c = float(np.abs(self.frame.temp_c - self.chain.law.T0_c).max())
+        return abs(change) * (away_c if name.startswith("k_T") else self.range_dps) ** power
+
+    def model_of(self, baseline: FloatArray, effects: Sequence[DescribedEffect], noise: float) -> dict[str, Any]:
+        """The tables `simulation` and `effects`; `noise` [V] is that of a sample."""
+        values, law = baseline.tolist(), self.chain.law
+        split = 2 + law.temperature_terms
+        # a model that plays needs a limit: where none is known, one far above what was recorded
+        limit = self.simulation.get("output_limit_v") or 2.0 * self.full_scale
+        simulation = {
+            "K0_v_per_dps": values[0],
+            "U0_v": values[1],
+            "T0_c": law.T0_c,
+            "k_T": values[2:split],
+            "k_omega": values[split:],
+            "noise_v_rms": noise,
+            "output_limit_v": float(limit),
+        }
+        return {"simulation": simulation, "effects": tables_of(effects)}
+
+    def remarks(self, before: FloatArray, after: FloatArray, heldout: BoolArray) -> tuple[str, ...]:
+        """What this recording cannot show, and whether encoder and gyro both see what repeats with the angle."""
+        del before, after, heldout
+        frame = self.frame
+        moving = _usable(frame, np.inf, None)
+        lines = lines_of_angle(
+            angle_deg=frame.encoder_deg,
+            rate_dps=frame.rate_dps,
+            felt=(frame.volts - float(self.simulation["U0_v"])) / float(self.simulation["K0_v_per_dps"]),
+            rows=moving,
+            interval_s=frame.interval_s,
+        )
+        return (*limits_of(frame, self.simulation, self.band), *lines)
+
+
+def gyro_problem(
+    recording: Recording,
+    *,
+    model: Mapping[str, Any] | None = None,
+    without: Collection[str] = (),
+    whole_steps: bool = False,
+) -> GyroProblem:
+    """The problem of a recording and of the model that its lab believes in, or of another `model` in its place.
+
+    Steps that are too few to hold some out are cut into pieces, but for `whole_steps`.
+
+    Raises `UsageError` where there is no model, a model with a wrong field, or no scan of encoder and gyro.
+    """
+    simulation = model or recording.meta.simulation
+    if simulation is None:
+        raise UsageError(
+            f"{recording.path}: says of no model what the gyro should have put out;"
+            " name one with --model FILE (K0_v_per_dps, U0_v, T0_c, k_T, k_omega)"
+        )
+    digital = recording.meta.extra.get("gyro_output_unit") == "deg/s"
+    where = "[simulation] of the model" if model else f"{recording.path}: [simulation]"
+    simulation = checked_model(simulation, where=where, digital=digital)
+    law = Law(
+        T0_c=float(simulation["T0_c"]),
+        temperature_terms=len(simulation["k_T"]),
+        rate_terms=len(simulation["k_omega"]),
+    )
+    frame = at_rest(frame_of(recording, temperature_c=law.T0_c))
+    frame = frame if whole_steps else _cut(frame)
+    range_dps = recording.meta.unit.range_dps or float(np.abs(frame.rate_dps).max())
+    facts = recording.meta.bench
+    band = band_of(frame.stretches, 1.0 / frame.interval_s, frame.rate_dps, frame.volts) if frame.beyond else None
+    usable = _usable(frame, float(simulation.get("output_limit_v") or np.inf), band)
+    return GyroProblem(
+        frame=frame,
+        chain=GyroChain(frame, law),
+        simulation=simulation,
+        full_scale=abs(float(simulation["K0_v_per_dps"])) * range_dps,
+        range_dps=range_dps,
+        without=frozenset(without),
+        adc_step_v=2 * facts.adc_range_v / 2**facts.adc_bits if facts.adc_bits else 0.0,
+        usable=usable if band is None else usable[band.rows],
+        band=band,
+    )
+
+
+def _cut(frame: Frame) -> Frame:
+    """The frame with steps enough to hold some out."""
+    if len(frame.infos) >= _FEWEST_STEPS:
+        return frame
+    pieces = cut(frame.infos, frame.step, frame.time_s)
+    return replace(frame, infos=pieces.infos, step=pieces.step)
+
+
+def _usable(frame: Frame, limit_v: float, band: Band | None) -> BoolArray:
+    """Rows that are made of whole windows of what was measured, and whose output is a number within the limit."""
+    usable = np.isfinite(frame.volts) & (np.abs(frame.volts) < limit_v)
+    reach = HALF if band is None else HALF + band.reach
+    for part in frame.stretches:
+        usable[part.start : part.start + reach] = False
+        usable[max(part.stop - reach, part.start) : part.stop] = False
+    if frame.filled is not None and band is None:  # a low pass hardly notices a sample that was filled in
+        for row in np.flatnonzero(frame.filled).tolist():
+            usable[max(row - reach, 0) : row + reach + 1] = False
+    return usable

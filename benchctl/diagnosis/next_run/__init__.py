@@ -1,0 +1,1 @@
+"""The next experiment: which run would settle what a recording leaves open."""

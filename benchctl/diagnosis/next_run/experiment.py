@@ -1,0 +1,171 @@
+"""The next experiment: of the runs that the bench could make, the one that settles what a recording leaves open.
+
+For each run what the finding's model would put out is predicted, and the rival's numbers are refitted to that, held by
+what the recording already says of them: what then is left, over the noise, is by how much twice the log likelihood is
+expected to part the two. The quickest run that settles everything is chosen; where none does, the one that does most.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.bench import Bench
+from benchctl.campaign.check import bench_time_s
+from benchctl.diagnosis.fitting.closest import Known, distance, known_from
+from benchctl.diagnosis.fitting.fit import Fit, fit, inverse
+from benchctl.diagnosis.fitting.noise import Whitener
+from benchctl.diagnosis.gyro.chain import GyroChain
+from benchctl.diagnosis.gyro.problem import GyroProblem
+from benchctl.diagnosis.next_run.alike import ALIKE
+from benchctl.diagnosis.next_run.candidates import LONGEST_H, called, candidates, shown_bench
+from benchctl.diagnosis.next_run.planned import Planned, planned
+from benchctl.diagnosis.next_run.sampled import SampleNoise
+from benchctl.diagnosis.result import NextExperiment
+from benchctl.diagnosis.search.probes import probes_of
+from benchctl.plan import Plan
+from instruments.physics.effects.effect import DescribedEffect
+
+FloatArray = npt.NDArray[np.float64]
+
+SETTLED = 50.0
+"""What is expected must be so much: what noise then leaves of it, 2·√50 less or more, is beyond doubt all the same."""
+_MOST_PAIRS = 3
+NOTHING_OPEN = NextExperiment(says="Nothing is open between known effects.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OpenPair:
+    """Two models that a recording leaves open, each fitted to it: the finding's, and one with a rival in its place."""
+
+    finding: str
+    rival: str
+    first: Fit
+    second: Fit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Expected:
+    """A candidate and by how much it is expected to part each pair, in twice the log likelihood."""
+
+    given: Mapping[str, Any]
+    plan: Plan
+    hours: float
+    separations: tuple[float, ...]
+
+    @property
+    def settles(self) -> bool:
+        """Whether nothing stays open."""
+        return min(self.separations) >= SETTLED
+
+    @property
+    def worth(self) -> float:
+        """What it settles; beyond what settles a pair, nothing counts."""
+        return sum(min(one, SETTLED) for one in self.separations)
+
+
+def open_pair(
+    problem: GyroProblem, whitener: Whitener, fitted: Fit, finding: DescribedEffect, rival: type[DescribedEffect]
+) -> OpenPair | None:
+    """A finding of a fitted model and a rival of that kind, fitted in its place from the probe that does best."""
+    others = tuple(one for one in fitted.point.effects if one is not finding)
+    without = problem.predict(fitted.point.baseline, others)
+    rows = fitted.fitted[problem.step].astype(np.float64)
+    wanted = whitener(problem.measured - without) * rows
+    best: tuple[float, DescribedEffect] | None = None
+    for probe in probes_of(problem, rival):
+        changes = [problem.predict(fitted.point.baseline, (*others, one)) - without for one in probe.columns]
+        columns = np.stack([whitener(change) * rows for change in changes], axis=1)
+        weights = inverse(columns.T @ columns) @ (columns.T @ wanted)
+        left = float(np.sum((wanted - columns @ weights) ** 2))
+        if math.isfinite(left) and (best is None or left < best[0]):
+            best = left, probe.start(weights)
+    if best is None:
+        return None
+    second = fit(problem, whitener, replace(fitted.point, effects=(*others, best[1])), fitted.fitted)
+    return OpenPair(finding=finding.identifier, rival=rival.identifier, first=fitted, second=second)
+
+
+def next_experiment(
+    problem: GyroProblem,
+    noise: SampleNoise,
+    pairs: Sequence[OpenPair],
+    *,
+    bench: Bench | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> NextExperiment:
+    """The run that settles what is open between pairs of models; without a bench, one like what this one has done.
+
+    It is the quickest of those expected to part every pair by `SETTLED`, else the one that parts most, of up to a day.
+    """
+    if not pairs:
+        return NOTHING_OPEN
+    considered = sorted(pairs, key=lambda one: one.second.squares)[:_MOST_PAIRS]
+    stands = bench or shown_bench(problem)
+    known = [known_from(one.second, anew="U0_v") for one in considered]
+    tried: list[Expected] = []
+    priced = [(bench_time_s(plan, stands) / 3600.0, given, plan) for given, plan in candidates(stands)]
+    for hours, given, plan in sorted(priced, key=lambda one: one[0]):
+        if hours > LONGEST_H or (tried and tried[-1].settles):
+            break
+        progress(called(given, plan))
+        rows = planned(plan, stands, tuple(problem.frame.auxiliary))
+        parts = tuple(
+            expected_separation(problem, noise, one.first, two, rows)
+            for one, two in zip(considered, known, strict=True)
+        )
+        tried.append(Expected(given=given, plan=plan, hours=hours, separations=parts))
+    return _said(considered, best_of(tried))
+
+
+def expected_separation(problem: GyroProblem, noise: SampleNoise, first: Fit, second: Known, rows: Planned) -> float:
+    """By how much a plan's rows are expected to part two models, the second refitted to the first."""
+    there = replace(
+        problem,
+        frame=rows.frame,
+        chain=GyroChain(rows.frame, problem.chain.law),
+        usable=rows.stands_for > 0.0,
+        band=None,
+    )
+    target = there.predict(first.point.baseline, first.point.effects)
+    return distance(target, second, there.predict, noise.whitening(rows))
+
+
+def best_of(tried: Iterable[Expected]) -> Expected | None:
+    """The quickest that settles everything, else that which settles most, the quicker one where two do as much."""
+    ranked = sorted(tried, key=lambda one: (not one.settles, one.hours if one.settles else -one.worth, one.hours))
+    return ranked[0] if ranked else None
+
+
+def _said(pairs: Sequence[OpenPair], best: Expected | None) -> NextExperiment:
+    names = tuple(dict.fromkeys(name for one in pairs for name in (one.finding, one.rival)))
+    open_words = "; ".join(f"{one.finding} or {one.rival}" for one in pairs)
+    if best is None or max(best.separations) < ALIKE:
+        most = "" if best is None else f": {best.plan.procedure} by {_rounded(max(best.separations))} at the most"
+        return NextExperiment(
+            says=f"Open is {open_words}; no installed procedure within the bench's limits is expected to tell them"
+            f" apart{most}, in twice the log likelihood.",
+            separates=names,
+        )
+    apart = ", and ".join(
+        f"{one.finding} from {one.rival} by about {_rounded(part)}"
+        for one, part in zip(pairs, best.separations, strict=True)
+    )
+    return NextExperiment(
+        says=f"Run {called(best.given, best.plan)}: it is expected to separate {apart} in twice the log likelihood,"
+        f" in {best.hours:.2g} h of bench time.",
+        procedure=best.plan.procedure,
+        separates=names,
+        parameters=best.given,
+        separation=min(best.separations),
+    )
+
+
+def _rounded(value: float) -> str:
+    """Two digits, without an exponent."""
+    return f"{float(f'{value:.2g}'):.10g}"

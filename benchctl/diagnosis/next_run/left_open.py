@@ -1,0 +1,49 @@
+"""What a diagnosis leaves open, and the run that would settle it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+from benchctl.diagnosis.fitting.fit import fit
+from benchctl.diagnosis.gyro.problem import GyroProblem
+from benchctl.diagnosis.keys import keys_of_names
+from benchctl.diagnosis.next_run.candidates import bench_of_recording
+from benchctl.diagnosis.next_run.experiment import NOTHING_OPEN, OpenPair, next_experiment
+from benchctl.diagnosis.next_run.repeated import repeat_along
+from benchctl.diagnosis.next_run.sampled import SampleNoise
+from benchctl.diagnosis.problem import Problem
+from benchctl.diagnosis.result import Finding, NextExperiment, Unexplained
+from benchctl.diagnosis.search.select import Selection
+from benchctl.recordings.model import Meta
+
+
+def next_of(
+    problem: Problem,
+    chosen: Selection,
+    findings: Sequence[Finding],
+    unexplained: Unexplained,
+    meta: Meta,
+    progress: Callable[[str, float], None],
+) -> NextExperiment:
+    """The run that best parts each finding from its nearest alternative, or that repeats what nobody explains."""
+    if not isinstance(problem, GyroProblem):
+        return NOTHING_OPEN
+    bench = bench_of_recording(meta)
+    pairs = list(_pairs(problem, chosen, findings))
+    if pairs:
+        white_v = chosen.white_deviation
+        wanders = chosen.noise.found.get("bias_random_walk")
+        noise = SampleNoise(white_v=white_v, walk_v_per_sqrt_s=0.0 if wanders is None else wanders.size * white_v)
+        return next_experiment(problem, noise, pairs, bench=bench, progress=lambda name: progress(name, 0.98))
+    if unexplained.significant:
+        return repeat_along(problem, unexplained.coordinates, bench=bench)
+    return NOTHING_OPEN
+
+
+def _pairs(problem: GyroProblem, chosen: Selection, findings: Sequence[Finding]) -> Iterator[OpenPair]:
+    for key, one in zip(keys_of_names(one.effect for one in findings), findings, strict=True):
+        evidence = chosen.evidence.get(key)
+        if not one.alternatives or evidence is None or evidence.nearest is None:
+            continue
+        second = fit(problem, chosen.whitener, evidence.nearest, chosen.after.fitted)
+        yield OpenPair(finding=one.effect, rival=one.alternatives[0].effect, first=chosen.after, second=second)

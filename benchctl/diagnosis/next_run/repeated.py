@@ -1,0 +1,87 @@
+"""The next experiment where no two known effects are to be parted: what nobody can name, and what chance moves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.bench import Bench
+from benchctl.campaign.check import bench_time_s
+from benchctl.diagnosis.gyro.problem import GyroProblem
+from benchctl.diagnosis.next_run.candidates import LONGEST_H, called, candidates, shown_bench
+from benchctl.diagnosis.next_run.planned import planned
+from benchctl.diagnosis.result import NextExperiment
+
+FloatArray = npt.NDArray[np.float64]
+
+_MOVED_BY = {"output": "rate", "rate_sign": "rate", "frequency": "acceleration", "step": "time"}
+"""Coordinates that have no value before a run, or none to be spread, and what stands for them."""
+
+
+def repeat_along(problem: GyroProblem, coordinates: Sequence[str], *, bench: Bench | None = None) -> NextExperiment:
+    """The run that, in its time, moves the coordinate of an unknown structure the most.
+
+    What counts is Σ(x − mean)² over the samples: by it the information on anything that is linear in x grows. Of
+    several coordinates the first is meant, the one in which most of the mismatch lives.
+    """
+    if not coordinates:
+        return NextExperiment(says="What is unexplained lives in no one coordinate: repeat the recording as it was.")
+    meant = coordinates[0]
+    stands = bench or shown_bench(problem)
+    now = _spread(problem.coordinates, meant, problem.usable.astype(np.float64))
+    best = None
+    for given, plan in candidates(stands):
+        hours = bench_time_s(plan, stands) / 3600.0
+        if hours > LONGEST_H:
+            continue
+        rows = planned(plan, stands, tuple(problem.frame.auxiliary))
+        there = replace(problem, frame=rows.frame, band=None)
+        power = _spread(there.coordinates, meant, rows.stands_for)
+        if best is None or power / hours > best[0] / best[2]:
+            best = power, (given, plan), hours
+    if best is None or best[0] <= 0.0:
+        return NextExperiment(says=f"No installed procedure within the bench's limits moves {meant}.")
+    power, (given, plan), hours = best
+    much = f", {power / now:.2g} times as much as in this recording" if now > 0.0 else ""
+    return NextExperiment(
+        says=f"What is unexplained lives along {meant}. Run {called(given, plan)}: for its {hours:.2g} h of bench time"
+        f" it moves {meant} the most{much}.",
+        procedure=plan.procedure,
+        parameters=given,
+    )
+
+
+def rest_longer(problem: GyroProblem, names: Sequence[str], *, bench: Bench | None = None) -> NextExperiment:
+    """The run that tells apart how a bias wanders: rest, as long as there is time for."""
+    stands = bench or shown_bench(problem)
+    rests = [(given, plan) for given, plan in candidates(stands) if plan.procedure == "static" and given]
+    if not rests:
+        return NextExperiment(
+            says=f"Open is {' or '.join(names)}; a long rest would tell, for which no procedure is installed.",
+            separates=tuple(names),
+        )
+    given, plan = rests[0]
+    return NextExperiment(
+        says=f"Run {called(given, plan)}: how a bias wanders, {' or '.join(names)}, shows in what it does over hours.",
+        procedure=plan.procedure,
+        separates=tuple(names),
+        parameters=given,
+    )
+
+
+def _spread(known: Mapping[str, FloatArray], coordinate: str, samples: FloatArray) -> float:
+    """Σ(x − mean)² over samples, of an angle in turns of the unit circle; of two coordinates that of their product."""
+    product = np.ones(samples.size)
+    for name in coordinate.split("*"):
+        values = known[_MOVED_BY.get(name, name)]
+        if name == "angle":
+            turned = np.exp(1j * np.radians(values))
+            product = product * np.abs(turned - np.average(turned, weights=samples))
+        else:
+            product = product * (values - np.average(values, weights=samples))
+    if not np.isfinite(product).all():
+        return 0.0
+    return float(samples @ np.abs(product) ** 2)

@@ -1,0 +1,53 @@
+"""The noise of a sample, carried over to the rows of a plan that has not been run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import scipy.signal
+
+from benchctl.diagnosis.next_run.planned import Planned
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SampleNoise:
+    """White noise of every sample [V], and the random walk of the bias beside it [V/√s]."""
+
+    white_v: float
+    walk_v_per_sqrt_s: float = 0.0
+
+    def whitening(self, rows: Planned) -> Callable[[FloatArray], FloatArray]:
+        """What makes a column of a prediction (n,) into one whose noise would be white, of deviation one.
+
+        Where the bias walks, every excerpt begins at a level of its own, and its rows stand for themselves alone:
+        too little is promised then rather than too much.
+        """
+        if self.walk_v_per_sqrt_s <= 0.0:
+            weight = np.sqrt(rows.stands_for) / self.white_v
+            return lambda column: column * weight
+        frame = rows.frame
+        counting = rows.stands_for > 0.0
+        inside = np.minimum(rows.stands_for, max(float(rows.stands_for[counting].min()), 1.0))
+        white_v = self.white_v / math.sqrt(float(inside[counting].min()))
+        ratio = self.walk_v_per_sqrt_s**2 * frame.interval_s / white_v**2
+        gain = 0.5 * (math.sqrt(ratio * (ratio + 4.0)) - ratio)
+        innovation_v = white_v / math.sqrt(1.0 - gain)
+
+        def whiten(column: FloatArray) -> FloatArray:
+            white = np.empty_like(column)
+            for part in frame.stretches:
+                values = np.where(counting[part], column[part], 0.0)
+                level = counting[part].astype(np.float64)
+                own, leaving = (
+                    scipy.signal.lfilter([1.0, -1.0], [1.0, gain - 1.0], one) * level for one in (values, level)
+                )
+                white[part] = own - leaving * (float(leaving @ own) / max(float(leaving @ leaving), 1e-300))
+            return white / innovation_v
+
+        return whiten

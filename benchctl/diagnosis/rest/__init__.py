@@ -1,0 +1,1 @@
+"""The unexplained rest: where it lives, and whether a name may stand for it."""

@@ -1,0 +1,171 @@
+"""What happens once, or again and again, in time: a jump of the bias, a bump, a line of any frequency.
+
+Broken lines in time follow these too, but so they follow a wandering bias; three numbers that explain as much do not.
+Each is looked for everywhere, the likeliest place is kept, and how many places there were is counted against it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import numpy.typing as npt
+import scipy.fft
+from scipy.ndimage import gaussian_filter1d, uniform_filter1d
+
+from benchctl.diagnosis.rest.groups import Group
+from benchctl.diagnosis.rest.leftover import Leftover
+from benchctl.diagnosis.search.scan_mains import FAINTEST
+from benchctl.diagnosis.signals.blocks import BLOCK, block_starts
+
+FloatArray = npt.NDArray[np.float64]
+
+_SLOW_HZ = 0.1
+"""Below it a line is a swing in time."""
+_WIDTHS_S = tuple(np.geomspace(3.0, 300.0, 21).tolist())
+_REACH = 5.0
+_ROOT = math.sqrt(2.0)
+_COLOUR_HZ = 0.25
+_LOUD = 40.0
+_LEAST = 1e-3
+"""Share of the rows that must lie on either side of a jump."""
+_FINE = 61
+_STEADY = 0.8
+_SCATTER = 3.0
+"""Share of what lines of each step's own explain that one line through all of them must reach."""
+
+
+def jump(left: Leftover, time_s: FloatArray) -> Group:
+    """The instant at which a jump of the bias explains most."""
+    sums = _summed(left)
+    after = sums[::-1].cumsum(axis=0)[::-1]
+    gain = _gain(after[:, 0], after[:, 1], after[:, 2:], left)
+    rows = after[:, 1]
+    gain[(rows < _LEAST * rows[0]) | (rows > (1.0 - _LEAST) * rows[0])] = 0.0
+    block = int(np.argmax(gain))
+    near = slice(max(block - 1, 0) * BLOCK, min((block + 2) * BLOCK, time_s.size))
+    # within a block of the likeliest one, to the sample
+    rest = left.white[near]
+    place = near.start + int(np.argmax(np.abs(np.cumsum(rest - rest.mean()))))
+    counted = np.flatnonzero(left.rows)
+    first = min(int(np.searchsorted(counted, place + 1)), counted.size - 1)
+    before, at = float(time_s[counted[max(first - 1, 0)]]), float(time_s[counted[first]])
+    when = f"at {at:.0f} s" if at - before < 2.0 else f"between {before:.0f} and {at:.0f} s"
+    return Group(
+        words=("time",),
+        form=f"a jump of the bias {when}",
+        columns=lambda: (time_s >= at).astype(np.float64)[:, None],
+        along=time_s,
+        places=float(time_s.size),
+    )
+
+
+def bump(left: Leftover, time_s: FloatArray, interval_s: float) -> Group:
+    """The instant and the width at which a bump of the bias explains most."""
+    cell_s = BLOCK * interval_s
+    cell = ((time_s - time_s[0]) / cell_s).astype(np.int64)
+    parts = [left.white, left.rows, *left.known.T]
+    sums = np.stack([np.bincount(cell, part) for part in parts], axis=1)
+    best, chosen = -1.0, (float(time_s[0]), _WIDTHS_S[0])
+    for width_s in _WIDTHS_S:
+        cells = width_s / cell_s
+        if 4.0 * cells > sums.shape[0]:
+            break
+        norm = math.sqrt(2.0 * math.pi) * cells
+        smooth = norm * gaussian_filter1d(sums, cells, axis=0, mode="constant", truncate=_REACH)
+        # the square of the bump is narrower, and reaches as far
+        squared = gaussian_filter1d(sums[:, 1], cells / _ROOT, mode="constant", truncate=_REACH * _ROOT)
+        power = norm / _ROOT * squared
+        gain = _gain(smooth[:, 0], power, smooth[:, 2:], left)
+        place = int(np.argmax(gain))
+        if gain[place] > best:
+            best, chosen = float(gain[place]), (float(time_s[0]) + (place + 0.5) * cell_s, width_s)
+    at, width = chosen
+
+    def columns() -> FloatArray:
+        off = (time_s - at) / width
+        bump = np.exp(-0.5 * off * off)
+        return np.stack([bump, bump * off, bump * off * off], axis=1)
+
+    return Group(
+        words=("time",),
+        form=f"a bump of the bias at {at:.0f} s, {width:.2g} s wide",
+        columns=columns,
+        along=time_s,
+        places=float(time_s.size),
+    )
+
+
+def lines(left: Leftover, time_s: FloatArray, interval_s: float, step: npt.NDArray[np.int64]) -> Iterator[Group]:
+    """The likeliest line below 0.1 Hz, and above it; there the steps that a line is in must be most of them."""
+    place = np.rint((time_s - time_s[0]) / interval_s).astype(np.int64)
+    if int(place[-1]) > 8 * time_s.size:
+        return
+    grid = np.zeros(int(place[-1]) + 1)
+    grid[place] = left.white
+    size = scipy.fft.next_fast_len(2 * grid.size, real=True)
+    power = np.abs(scipy.fft.rfft(grid, size)) ** 2 * 2.0 / left.squares
+    frequency = scipy.fft.rfftfreq(size, interval_s)
+    # coloured noise is no line: it is the mean of its neighbours that a line stands out of
+    around = uniform_filter1d(np.minimum(power, _LOUD), max(3, int(_COLOUR_HZ * size * interval_s))) / 2.0
+    centre = 0.5 * (time_s[0] + time_s[-1])
+    span = 0.5 * max(float(np.ptp(time_s)), interval_s)
+    for slow in (True, False):
+        chosen = np.flatnonzero((frequency < _SLOW_HZ) == slow)
+        if not chosen.size:  # rows too far apart to see so fast a line
+            continue
+        level = power[chosen] / (1.0 if slow else np.maximum(around[chosen], 1.0))
+        best = _refined(left, time_s, float(frequency[chosen[int(np.argmax(level))]]), 0.5 / span)
+        phase = 2.0 * np.pi * best * (time_s - centre)
+        both = np.stack([np.cos(phase), np.sin(phase)], axis=1)
+        if not slow and not _is_everywhere(left, both, step):
+            continue
+        yield Group(
+            words=("time",) if slow else ("frequency",),
+            form=f"a swing of the bias, once in {1.0 / max(best, 1e-9):.3g} s" if slow else f"a line at {best:.4g} Hz",
+            columns=_line(both, (time_s - centre) / span),
+            along=time_s if slow else None,
+            places=float(chosen.size),
+        )
+
+
+def _refined(left: Leftover, time_s: FloatArray, frequency: float, width: float) -> float:
+    """The frequency within `width` [Hz] of one at which a line explains most."""
+    sums = np.add.reduceat(left.white * np.exp(-2j * np.pi * frequency * time_s), block_starts(time_s.size))
+    near = np.linspace(-width, width, _FINE)
+    turned = np.exp(-2j * np.pi * np.outer(near, time_s[block_starts(time_s.size)]))
+    return frequency + float(near[int(np.argmax(np.abs(turned @ sums)))])
+
+
+def _line(both: FloatArray, slowly: FloatArray) -> Callable[[], FloatArray]:
+    return lambda: np.hstack([both, both * slowly[:, None]])
+
+
+def _is_everywhere(left: Leftover, both: FloatArray, step: npt.NDArray[np.int64]) -> bool:
+    """Whether a line is the same in all steps: lines of their own in each step then explain hardly more.
+
+    What follows the motion has its frequency too, but only while it moves so.
+    """
+    rows = np.maximum(np.bincount(step, left.rows), 1.0)
+    scores = np.stack([np.bincount(step, column * left.white) for column in both.T])
+    alone = 2.0 * float(np.sum(scores**2 / rows)) / left.variance
+    together = 2.0 * float(np.sum(scores.sum(axis=1) ** 2)) / float(rows.sum()) / left.variance
+    if together < FAINTEST**2 * float(rows.sum()):
+        return False
+    # what chance adds to the sum of so many is 2 for each, and scatters
+    by_chance = 2.0 * rows.size + _SCATTER * math.sqrt(4.0 * rows.size)
+    return together > _STEADY * (alone - by_chance)
+
+
+def _summed(left: Leftover) -> FloatArray:
+    """Sums over blocks of what is left, of the rows and of what was fitted, shape (blocks, 2 + p)."""
+    starts = block_starts(left.rows.size)
+    parts = [np.add.reduceat(left.white, starts), np.add.reduceat(left.rows, starts)]
+    return np.column_stack([*parts, np.add.reduceat(left.known, starts, axis=0)])
+
+
+def _gain(score: FloatArray, power: FloatArray, crossed: FloatArray, left: Leftover) -> FloatArray:
+    """Fall of the sum of squares for one column at each place, all that was fitted beside it, shape (places,)."""
+    own = power - np.einsum("ij,jk,ik->i", crossed, left.inverse, crossed)
+    return np.where(own > 1e-3 * np.maximum(power, 1e-300), score**2 / np.maximum(own, 1e-300), 0.0)

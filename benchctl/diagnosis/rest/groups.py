@@ -1,0 +1,247 @@
+"""The coordinates in which a mismatch can live, each as columns that follow anything smooth in it.
+
+Along a coordinate stand hat functions, each one at its knot and falling to zero at its neighbours': their sums are all
+broken lines. Unlike bins they do not part the rows of one set point by the encoder's noise. A column taken as it is
+changes the bias; multiplied by the rate, the scale factor; by the temperature's distance from the reference, what that
+does to either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse
+
+from benchctl.diagnosis.rest.leftover import Columns
+from instruments.physics.effects.thermal_hysteresis import play
+
+FloatArray = npt.NDArray[np.float64]
+
+_TURN = 360.0
+_ROUND = 36
+_TIME_S = 10.0
+_MOST_KNOTS = 400
+_BACKLASHES = (0.0025, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32)
+"""Half-widths, as shares of the largest rate: sums of such backlashes are any hysteresis (Prandtl and Ishlinskii)."""
+_STANDING = 0.002
+"""Share of the largest rate below which the sign of the rate is not yet full."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Group:
+    """A coordinate in which a mismatch can live. `words` are those of `result.COORDINATES`, or two joined by `*`.
+
+    `along` (n,) is the coordinate itself, where one can say in which range of it the mismatch is largest; `form` is the
+    generic form of what the columns follow; `places` is how many places it was chosen from by a look at the data.
+    `columns` makes them, shape (n, k), not yet whitened.
+    """
+
+    words: tuple[str, ...]
+    form: str
+    columns: Callable[[], Columns]
+    along: FloatArray | None = None
+    places: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Along:
+    """How a coordinate is cut: knots, closer together at zero where `power` is above one."""
+
+    word: str
+    knots: int
+    power: float = 1.0
+    noun: str
+
+
+_BIAS = (
+    _Along(word="rate", knots=47, noun="the rate"),
+    _Along(word="abs_rate", knots=24, noun="the rate, the same in both directions"),
+    _Along(word="acceleration", knots=25, power=2.0, noun="the acceleration"),
+    _Along(word="gyro_temp", knots=20, noun="the gyro's temperature"),
+    _Along(word="gyro_temp_rate", knots=21, power=2.0, noun="the rate of the gyro's temperature"),
+    _Along(word="chamber_temp", knots=20, noun="the chamber's temperature"),
+    _Along(word="output", knots=47, noun="the output"),
+)
+_SCALE = ("gyro_temp", "gyro_temp_rate", "chamber_temp")
+
+
+def groups_of(
+    coordinates: Mapping[str, FloatArray], *, output: FloatArray, reference_c: float, slow: bool = False
+) -> Iterator[Group]:
+    """All groups that a recording's coordinates, (n,) each, allow. Those of time and step are the last.
+
+    `output` is the predicted one: sorted by the measured output, noise would look like a structure. With `slow` noise
+    knots are half as many and those of time are left out: it follows the same.
+    """
+    known = {name: values for name, values in coordinates.items() if _varies(values)} | {"output": output}
+    rate = known.get("rate")
+    share = None if rate is None else rate / float(np.abs(rate).max())
+    for one in _BIAS:
+        if one.word in known:
+            yield _smooth(known[one.word], one, slow)
+    if rate is not None:
+        yield from _of_direction(rate, known, slow)
+    if share is not None:
+        for one in _BIAS:
+            if one.word in _SCALE and one.word in known:
+                yield _smooth(known[one.word], one, slow, share)
+    if share is not None and rate is not None and "gyro_temp" in known:
+        warm = _unit(known["gyro_temp"] - reference_c)
+        yield Group(
+            words=("gyro_temp*rate",),
+            form="a response to the rate that changes its shape with the gyro's temperature",
+            columns=lambda: _hats(rate, _knots(rate, 24, 1.0, slow), warm),
+            along=rate,
+        )
+    if "angle" in known:
+        yield from _of_angle(known["angle"], share, known.get("gyro_temp"), reference_c, slow)
+    if not slow:
+        yield from _of_time(known, share)
+
+
+def _varies(values: FloatArray) -> bool:
+    return bool(np.isfinite(values).all()) and float(np.ptp(values)) > 0.0
+
+
+def _unit(values: FloatArray) -> FloatArray:
+    return np.asarray(values / (float(np.abs(values).max()) or 1.0))
+
+
+def _smooth(values: FloatArray, cut: _Along, slow: bool, share: FloatArray | None = None) -> Group:
+    """Anything smooth in one coordinate: in the bias, or in the scale factor where `share`, the rate, is given."""
+    words = cut.word if share is None else "*".join(sorted((cut.word, "rate")))
+    return Group(
+        words=(words,),
+        form=f"{'a bias' if share is None else 'a scale factor'} that depends on {cut.noun}",
+        columns=lambda: _hats(values, _knots(values, cut.knots, cut.power, slow), share),
+        along=values,
+    )
+
+
+def _of_direction(rate: FloatArray, known: Mapping[str, FloatArray], slow: bool) -> Iterator[Group]:
+    """The sign of the rate, and whence the rate came: what it does depends on the rate, or on the acceleration."""
+    largest = float(np.abs(rate).max())
+    sign = np.clip(rate / (_STANDING * largest), -1.0, 1.0)
+    yield Group(
+        words=("rate_sign",),
+        form="a bias that depends on the direction of rotation",
+        columns=lambda: np.stack([sign, np.abs(sign)], axis=1),
+    )
+    acceleration = known.get("acceleration")
+    if acceleration is None:
+        return
+    yield Group(
+        words=("rate", "acceleration"),
+        form="a response that depends on whence the rate came",
+        columns=lambda: np.stack([play(rate, half * largest, rate[0]) - rate for half in _BACKLASHES], axis=1),
+        along=rate,
+    )
+    yield Group(
+        words=("acceleration*rate",),
+        form="a scale factor that depends on the acceleration",
+        columns=lambda: _hats(acceleration, _knots(acceleration, 25, 2.0, slow), rate / largest),
+        along=acceleration,
+    )
+
+
+def _of_angle(
+    angle: FloatArray, share: FloatArray | None, temp: FloatArray | None, reference_c: float, slow: bool
+) -> Iterator[Group]:
+    knots = _ROUND // 2 if slow else _ROUND
+    yield Group(
+        words=("angle",),
+        form="a bias that depends on the table's angle",
+        columns=lambda: _ring(angle, knots),
+        along=angle,
+    )
+    if share is None:
+        return
+    yield Group(
+        words=("angle*rate",),
+        form="a scale factor that depends on the table's angle",
+        columns=lambda: _ring(angle, knots, share),
+        along=angle,
+    )
+    if temp is None:
+        return
+    warm = _unit(temp - reference_c)
+    yield Group(
+        words=("angle*gyro_temp",),
+        form="a dependence on the table's angle that grows with the gyro's temperature",
+        columns=lambda: _beside(_ring(angle, knots // 2, warm), _ring(angle, knots // 2, warm * share)),
+        along=angle,
+    )
+
+
+def _of_time(known: Mapping[str, FloatArray], share: FloatArray | None) -> Iterator[Group]:
+    for word, noun in (("time", "time"), ("step", "the step")):
+        if word not in known:
+            continue
+        values = known[word]
+        for factor in (None, share) if share is not None else (None,):
+            yield Group(
+                words=(word,) if factor is None else ("*".join(sorted((word, "rate"))),),
+                form=f"{'a bias' if factor is None else 'a scale factor'} that changes with {noun}",
+                columns=_time_columns(word, values, factor),
+                along=values if word == "time" else None,
+            )
+
+
+def _time_columns(word: str, values: FloatArray, factor: FloatArray | None) -> Callable[[], Columns]:
+    if word == "step":
+        return lambda: _levels(values, factor)
+    lasts = float(np.ptp(values))
+    apart = max(_TIME_S if factor is None else 3.0 * _TIME_S, lasts / _MOST_KNOTS)
+    knots = float(values.min()) + apart * np.arange(int(lasts / apart) + 2, dtype=np.float64)
+    return lambda: _hats(values, knots, factor)
+
+
+def _knots(values: FloatArray, count: int, power: float, slow: bool) -> FloatArray:
+    """Knots from the least to the largest value; with a power above one closer together at zero, shape (k,)."""
+    count = count // 2 + 1 if slow else count
+    low, high = float(values.min()), float(values.max())
+    if power == 1.0:
+        return np.linspace(low, high, count, dtype=np.float64)
+    place = np.linspace(-1.0, 1.0, count, dtype=np.float64)
+    return np.asarray(max(-low, high) * np.sign(place) * np.abs(place) ** power)
+
+
+def _hats(values: FloatArray, knots: FloatArray, factor: FloatArray | None = None) -> scipy.sparse.csr_array:
+    """Hat functions at the knots (k,), times a factor (n,): a sparse matrix (n, k), two entries in a row."""
+    left = np.clip(np.searchsorted(knots, values, side="right") - 1, 0, knots.size - 2)
+    width = knots[left + 1] - knots[left]
+    part = np.clip((values - knots[left]) / np.where(width > 0.0, width, 1.0), 0.0, 1.0)
+    data = np.stack([1.0 - part, part], axis=1)
+    if factor is not None:
+        data *= factor[:, None]
+    place = np.stack([left, left + 1], axis=1).astype(np.int32)
+    ends = np.arange(0, 2 * values.size + 1, 2, dtype=np.int32)
+    return scipy.sparse.csr_array((data.ravel(), place.ravel(), ends), shape=(values.size, knots.size))
+
+
+def _levels(values: FloatArray, factor: FloatArray | None) -> scipy.sparse.csr_array:
+    """One column for each step, 1 or the factor in it: a sparse matrix (n, steps)."""
+    place = values.astype(np.int32)
+    data = np.ones(values.size) if factor is None else factor
+    ends = np.arange(values.size + 1, dtype=np.int32)
+    return scipy.sparse.csr_array((data, place, ends), shape=(values.size, int(place.max()) + 1))
+
+
+def _beside(first: scipy.sparse.csr_array, second: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
+    return scipy.sparse.csr_array(scipy.sparse.hstack([first, second], format="csr"))
+
+
+def _ring(angle_deg: FloatArray, count: int, factor: FloatArray | None = None) -> scipy.sparse.csr_array:
+    """Hat functions around the turn, times a factor (n,): a sparse matrix (n, count), two entries in a row."""
+    place = np.mod(angle_deg, _TURN) * (count / _TURN)
+    left = place.astype(np.int32) % count
+    part = place - np.floor(place)
+    data = np.stack([1.0 - part, part], axis=1)
+    if factor is not None:
+        data *= factor[:, None]
+    places = np.stack([left, (left + 1) % count], axis=1).astype(np.int32)
+    ends = np.arange(0, 2 * angle_deg.size + 1, 2, dtype=np.int32)
+    return scipy.sparse.csr_array((data.ravel(), places.ravel(), ends), shape=(angle_deg.size, count))

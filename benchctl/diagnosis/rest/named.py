@@ -1,0 +1,63 @@
+"""What may be named: findings that leave too much of what they explain are none, and the rest is said to be unknown."""
+
+from __future__ import annotations
+
+from benchctl.diagnosis.fitting.fit import Fit, gain_of
+from benchctl.diagnosis.fitting.wandering import PROCESSES
+from benchctl.diagnosis.gyro.problem import GyroProblem
+from benchctl.diagnosis.problem import Problem
+from benchctl.diagnosis.rest.rest import Rest, imperfect, instead_of, rest_of, withdrawn
+from benchctl.diagnosis.result import Unexplained
+from benchctl.diagnosis.search.select import Selection, reduced, without
+
+_ROUNDS = 3
+_ROUNDED = 0.1
+"""Share of the rounding's variance that may be left in lines, where the motion sweeps the steps alike each time."""
+NOTHING = Unexplained(significant=False, share=0.0)
+
+
+def named(
+    problem: Problem, chosen: Selection, *, rounding_v2: float = 0.0, seed: int
+) -> tuple[Selection, Unexplained, tuple[str, ...]]:
+    """The selection without the names that what is left forbids, what is left then, and what is to be noted.
+
+    `rounding_v2` is the variance of what a coarse converter rounds off: it repeats with the motion, and is no noise.
+    A name that falls uncovers what it had followed; so the rest is looked at again until no more fall.
+    """
+    for _ in range(_ROUNDS):
+        rest = rest_of(problem, chosen.whitener, chosen.after, seed=seed)
+        if not rest.significant:
+            return chosen, NOTHING, ()
+        if rest.power < _ROUNDED * rounding_v2:
+            return chosen, NOTHING, (f"{rest.says} It is little enough to be owed to the converter's steps.",)
+        less = {name: without(problem, chosen, name) for name in chosen.evidence}
+        gains = {name: _beside(rest, chosen.after, one) for name, one in less.items()} | _noises(chosen, rest)
+        instead = {
+            name: instead_of(problem, chosen.whitener, one, rest, seed=seed)
+            * gains[name]
+            / max(gain_of(chosen.after, one), 1.0)
+            for name, one in less.items()
+            if isinstance(problem, GyroProblem)  # a drive or a chamber moves once or twice: time follows everything
+        }
+        forbidden = withdrawn(gains, rest, instead)
+        if not forbidden:
+            break
+        chosen = reduced(problem, chosen, forbidden)
+    if imperfect(gains, rest, instead):
+        return chosen, NOTHING, (f"{rest.says} It is little enough to be owed to the model of what was found.",)
+    ceiling = rest_of(problem, chosen.noise.plain, chosen.before, seed=seed)
+    unexplained = Unexplained(
+        significant=True, share=rest.share_of(ceiling), coordinates=rest.coordinates, says=rest.says
+    )
+    return chosen, unexplained, ()
+
+
+def _beside(rest: Rest, fitted: Fit, less: Fit) -> float:
+    """What a finding explains, in the measure of the gain of the rest: by power, which no logarithm makes small."""
+    power = (less.squares - fitted.squares) / max(fitted.rows, 1.0)
+    return max(power, 0.0) / max(rest.power, 1e-300) * rest.gain
+
+
+def _noises(chosen: Selection, rest: Rest) -> dict[str, float]:
+    """What was found of the noise gains; a wandering bias what it does beside the effects that are left."""
+    return {name: rest.noise_gain if name in PROCESSES else one.gain for name, one in chosen.noise.found.items()}

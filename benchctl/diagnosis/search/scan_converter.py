@@ -1,0 +1,59 @@
+"""Every period at once: a wave in the residual that depends on the output voltage and on nothing else."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+import scipy.fft
+
+from benchctl.diagnosis.search.pull import Place, Pull, between, peaks
+
+FloatArray = npt.NDArray[np.float64]
+
+_BINS_A_PERIOD = 8
+_MOST_BINS = 1 << 17
+_PADDED = 8
+_LONGEST_SPANS = 4.0
+"""Periods of up to so many times what the output spans: half of such a wave is nearly a parabola."""
+
+_HIDDEN = 1e-3
+"""Share of a wave that the model in hand must leave: what it can follow nearly wholly says nothing."""
+
+
+def converter_places(pull: Pull, volts: FloatArray, shortest_v: float, count: int) -> list[Place]:
+    """The periods [V] of the strongest waves sin(2π·U/period), the most promising first.
+
+    `volts` (n,) are those predicted, without noise: were the measured ones taken, a row's own noise would stand on both
+    sides, and wherever rows thin out it would look like a bend. The noise shifts a wave's phase by much less than a
+    period. What the numbers of the model in hand can follow of a wave, such as the third power of the rate, is no gain.
+    """
+    low, high = float(volts[pull.rows].min()), float(volts[pull.rows].max())
+    span = max(high - low, 1e-300)
+    width = max(shortest_v / _BINS_A_PERIOD, span / _MOST_BINS)
+    first = math.floor(low / width)
+    bins = math.floor(high / width) - first + 1
+    place = np.clip(np.floor(volts / width).astype(np.int64) - first, 0, bins - 1)
+    size = scipy.fft.next_fast_len(_PADDED * bins, real=True)
+    kept = min(size // 4, math.floor(size * width / shortest_v)) + 1
+    turned = np.exp(-2j * np.pi / size * (first + 0.5) * np.arange(2 * kept))
+
+    def spectrum(values: FloatArray, length: int) -> npt.NDArray[np.complex128]:
+        transformed = scipy.fft.rfft(np.bincount(place, values, minlength=bins), size)[:length]
+        return np.asarray(transformed * turned[: transformed.size])
+
+    score = -spectrum(pull.pull, kept).imag
+    information = spectrum(pull.information, 2 * kept - 1).real
+    power = 0.5 * (information[0] - information[::2][:kept])
+    known = np.stack([-spectrum(pull.of_known(i), kept).imag for i in range(len(pull.fitted.numbers))])
+    own = power - np.einsum("ik,ij,jk->k", known, pull.fitted.inverse_information, known)
+    lowest = math.ceil(size * width / (_LONGEST_SPANS * span))
+    seen = (own > _HIDDEN * power) & (np.arange(kept) >= lowest)
+    gain = np.where(seen, score**2 / np.where(seen, own, 1.0), 0.0)
+    # how often a process of one degree of freedom crosses a level on its way through so many periods (Rice)
+    usual = math.sqrt(float(np.average(volts**2, weights=pull.information)))
+    places = max(2.0 * usual / shortest_v, 1.0)
+    return [
+        Place(size * width / between(gain, index), float(gain[index]), places) for index in peaks(gain, count, _PADDED)
+    ]

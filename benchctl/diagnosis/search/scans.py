@@ -1,0 +1,73 @@
+"""Places proposed by the residual itself, for effects whose shape has far too many of them to try one by one.
+
+A line can have any of 10⁵ frequencies, a grating any of 10⁵ numbers of lines. Each scan scores them all by one
+transform of the residual; the best are then probes like any other, which know out of how many they were chosen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.diagnosis.fitting.fit import Fit
+from benchctl.diagnosis.fitting.noise import Whitener
+from benchctl.diagnosis.gyro.problem import GyroProblem
+from benchctl.diagnosis.problem import Problem
+from benchctl.diagnosis.search.probes import Probe, probe_at
+from benchctl.diagnosis.search.pull import Place, Pull, pull_of
+from benchctl.diagnosis.search.scan_converter import converter_places
+from benchctl.diagnosis.search.scan_lines import line_places
+from benchctl.diagnosis.search.scan_mains import mains_places
+
+FloatArray = npt.NDArray[np.float64]
+
+SCANNED = frozenset({"mains_pickup", "adc_nonlinearity", "encoder_interpolation"})
+"""The effects of which places are proposed."""
+_COUNT = 3
+
+
+def proposals(problem: Problem, whitener: Whitener, fitted: Fit) -> list[Probe]:
+    """The best places of every effect that is searched by scan and not in the fitted model; up to three of each.
+
+    A probe's gain less twice the logarithm of its `places` exceeds 14 by chance less than one time in a thousand.
+    """
+    known = {effect.identifier for effect in fitted.point.effects}
+    wanted = sorted(SCANNED - known)
+    if not any(name in problem.effects for name in wanted):
+        return []
+    pull = pull_of(problem, whitener, fitted)
+    if not pull.rows.any() or fitted.deviation <= 0.0:
+        return []
+    return [
+        probe_at(problem, problem.effects[name], {parameter: place.value}, places=place.places)
+        for name in wanted
+        if name in problem.effects
+        for parameter, place in _places(problem, pull, name)
+    ]
+
+
+def _places(problem: Problem, pull: Pull, name: str) -> Iterator[tuple[str, Place]]:
+    parameters = problem.effects[name].parameters
+    if name == "mains_pickup":
+        kinds = np.unique(problem.step_kinds, return_inverse=True)[1][problem.step]
+        lowest = parameters["frequency_hz"].low
+        for place in mains_places(pull, _clock_s(problem), problem.interval_s, kinds, lowest, _COUNT):
+            yield "frequency_hz", place
+    elif name == "adc_nonlinearity":
+        for place in converter_places(pull, pull.fitted.predicted, parameters["period_v"].low, _COUNT):
+            yield "period_v", place
+    elif isinstance(problem, GyroProblem):
+        for place in line_places(problem, pull, int(parameters["lines_per_rev"].high), _COUNT):
+            yield "lines_per_rev", place
+
+
+def _clock_s(problem: Problem) -> FloatArray:
+    """Time as the effects count it: from the beginning of the recording that a stretch belongs to, shape (n,)."""
+    if not isinstance(problem, GyroProblem):
+        return problem.time_s
+    clock = problem.time_s.copy()
+    for part, origin_s in zip(problem.stretches, problem.frame.origins_s, strict=True):
+        clock[part] -= origin_s
+    return clock

@@ -1,0 +1,141 @@
+"""Motion that nobody planned: faster than the band in which an encoder's angles make a good rate.
+
+A shaft that a stepper drives shakes at every step, some of it near half the sampling rate, where the encoder's steps
+drown it. The gyro feels it all. Both are then compared only up to the edge of a band: what lies above it is neither
+predicted nor measured. Rows are kept as sparsely as that band allows, so that each still counts for itself.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from scipy.signal import csd, firwin, kaiserord, welch
+
+from benchctl.diagnosis.signals.band_limited import HALF, NARROW, WIDE, differentiator, edges_hz, filtered
+from benchctl.diagnosis.signals.motion import Motion, motion_of
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+_BEYOND = 0.01
+"""Share of the rate, rms, beyond the wide filter's band, from which on the motion is taken to go beyond it.
+
+An encoder's noise is a thousandth of a table's motion, steps of a stepper are a tenth of a shaft's.
+"""
+
+
+_TURNING_DPS = 1.0
+"""Rms of the rate below which a table rests or creeps: then all that is beyond is the encoder's noise."""
+
+_PASSING = 0.6
+"""Share of the band up to which its low pass is flat."""
+_ATTENUATION_DB = 80.0
+_RESOLUTION_S = 10.0
+_BIN_HZ = 0.4
+_FEWEST_BINS = 2
+_EVEN = 4.0
+"""A bin's power over the median of the band's, up to which it still passes for white noise."""
+
+
+def goes_beyond(angles_deg: Sequence[FloatArray], sample_rate_hz: float) -> bool:
+    """Whether unwrapped angles, a stretch each, hold motion or noise that no filter of the rate passes."""
+    smooth, turning = (differentiator(sample_rate_hz, *edges_hz(WIDE, sample_rate_hz), order) for order in (0, 1))
+    inside = beyond = count = 0.0
+    for angle in angles_deg:
+        if angle.size <= 4 * HALF:
+            continue
+        left = np.diff(angle - filtered(angle, smooth)) * sample_rate_hz
+        inside += float(np.sum(filtered(angle, turning)[HALF:-HALF] ** 2))
+        beyond += float(np.sum(left[HALF:-HALF] ** 2))
+        count += angle.size - 2 * HALF
+    return inside > _TURNING_DPS**2 * count and math.sqrt(beyond) > _BEYOND * math.sqrt(inside)
+
+
+def wide_motion(angle_deg: FloatArray, sample_rate_hz: float) -> Motion:
+    """The motion of a stretch by the wide filter alone: it is as good as ever up to the edge of the narrow one."""
+    edges = edges_hz(WIDE, sample_rate_hz)
+    angle, rate, acceleration = (
+        filtered(angle_deg, differentiator(sample_rate_hz, *edges, order)) for order in (0, 1, 2)
+    )
+    return replace(
+        motion_of(angle_deg, sample_rate_hz),
+        angle_deg=angle,
+        rate_dps=rate,
+        acceleration_dps2=acceleration,
+        sudden=np.ones_like(angle),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Band:
+    """What is compared of a frame whose motion goes beyond its filters: slow parts, and of the rows some.
+
+    `stretches` are those of the frame; up to `up_to_hz` everything passes, beyond `stop_hz` nothing.
+    """
+
+    stretches: tuple[slice, ...]
+    sample_rate_hz: float
+    stop_hz: float
+
+    @property
+    def up_to_hz(self) -> float:
+        """The edge up to which everything is compared."""
+        return _PASSING * self.stop_hz
+
+    @property
+    def reach(self) -> int:
+        """Rows on either side that a row is made of."""
+        return self._kernel.size // 2
+
+    @cached_property
+    def every(self) -> int:
+        """Of so many rows one is kept: what the low pass leaves fits below half of the rate that remains."""
+        return max(1, int(self.sample_rate_hz / (self.up_to_hz + self.stop_hz)))
+
+    @cached_property
+    def rows(self) -> IntArray:
+        """The rows that are kept, shape (m,)."""
+        return np.concatenate([np.arange(part.start, part.stop, self.every) for part in self.stretches])
+
+    @cached_property
+    def kept_stretches(self) -> tuple[slice, ...]:
+        """The stretches in the rows that are kept."""
+        bounds = np.searchsorted(self.rows, [part.start for part in self.stretches] + [self.stretches[-1].stop])
+        return tuple(slice(first, last) for first, last in itertools.pairwise(bounds.tolist()))
+
+    def slow(self, values: FloatArray) -> FloatArray:
+        """The low-passed values, shape (n,), in the rows that are kept, shape (m,)."""
+        return np.concatenate([filtered(values[part], self._kernel)[:: self.every] for part in self.stretches])
+
+    @cached_property
+    def _kernel(self) -> FloatArray:
+        taps, beta = kaiserord(_ATTENUATION_DB, (self.stop_hz - self.up_to_hz) * 2.0 / self.sample_rate_hz)
+        middle_hz = 0.5 * (self.up_to_hz + self.stop_hz)
+        return np.asarray(firwin(taps | 1, middle_hz, window=("kaiser", beta), fs=self.sample_rate_hz))
+
+
+def band_of(stretches: tuple[slice, ...], sample_rate_hz: float, rate_dps: FloatArray, volts: FloatArray) -> Band:
+    """The band in which what encoder and gyro do not share is as even as noise: from rates and volts of shape (n,).
+
+    What is not in proportion to the rate, frequency by frequency, is noise, an error of either, or motion faster than
+    half the sampling rate, folded back into lines. The band ends before the first of these.
+    """
+    longest = max(stretches, key=lambda part: part.stop - part.start)
+    rate, output = rate_dps[longest], volts[longest]
+    size = min(1 << round(math.log2(_RESOLUTION_S * sample_rate_hz)), rate.size)
+    frequency, of_rate = welch(rate, sample_rate_hz, nperseg=size)
+    of_output = welch(output, sample_rate_hz, nperseg=size)[1]
+    both = csd(rate, output, sample_rate_hz, nperseg=size)[1]
+    left = np.maximum(of_output - np.abs(both) ** 2 / np.maximum(of_rate, 1e-300), 0.0)
+    wide = max(1, round(_BIN_HZ / float(frequency[1])))
+    inside = (frequency > 0.0) & (frequency <= edges_hz(NARROW, sample_rate_hz)[1])
+    bins = left[inside][: inside.sum() // wide * wide].reshape(-1, wide).mean(axis=1)
+    even = [bool(bins[:k].max() <= _EVEN * np.median(bins[:k])) for k in range(1, bins.size + 1)]
+    count = max(even.index(False) if False in even else len(even), _FEWEST_BINS)
+    return Band(stretches=stretches, sample_rate_hz=sample_rate_hz, stop_hz=count * wide * float(frequency[1]))

@@ -1,0 +1,112 @@
+"""The table's motion from its encoder: band-limited, with the noise that it brings known.
+
+The difference of two samples is not the rate: it attenuates what is fast and passes the encoder's noise up to half the
+sampling rate, and both look like physics. A linear-phase filter is fitted instead to the ideal differentiator, flat
+from 0 Hz to the edge of the band of motion and falling to zero above; its gain error in the band is below 1e-5.
+
+Two of them are mixed: a narrow one, which passes little noise, wherever its result agrees with that of a wide one to
+within noise, and the wide one in what is sudden. Ripple that repeats with the angle is known better than from samples
+of a moment: it is taken off before the filters, and its exact derivative put back behind them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
+
+from benchctl.diagnosis.signals.band_limited import NARROW, WIDE, differentiator, edges_hz, filtered
+from benchctl.diagnosis.signals.ripple import NO_RIPPLE, Ripple
+
+FloatArray = npt.NDArray[np.float64]
+
+_LEVEL_S = 0.2
+_RESTING = 6.0
+"""Power of the rate, in units of that of the encoder's noise between the two filters, below which the table rests."""
+
+_BEGIN, _FULL = 4.0, 8.0
+"""Power of the difference between wide and narrow, in units of its median, where mixing begins and where it is full.
+
+Noise must not get there: rows in which it happens to agree with the motion would be those that count.
+"""
+
+_AROUND_S = 0.3
+"""What is sudden begins, unseen in noise, so much before it is seen, and ends so much after."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motion:
+    """Angle [deg, unwrapped], rate [deg/s] and acceleration [deg/s²] of the table, each of shape (n,).
+
+    `sudden`, 0 to 1, is the share of the wide filter; `filters` are the rate filters (narrow, wide), to be convolved
+    with angles; `ripple` went past them.
+    """
+
+    angle_deg: FloatArray
+    rate_dps: FloatArray
+    acceleration_dps2: FloatArray
+    sudden: FloatArray
+    filters: tuple[FloatArray, FloatArray]
+    ripple: Ripple
+
+    def rate_of(self, angle_deg: FloatArray) -> FloatArray:
+        """The rate that this motion's own filters make of other angles of the same samples, shape (n,)."""
+        narrow, wide = (filtered(angle_deg, kernel) for kernel in self.filters)
+        narrow += self.sudden * (wide - narrow)
+        return narrow
+
+
+def motion_of(angle_deg: FloatArray, sample_rate_hz: float, ripple: Ripple = NO_RIPPLE) -> Motion:
+    """The motion behind equidistant, unwrapped angles of an encoder, shape (n,), one stretch without gaps.
+
+    `ripple` is what repeats with the angle, known from elsewhere: θ = φ + ripple(θ), and φ is what is filtered.
+    """
+    added = ripple.angle_deg(angle_deg)
+    even = angle_deg - added
+    edges = [edges_hz(band, sample_rate_hz) for band in (NARROW, WIDE)]
+    rate_filters = tuple(differentiator(sample_rate_hz, *edge, 1) for edge in edges)
+    narrow, wide = (filtered(even, kernel) for kernel in rate_filters)
+    sudden = _sudden(wide - narrow, sample_rate_hz)
+    noise = float(np.median((wide - narrow) ** 2))
+    even_rate = _still(narrow + sudden * (wide - narrow), noise, sample_rate_hz)
+    smooth = [filtered(even, differentiator(sample_rate_hz, *edge, 0)) for edge in edges]
+    turning = [filtered(even, differentiator(sample_rate_hz, *edge, 2)) for edge in edges]
+    share = 1.0 / (1.0 - ripple.slope(angle_deg))
+    rate = even_rate * share
+    acceleration = turning[0] + sudden * (turning[1] - turning[0])
+    return Motion(
+        angle_deg=smooth[0] + sudden * (smooth[1] - smooth[0]) + added,
+        rate_dps=rate,
+        acceleration_dps2=(acceleration + ripple.bend_per_deg(angle_deg) * rate**2) * share,
+        sudden=sudden,
+        filters=(rate_filters[0], rate_filters[1]),
+        ripple=ripple,
+    )
+
+
+def _still(rate_dps: FloatArray, noise: float, sample_rate_hz: float) -> FloatArray:
+    """Rates averaged over a second wherever the table does not turn, shape (n,).
+
+    At rest the encoder's noise is all that a rate holds, and a dead zone, which passes none of it, would seem to fit.
+    """
+    window = max(3, int(_LEVEL_S * 2 * sample_rate_hz))
+    power = uniform_filter1d(rate_dps**2, window)
+    resting = (power < _RESTING * noise).astype(np.float64)
+    resting = (uniform_filter1d(resting, 2 * window) > 1.0 - 1e-9).astype(np.float64)
+    second = max(3, int(sample_rate_hz))
+    averaged = uniform_filter1d(rate_dps * resting, second) / np.maximum(uniform_filter1d(resting, second), 1e-9)
+    return np.asarray(np.where(resting > 0.0, averaged, rate_dps))
+
+
+def _sudden(difference: FloatArray, sample_rate_hz: float) -> FloatArray:
+    """Where the wide filter sees more than noise beyond the narrow one, 0 to 1, shape (n,)."""
+    power = uniform_filter1d(difference**2, max(3, int(_LEVEL_S * sample_rate_hz)))
+    usual = float(np.median(power))
+    if usual <= 0.0:
+        return np.ones_like(power)
+    around = maximum_filter1d(power, 2 * int(_AROUND_S * sample_rate_hz) + 1)
+    share = np.clip((around / usual - _BEGIN) / (_FULL - _BEGIN), 0.0, 1.0)
+    smooth: FloatArray = uniform_filter1d(share, max(3, int(_LEVEL_S / 2 * sample_rate_hz)))
+    return smooth

@@ -1,0 +1,186 @@
+"""The table's ripple: true motion that repeats with the angle, such as the cogging of a motor.
+
+At high rates its lines lie beyond the pass band of a filter that is narrow enough to keep the encoder's noise out, and
+what the filter takes away of them the gyro still feels. It is too little to stand out in any one second, but it adds up
+over a recording: ten micrometres of cogging look like an encoder that is wrong. Locked to the angle as it is, it can be
+estimated from all of the recording at once, with next to no noise, and be kept from the filter altogether.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
+
+from benchctl.diagnosis.signals.band_limited import HALF, NARROW, differentiator, edges_hz, filtered
+from benchctl.diagnosis.signals.turns import line_scores
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+_MOST_ORDERS = 6
+_HIGHEST_ORDER = 100_000
+_SAFE = 14.0
+"""Twice the log likelihood beyond that of the best of so many orders by chance: one time in a thousand."""
+
+_SEEN = 0.03
+"""Share of a wave above the narrow filter's band from which on it is looked for: below it next to nothing is lost."""
+
+_BELOW_SAMPLING = 0.4
+"""Share of the sampling rate up to which a line can be motion; faster ones are errors of the encoder's grating."""
+
+_RATHER = 0.5
+"""At one rate a slow line and a fast one can look the same: the slow one is taken where it explains half as much."""
+
+_EXACT_DEG = 1e-7
+"""Angles that are smoother than any encoder's hold the rounding of numbers and nothing else."""
+
+_LEVEL_S = 0.2
+_STEADY = 0.003
+"""A rate that changes by less than this share of itself within a filter's reach is steady."""
+
+_STEPS = 4000
+"""Into so many bins are the turns from row to row put."""
+
+_SUMMED = 2000
+"""Orders of motion whose power is summed over all rates there are; further ones have rates enough to be everywhere."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ripple:
+    """Σ a·cos(m·θ) + b·sin(m·θ) [deg] over `orders` m, shape (k,), with `cosines` a and `sines` b [deg]."""
+
+    orders: tuple[int, ...] = ()
+    cosines: tuple[float, ...] = ()
+    sines: tuple[float, ...] = ()
+
+    def angle_deg(self, angle_deg: FloatArray) -> FloatArray:
+        """What it adds to the angle, at angles as the encoder states them, shape (n,)."""
+        return self._sum(angle_deg, 0)
+
+    def slope(self, angle_deg: FloatArray) -> FloatArray:
+        """Its derivative by the angle, shape (n,), without unit."""
+        return self._sum(angle_deg, 1)
+
+    def bend_per_deg(self, angle_deg: FloatArray) -> FloatArray:
+        """Its second derivative by the angle [1/deg], shape (n,)."""
+        return self._sum(angle_deg, 2)
+
+    def _sum(self, angle_deg: FloatArray, derivative: int) -> FloatArray:
+        total = np.zeros_like(angle_deg)
+        for order, a, b in zip(self.orders, self.cosines, self.sines, strict=True):
+            turned = np.radians(order * angle_deg + 90.0 * derivative)
+            total += math.radians(order) ** derivative * (a * np.cos(turned) + b * np.sin(turned))
+        return total
+
+
+NO_RIPPLE = Ripple()
+
+
+def ripple_of(angles_deg: Sequence[FloatArray], sample_rate_hz: float) -> Ripple:
+    """The ripple of a table from its encoder's equidistant, unwrapped angles, a stretch without gaps each.
+
+    Only where the table turns steadily is it looked for, only lines that leave the narrow filter's pass band there, the
+    strongest first, and one is kept where chance would show none like it one time in a thousand. An error of the
+    encoder that repeats as slowly is among them where it is there: the encoder alone does not tell the two apart. One
+    that repeats faster than any motion is fitted beside them, lest it drown them, and left where it is.
+    """
+    edges = edges_hz(NARROW, sample_rate_hz)
+    rate_filter = differentiator(sample_rate_hz, *edges, 1)
+    window = max(3, int(_LEVEL_S * sample_rate_hz))
+    runs = [run for angle in angles_deg if angle.size > 1 for run in _steady(angle, rate_filter, window)]
+    if not runs:
+        return NO_RIPPLE
+    search = _Search(runs, differentiator(sample_rate_hz, *edges, 0))
+    ripple = NO_RIPPLE
+    while len(ripple.orders) < _MOST_ORDERS:
+        order = search.strongest(ripple)
+        if order is None:
+            break
+        ripple = search.fitted((*ripple.orders, order))
+    kept = [i for i, order in enumerate(ripple.orders) if order <= search.highest_of_motion]
+    return Ripple(
+        orders=tuple(ripple.orders[i] for i in kept),
+        cosines=tuple(ripple.cosines[i] for i in kept),
+        sines=tuple(ripple.sines[i] for i in kept),
+    )
+
+
+def _steady(angle_deg: FloatArray, rate_filter: FloatArray, window: int) -> list[FloatArray]:
+    """The parts of a stretch in which the table turns at one rate, each longer than four reaches of a filter."""
+    rate = uniform_filter1d(filtered(angle_deg, rate_filter), window)
+    reach = 2 * (HALF + window) + 1
+    change = maximum_filter1d(rate, reach) - minimum_filter1d(rate, reach)
+    steady = np.concatenate([[False], change < _STEADY * np.abs(rate), [False]])
+    edges = np.flatnonzero(np.diff(steady)).tolist()
+    return [
+        angle_deg[first:last] - 360.0 * np.floor(angle_deg[first] / 360.0)
+        for first, last in zip(edges[::2], edges[1::2], strict=True)
+        if last - first > 4 * HALF
+    ]
+
+
+class _Search:
+    """What lies above a filter's band where the table turns steadily, and the waves that can be seen in it."""
+
+    def __init__(self, runs: Sequence[FloatArray], smooth: FloatArray) -> None:
+        self._runs = runs
+        self._kernel = -smooth
+        self._kernel[HALF] += 1.0
+        self._fast = np.concatenate([self._above(run) for run in runs])
+        turned = [np.abs(np.radians(run[2 * HALF :] - run[: -2 * HALF])) / (2 * HALF) for run in runs]
+        self._step_rad = np.concatenate(turned)
+        self._phase: FloatArray = np.linspace(0.0, np.pi, 2001)
+        waves = np.cos(np.outer(self._phase, np.arange(1, HALF + 1)))
+        self._gain = np.abs(self._kernel[HALF] + 2.0 * waves @ self._kernel[HALF + 1 :])
+        fastest = max(float(self._step_rad.max()), 1e-9)
+        lowest = math.ceil(float(self._phase[int(np.argmax(self._gain > _SEEN))]) / fastest)
+        self.highest_of_motion = math.floor(2.0 * np.pi * _BELOW_SAMPLING / fastest)
+        self._orders: IntArray = np.arange(lowest, _HIGHEST_ORDER + 1)
+
+    def strongest(self, ripple: Ripple) -> int | None:
+        """The order whose wave explains most of what a ripple leaves; None where chance does as much."""
+        left = self._fast - np.concatenate([self._above(ripple.angle_deg(run)) for run in self._runs])
+        # white noise of the encoder, of which the filter takes its share away
+        variance = float(np.mean(left**2)) / float(np.mean(self._gain**2))
+        if self._orders.size == 0 or variance < _EXACT_DEG**2:
+            return None
+        ends = np.cumsum([run.size - 2 * HALF for run in self._runs])[:-1]
+        back = np.concatenate([np.convolve(part, self._kernel) for part in np.split(left, ends)])
+        scores = line_scores(back, np.concatenate(self._runs), int(self._orders[-1]))[self._orders]
+        gain = np.abs(scores) ** 2 / (self._powers() * variance)
+        gain[np.isin(self._orders, ripple.orders)] = 0.0
+        best, motion = int(np.argmax(gain)), int(np.argmax(gain * (self._orders <= self.highest_of_motion)))
+        if gain[motion] > _RATHER * gain[best]:
+            best = motion
+        return int(self._orders[best]) if gain[best] > 2.0 * math.log(gain.size) + _SAFE else None
+
+    def fitted(self, orders: tuple[int, ...]) -> Ripple:
+        """Waves of some orders, fitted together."""
+        waves = []
+        for order in orders:
+            turned = [np.radians(order * run) for run in self._runs]
+            waves.append(np.concatenate([self._above(np.cos(one)) for one in turned]))
+            waves.append(np.concatenate([self._above(np.sin(one)) for one in turned]))
+        sizes = np.linalg.lstsq(np.stack(waves, axis=1), self._fast, rcond=None)[0].tolist()
+        return Ripple(orders=orders, cosines=tuple(sizes[::2]), sines=tuple(sizes[1::2]))
+
+    def _above(self, values: FloatArray) -> FloatArray:
+        """What the filter takes away, without the rows that it does not reach around."""
+        return np.convolve(values, self._kernel, mode="valid")
+
+    def _powers(self) -> FloatArray:
+        """Half the sum of the squared gains for waves of amplitude one, shape of the orders."""
+        width = float(self._step_rad.max()) / _STEPS + 1e-15
+        rows = np.bincount((self._step_rad / width).astype(np.int64))
+        there = np.flatnonzero(rows)
+        steps, squared = (there + 0.5) * width, self._gain**2
+        # folded at half the sampling rate, fast lines are everywhere in the band
+        powers = np.full(self._orders.size, 0.5 * self._step_rad.size * float(np.mean(squared)))
+        for place, order in enumerate(self._orders[self._orders <= self.highest_of_motion][:_SUMMED]):
+            powers[place] = 0.5 * float(rows[there] @ np.interp(order * steps, self._phase, squared))
+        return np.asarray(np.maximum(powers, 1e-300))

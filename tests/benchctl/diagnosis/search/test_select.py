@@ -1,0 +1,258 @@
+"""Selection on a problem of one page: what is there is found, and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+from benchctl.diagnosis.fitting.fit import Fit, Point, fit, gain_of
+from benchctl.diagnosis.search.screen import Screening
+from benchctl.diagnosis.search.select import Selection, _Search, held_out_steps, reduced, select
+from instruments.physics.effects.effect import DescribedEffect, Parameter
+from tests.benchctl.diagnosis.toy_problem import (
+    K0,
+    KINDS,
+    NOISE_V,
+    ROWS,
+    STEPS,
+    TOTAL,
+    U0,
+    Cubic,
+    Decay,
+    FloatArray,
+    Quintic,
+    Ripple,
+    Squared,
+    Toy,
+    ToyEffect,
+    toy,
+    walked,
+)
+
+ALL_NOISES = ("bias_random_walk", "flicker_noise", "noise_rate_dependent")
+CUBIC, QUINTIC = Cubic(size_v=5e-3), Quintic(size_v=5e-3)
+DECAY, SQUARED = Decay(amplitude_v=5e-3, tau_s=150.0), Squared(size_v=1e-3)
+RIPPLE = Ripple(amplitude_v=5e-4, phase_deg=40.0, order=2.0)
+
+
+def selected(problem: Toy, seed: int = 0) -> Selection:
+    return select(problem, seed=seed, progress=lambda _name, _share: None)
+
+
+def names(chosen: Selection) -> set[str]:
+    return {effect.identifier for effect in chosen.after.point.effects}
+
+
+def values(chosen: Selection) -> dict[str, dict[str, float]]:
+    return {effect.identifier: effect.values for effect in chosen.after.point.effects}
+
+
+@pytest.mark.parametrize("truth", [CUBIC, QUINTIC, DECAY, SQUARED, RIPPLE], ids=lambda one: one.identifier)
+def test_one_effect_is_found_alone_and_with_its_numbers(truth: ToyEffect) -> None:
+    for seed in range(5):
+        chosen = selected(toy(truth, seed=seed))
+        assert names(chosen) == {truth.identifier}
+        one = chosen.whole
+        (effect,) = one.point.effects
+        for i, number in enumerate(one.numbers):
+            if number.effect == 0:
+                true = one.point.moved(one.numbers, np.zeros(len(one.numbers)))
+                true = replace(true, effects=(truth,))
+                away = abs(one.point.value(number, i) - true.value(number, i))
+                assert away < 5.0 * np.sqrt(one.covariance[i, i]), (effect, number.name)
+
+
+def test_two_effects_are_found_together_whichever_is_larger() -> None:
+    for seed in range(5):
+        assert names(selected(toy(DECAY, SQUARED, seed=seed))) == {"decay", "squared"}
+        assert names(selected(toy(RIPPLE, CUBIC, DECAY, seed=seed))) == {"ripple", "cubic", "decay"}
+
+
+def test_on_white_noise_nothing_is_found_in_two_hundred_recordings() -> None:
+    found = [names(selected(toy(seed=seed))) for seed in range(1000, 1200)]
+    assert sum(map(bool, found)) <= 1
+
+
+def test_a_baseline_that_has_moved_is_refitted_and_no_effect() -> None:
+    chosen = selected(toy(baseline=(1.01 * K0, U0 + 0.02)))
+    assert names(chosen) == set()
+    assert chosen.before.point.baseline == pytest.approx([1.01 * K0, U0 + 0.02], rel=2e-3)
+    assert chosen.after.deviation == pytest.approx(NOISE_V, rel=0.05)
+
+
+def test_a_walk_is_found_and_nothing_else() -> None:
+    for seed in range(4):
+        chosen = selected(toy(seed=seed, added_v=walked(1e-4, seed), noises=ALL_NOISES))
+        assert names(chosen) == set()
+        assert set(chosen.noise.found) == {"bias_random_walk"}
+        assert chosen.whitener.slow == chosen.noise.found["bias_random_walk"].whitener.slow
+
+
+def test_an_effect_is_found_beside_a_walk_and_beside_noise_that_grows() -> None:
+    growing = 3.0 * NOISE_V * np.abs(toy().share) * np.random.default_rng(5).standard_normal(TOTAL)
+    beside_walk = selected(toy(CUBIC, RIPPLE, added_v=walked(5e-5, 1), noises=ALL_NOISES))
+    assert names(beside_walk) == {"cubic", "ripple"}
+    assert set(beside_walk.noise.found) == {"bias_random_walk"}
+    beside_growing = selected(toy(CUBIC, added_v=growing, noises=ALL_NOISES))
+    assert names(beside_growing) == {"cubic"}
+    assert set(beside_growing.noise.found) == {"noise_rate_dependent"}
+
+
+def test_what_is_not_a_hypothesis_is_not_found() -> None:
+    chosen = selected(toy(CUBIC, hypotheses=[Decay, Ripple]))
+    assert "cubic" not in names(chosen)
+    assert selected(toy(CUBIC, hypotheses=[])).after.point.effects == ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mixed(ToyEffect):
+    """A cubic and a drift at once: alone it does more than a cubic, beside a decay less."""
+
+    size_v: float
+    identifier: ClassVar[str] = "mixed"
+    look_alikes: ClassVar[tuple[str, ...]] = ("cubic",)
+    parameters: ClassVar[Mapping[str, Parameter]] = Cubic.parameters
+
+    def column(self, problem: Toy) -> FloatArray:
+        return self.size_v * (problem.share**3 - problem.time_s / 900.0)
+
+
+KINDS_WITH_MIXED = (Cubic, Decay, Ripple, Mixed)
+
+
+def taken(problem: Toy) -> tuple[list[set[str]], Selection]:
+    """The effects of every model that was screened, in the order of the search, and its outcome."""
+    models: list[set[str]] = []
+
+    class Followed(_Search):
+        def _best(self, present: Fit, screening: Screening) -> Any:
+            models.append({effect.identifier for effect in present.point.effects})
+            return super()._best(present, screening)
+
+    return models, Followed(problem, 0, lambda _name, _share: None, 0.0).run()
+
+
+def test_what_a_later_finding_makes_superfluous_is_pruned() -> None:
+    for seed in range(4):
+        truth = Cubic(size_v=3e-3), Decay(amplitude_v=3e-3, tau_s=300.0)
+        models, chosen = taken(toy(*truth, seed=seed, hypotheses=KINDS_WITH_MIXED))
+        assert models == [set(), {"mixed"}, {"mixed", "decay"}, {"decay", "cubic"}]
+        assert names(chosen) == {"cubic", "decay"}
+
+
+def test_a_better_rival_takes_the_place_of_what_was_found_first() -> None:
+    """Where too little parts the two for both to be taken."""
+    swapped = 0
+    for seed in range(8):
+        truth = Cubic(size_v=1.6e-3), Decay(amplitude_v=1.6e-3, tau_s=300.0)
+        models, chosen = taken(toy(*truth, seed=seed, hypotheses=KINDS_WITH_MIXED))
+        assert names(chosen) == {"cubic", "decay"}
+        swapped += models[-1] == {"mixed", "decay"}
+        mixed = chosen.evidence["cubic"].rivals.get("mixed")
+        assert mixed is None or mixed > 0.0
+    assert swapped >= 3
+
+
+def test_look_alikes_are_named_with_what_they_lose() -> None:
+    problem = toy(CUBIC)
+    chosen = selected(problem)
+    evidence = chosen.evidence["cubic"]
+    assert set(evidence.rivals) == {"quintic"}
+    assert evidence.nearest is not None
+    (rival,) = evidence.nearest.effects
+    assert rival.identifier == "quintic"
+    second = fit(problem, chosen.whitener, evidence.nearest, chosen.after.fitted)
+    # both have one size, of about the same relative precision: what differs is the likelihood
+    assert evidence.rivals["quintic"] == pytest.approx(gain_of(chosen.after, second), abs=3.0)
+
+
+def test_an_effect_unlike_all_others_has_no_rival() -> None:
+    evidence = selected(toy(RIPPLE)).evidence["ripple"]
+    assert evidence.rivals == {}
+    assert evidence.nearest is None
+
+
+def test_the_gain_of_a_finding_is_lost_without_it() -> None:
+    problem = toy(DECAY, SQUARED)
+    chosen = selected(problem)
+    for effect in chosen.after.point.effects:
+        rest: tuple[DescribedEffect, ...] = tuple(one for one in chosen.after.point.effects if one is not effect)
+        less = fit(problem, chosen.whitener, Point(baseline=chosen.after.point.baseline, effects=rest), ~chosen.heldout)
+        evidence = chosen.evidence[effect.identifier]
+        assert evidence.gain == pytest.approx(gain_of(chosen.after, less), rel=1e-6)
+        assert evidence.heldout == pytest.approx(gain_of(chosen.after, less, chosen.heldout), rel=1e-4)
+        assert evidence.heldout > 0.0
+        total = float(evidence.excess[~chosen.heldout[problem.step]].sum())
+        assert total == pytest.approx(less.squares - chosen.after.squares, rel=1e-3)
+
+
+def test_one_step_in_six_of_each_kind_is_held_out() -> None:
+    held = held_out_steps(toy())
+    kinds = np.array([KINDS[i % 3] for i in range(STEPS)])
+    # eight steps of each: the fourth of every six
+    assert {kind: int(held[kinds == kind].sum()) for kind in KINDS} == dict.fromkeys(KINDS, 1)
+    assert np.flatnonzero(held).tolist() == [9, 10, 11]
+
+
+@pytest.mark.parametrize("truth", [(), (CUBIC,), (DECAY, SQUARED)], ids=["nothing", "one", "two"])
+def test_held_out_steps_change_neither_the_choice_nor_a_number(truth: tuple[ToyEffect, ...]) -> None:
+    problem = toy(*truth)
+    held = held_out_steps(problem)[problem.step]
+    spoilt = problem.measured.copy()
+    spoilt[held] = np.random.default_rng(8).normal(0.7, 3.0, int(held.sum()))
+    first, second = selected(problem), selected(replace(problem, measured=spoilt))
+    assert second.after.point.effects == first.after.point.effects
+    assert np.array_equal(second.after.point.baseline, first.after.point.baseline)
+    assert np.array_equal(second.before.point.baseline, first.before.point.baseline)
+    assert second.screening.threshold == first.screening.threshold
+    # they do have a say in the fit to everything
+    assert not np.array_equal(second.whole.point.baseline, first.whole.point.baseline)
+
+
+def test_the_whole_is_the_choice_fitted_to_all_steps() -> None:
+    chosen = selected(toy(CUBIC))
+    assert chosen.whole.rows == TOTAL
+    assert chosen.after.rows == TOTAL - 3 * ROWS
+    assert chosen.before.point.effects == ()
+
+
+def test_the_same_seed_gives_the_same_selection() -> None:
+    problem = toy(DECAY, RIPPLE)
+    first, second = selected(problem, 3), selected(problem, 3)
+    assert values(first) == values(second)
+    assert first.screening.threshold == second.screening.threshold
+
+
+def test_progress_names_what_is_tried_and_goes_on_to_the_end() -> None:
+    told: list[tuple[str, float]] = []
+    select(toy(CUBIC), seed=0, progress=lambda name, share: told.append((name, share)))
+    shares = [share for _, share in told]
+    assert {name for name, _ in told} >= {"cubic", "decay", "ripple"}
+    assert shares == sorted(shares)
+    assert 0.0 <= shares[0] <= shares[-1] <= 1.0
+
+
+def test_a_selection_is_reduced_by_a_name_and_the_rest_is_refitted() -> None:
+    problem = toy(DECAY, SQUARED)
+    chosen = selected(problem)
+    less = reduced(problem, chosen, {"decay"})
+    assert names(less) == {"squared"}
+    assert set(less.evidence) == {"squared"}
+    assert less.after.squares > chosen.after.squares
+    alone = fit(problem, chosen.whitener, replace(chosen.after.point, effects=(SQUARED,)), ~chosen.heldout)
+    assert less.after.squares == pytest.approx(alone.squares, rel=1e-6)
+    assert less.whole.rows == TOTAL
+    assert names(chosen) == {"decay", "squared"}
+
+
+def test_a_selection_is_reduced_by_what_was_found_of_the_noise() -> None:
+    problem = toy(added_v=walked(1e-4, 0), noises=ALL_NOISES)
+    chosen = selected(problem)
+    less = reduced(problem, chosen, {"bias_random_walk"})
+    assert less.noise.found == {}
+    assert less.whitener.slow == ()
+    assert less.after.deviation > 1.1 * chosen.after.deviation / chosen.whitener.innovation

@@ -1,0 +1,33 @@
+import numpy as np
+import pytest
+
+from benchctl.diagnosis.signals.band_limited import HALF
+from benchctl.diagnosis.signals.motion import motion_of
+from tests.benchctl.diagnosis.turning import NOISE_DEG, RATE_HZ, turning
+
+
+def test_noise_alone_is_not_taken_for_sudden_motion() -> None:
+    angles, _ = turning(rates_dps=(20.0,), lasts_s=400.0)
+    assert motion_of(angles[0], RATE_HZ).sudden.mean() < 2e-3
+
+
+def test_sudden_motion_is_followed_from_before_it_begins() -> None:
+    time_s = np.arange(0.0, 200.0, 1.0 / RATE_HZ)
+    since = np.clip(time_s - 100.0, 0.0, None)
+    servo = 2.0 * np.pi * 8.0
+    rate = 80.0 * (1.0 - (1.0 + servo * since) * np.exp(-servo * since))
+    angle = 80.0 * (since + (2.0 / servo + since) * np.exp(-servo * since) - 2.0 / servo)
+    noise = NOISE_DEG * np.random.default_rng(4).standard_normal(time_s.size)
+    motion = motion_of(angle + noise, RATE_HZ)
+    near = (time_s > 99.8) & (time_s < 100.4)
+    assert motion.sudden[near].min() == 1.0
+    assert np.sqrt(np.mean((motion.rate_dps - rate)[near] ** 2)) < 0.15
+
+
+@pytest.mark.parametrize("frequency_hz", [0.5, 4.0, 9.0])
+def test_motion_in_the_band_is_followed_to_one_part_in_ten_thousand(frequency_hz: float) -> None:
+    time_s = np.arange(0.0, 20.0, 1.0 / RATE_HZ)
+    omega = 2.0 * np.pi * frequency_hz
+    motion = motion_of(30.0 / omega * np.sin(omega * time_s), RATE_HZ)
+    inner = slice(HALF, -HALF)
+    np.testing.assert_allclose(motion.rate_dps[inner], 30.0 * np.cos(omega * time_s[inner]), atol=3e-3)
