@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from benchctl.diagnosis.signals.band_limited import HALF
+from benchctl.diagnosis.signals.band_limited import half_of
 from benchctl.diagnosis.signals.motion import motion_of
 from benchctl.diagnosis.signals.series import Pieces, Series, block_mean, consecutive, cut, series_of
 from benchctl.recordings.reader import Recording
@@ -75,7 +75,7 @@ def drive_rows_of(recording: Recording, torque_constant_nm_per_a: float | None =
     series = _series(recording, torque_constant_nm_per_a)
     factor = max(1, int(1.0 / series.interval_s / _SAMPLE_RATE_HZ + 1e-6))
     interval_s = factor * series.interval_s
-    shortest = factor * (2 * HALF + BLOCK)
+    shortest = factor * (2 * half_of(1.0 / interval_s) + BLOCK)
     runs = [run for run in series.runs if run.stop - run.start >= shortest]
     if not runs:
         raise UsageError(
@@ -146,5 +146,6 @@ def _moving(angle_deg: FloatArray, rate_rad_s: FloatArray, interval_s: float) ->
     floor = noise * 2 * math.pi * band_hz * math.sqrt(2.0 * band_hz * interval_s / 3.0)
     slowest = max(_RESTING_DEVIATIONS * floor, _RESTING_SHARE * float(np.abs(rate_rad_s).max()))
     moving = np.abs(rate_rad_s) > slowest
-    moving[:HALF] = moving[-HALF:] = False
+    half = half_of(1.0 / interval_s)
+    moving[:half] = moving[-half:] = False
     return moving

@@ -17,7 +17,7 @@ from benchctl.diagnosis.gyro.limits import at_rest, limits_of
 from benchctl.diagnosis.gyro.model import checked_model
 from benchctl.diagnosis.gyro.seen_by_both import lines_of_angle
 from benchctl.diagnosis.keys import tables_of
-from benchctl.diagnosis.signals.band_limited import HALF
+from benchctl.diagnosis.signals.band_limited import half_of
 from benchctl.diagnosis.signals.free_band import Band, band_of
 from benchctl.diagnosis.signals.series import cut
 from benchctl.diagnosis.stepped import Stepped
@@ -286,7 +286,7 @@ def _cut(frame: Frame) -> Frame:
 def _usable(frame: Frame, limit_v: float, band: Band | None) -> BoolArray:
     """Rows that are made of whole windows of what was measured, and whose output is a number within the limit."""
     usable = np.isfinite(frame.volts) & (np.abs(frame.volts) < limit_v)
-    reach = HALF if band is None else HALF + band.reach
+    reach = half_of(1.0 / frame.interval_s) + (0 if band is None else band.reach)
     for part in frame.stretches:
         usable[part.start : part.start + reach] = False
         usable[max(part.stop - reach, part.start) : part.stop] = False

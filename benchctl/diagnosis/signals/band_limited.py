@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 
 import numpy as np
@@ -10,12 +11,20 @@ from scipy.signal import oaconvolve
 
 FloatArray = npt.NDArray[np.float64]
 
-HALF = 32
-"""Samples on either side that a rate is made of."""
+_FEWEST, _REACH_S = 32, 0.256
+"""Samples on either side that a rate is made of, and the time that they reach over at least.
+
+A band that is narrow beside the sampling rate asks for more of them: its gain error grows where they are few.
+"""
 
 NARROW = (0.1, 0.2, 10.0, 20.0)
 WIDE = (0.2, 0.4, 20.0, 40.0)
 """Edges of pass and stop band as shares of the sampling rate, and their limits in Hz."""
+
+
+def half_of(sample_rate_hz: float) -> int:
+    """Samples on either side of a filter's middle."""
+    return max(_FEWEST, math.ceil(_REACH_S * sample_rate_hz))
 
 
 def edges_hz(band: tuple[float, float, float, float], sample_rate_hz: float) -> tuple[float, float]:
@@ -46,8 +55,8 @@ def transposed(values: FloatArray, kernel: FloatArray) -> FloatArray:
 
 @lru_cache(maxsize=64)
 def differentiator(sample_rate_hz: float, passing_hz: float, stopping_hz: float, order: int) -> FloatArray:
-    """Least-squares linear-phase filter, shape (2·HALF+1,): d^order/dt^order in the pass band, 0 in the stop band."""
-    k = np.arange(1, HALF + 1)
+    """Least-squares linear-phase filter, shape (2·`half_of` + 1,): d^order/dt^order in the pass band, 0 beyond."""
+    k = np.arange(1, half_of(sample_rate_hz) + 1)
     passing = np.linspace(1e-3, passing_hz, 400)
     stopping = np.linspace(stopping_hz, sample_rate_hz / 2, 300)
     frequency = np.concatenate([passing, stopping])

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.signal import csd, firwin, kaiserord, welch
 
-from benchctl.diagnosis.signals.band_limited import HALF, NARROW, WIDE, differentiator, edges_hz, filtered
+from benchctl.diagnosis.signals.band_limited import NARROW, WIDE, differentiator, edges_hz, filtered, half_of
 from benchctl.diagnosis.signals.motion import Motion, motion_of
 
 FloatArray = npt.NDArray[np.float64]
@@ -46,14 +46,15 @@ _EVEN = 4.0
 def goes_beyond(angles_deg: Sequence[FloatArray], sample_rate_hz: float) -> bool:
     """Whether unwrapped angles, a stretch each, hold motion or noise that no filter of the rate passes."""
     smooth, turning = (differentiator(sample_rate_hz, *edges_hz(WIDE, sample_rate_hz), order) for order in (0, 1))
+    half = half_of(sample_rate_hz)
     inside = beyond = count = 0.0
     for angle in angles_deg:
-        if angle.size <= 4 * HALF:
+        if angle.size <= 4 * half:
             continue
         left = np.diff(angle - filtered(angle, smooth)) * sample_rate_hz
-        inside += float(np.sum(filtered(angle, turning)[HALF:-HALF] ** 2))
-        beyond += float(np.sum(left[HALF:-HALF] ** 2))
-        count += angle.size - 2 * HALF
+        inside += float(np.sum(filtered(angle, turning)[half:-half] ** 2))
+        beyond += float(np.sum(left[half:-half] ** 2))
+        count += angle.size - 2 * half
     return inside > _TURNING_DPS**2 * count and math.sqrt(beyond) > _BEYOND * math.sqrt(inside)
 
 

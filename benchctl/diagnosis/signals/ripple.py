@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
-from benchctl.diagnosis.signals.band_limited import HALF, NARROW, differentiator, edges_hz, filtered
+from benchctl.diagnosis.signals.band_limited import NARROW, differentiator, edges_hz, filtered
 from benchctl.diagnosis.signals.turns import line_scores
 
 FloatArray = npt.NDArray[np.float64]
@@ -113,14 +113,15 @@ def ripple_of(angles_deg: Sequence[FloatArray], sample_rate_hz: float) -> Ripple
 def _steady(angle_deg: FloatArray, rate_filter: FloatArray, window: int) -> list[FloatArray]:
     """The parts of a stretch in which the table turns at one rate, each longer than four reaches of a filter."""
     rate = uniform_filter1d(filtered(angle_deg, rate_filter), window)
-    reach = 2 * (HALF + window) + 1
+    half = rate_filter.size // 2
+    reach = 2 * (half + window) + 1
     change = maximum_filter1d(rate, reach) - minimum_filter1d(rate, reach)
     steady = np.concatenate([[False], change < _STEADY * np.abs(rate), [False]])
     edges = np.flatnonzero(np.diff(steady)).tolist()
     return [
         angle_deg[first:last] - 360.0 * np.floor(angle_deg[first] / 360.0)
         for first, last in zip(edges[::2], edges[1::2], strict=True)
-        if last - first > 4 * HALF
+        if last - first > 4 * half
     ]
 
 
@@ -130,13 +131,14 @@ class _Search:
     def __init__(self, runs: Sequence[FloatArray], smooth: FloatArray) -> None:
         self._runs = runs
         self._kernel = -smooth
-        self._kernel[HALF] += 1.0
+        self._half = half = smooth.size // 2
+        self._kernel[half] += 1.0
         self._fast = np.concatenate([self._above(run) for run in runs])
-        turned = [np.abs(np.radians(run[2 * HALF :] - run[: -2 * HALF])) / (2 * HALF) for run in runs]
+        turned = [np.abs(np.radians(run[2 * half :] - run[: -2 * half])) / (2 * half) for run in runs]
         self._step_rad = np.concatenate(turned)
         self._phase: FloatArray = np.linspace(0.0, np.pi, 2001)
-        waves = np.cos(np.outer(self._phase, np.arange(1, HALF + 1)))
-        self._gain = np.abs(self._kernel[HALF] + 2.0 * waves @ self._kernel[HALF + 1 :])
+        waves = np.cos(np.outer(self._phase, np.arange(1, half + 1)))
+        self._gain = np.abs(self._kernel[half] + 2.0 * waves @ self._kernel[half + 1 :])
         fastest = max(float(self._step_rad.max()), 1e-9)
         lowest = math.ceil(float(self._phase[int(np.argmax(self._gain > _SEEN))]) / fastest)
         self.highest_of_motion = math.floor(2.0 * np.pi * _BELOW_SAMPLING / fastest)
@@ -149,7 +151,7 @@ class _Search:
         variance = float(np.mean(left**2)) / float(np.mean(self._gain**2))
         if self._orders.size == 0 or variance < _EXACT_DEG**2:
             return None
-        ends = np.cumsum([run.size - 2 * HALF for run in self._runs])[:-1]
+        ends = np.cumsum([run.size - 2 * self._half for run in self._runs])[:-1]
         back = np.concatenate([np.convolve(part, self._kernel) for part in np.split(left, ends)])
         scores = line_scores(back, np.concatenate(self._runs), int(self._orders[-1]))[self._orders]
         gain = np.abs(scores) ** 2 / (self._powers() * variance)

@@ -5,7 +5,7 @@ import pytest
 
 from benchctl.diagnosis.gyro.frame import FloatArray, Frame
 from benchctl.diagnosis.gyro.predicted import predict
-from benchctl.diagnosis.signals.band_limited import HALF
+from benchctl.diagnosis.signals.band_limited import half_of
 from benchctl.recordings.reader import open_recording
 from instruments.errors import UsageError
 from tests.benchctl.diagnosis.moving import NOISE_V, RATE_DPS, SIMULATION, write_moving
@@ -44,4 +44,5 @@ def test_a_model_that_says_nothing_of_the_gyro_is_refused(tmp_path: Path) -> Non
 
 def _inner(frame: Frame, residual: FloatArray) -> float:
     """Deviation of a residual where no filter of the motion reaches beyond the ends of a stretch."""
-    return float(np.std(np.concatenate([residual[part][HALF:-HALF] for part in frame.stretches])))
+    half = half_of(1.0 / frame.interval_s)
+    return float(np.std(np.concatenate([residual[part][half:-half] for part in frame.stretches])))

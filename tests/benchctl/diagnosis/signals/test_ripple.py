@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.signals.band_limited import HALF
+from benchctl.diagnosis.signals.band_limited import half_of
 from benchctl.diagnosis.signals.motion import motion_of
 from benchctl.diagnosis.signals.ripple import NO_RIPPLE, Ripple, ripple_of
 from tests.benchctl.diagnosis.turning import RATE_HZ, turning
@@ -39,7 +39,7 @@ def test_rest_and_sudden_motion_hold_no_ripple() -> None:
 def test_with_the_ripple_the_rate_is_the_true_one() -> None:
     angles, rates = turning(cogging_deg=COGGING_DEG)
     ripple = ripple_of(angles, RATE_HZ)
-    inner = slice(2 * HALF, -2 * HALF)
+    inner = slice(2 * half_of(RATE_HZ), -2 * half_of(RATE_HZ))
     for angle, true in zip(angles[1:], rates[1:], strict=True):
         turned = np.cos(np.radians(36.0 * angle))[inner]
         missed = [
