@@ -44,7 +44,12 @@ def cleaned(problem: Problem) -> tuple[Problem, tuple[Fault, ...]]:
     everything = np.ones(len(problem.step_names), np.bool_)
     without = replace(problem, usable=usable)
     provisional = fit(without, NoiseModel.of(without).plain, Point(baseline=problem.baseline_start), everything)
-    spikes = spikes_in(residual=provisional.residual, usable=problem.usable & ~shown.standing, step_v=shown.step_v)
+    spikes = spikes_in(
+        residual=provisional.residual,
+        usable=problem.usable & ~shown.standing,
+        step_v=shown.step_v,
+        sudden=frame.sudden > 0.0,
+    )
     found = tuple(one for one in (*shown.found, *spikes.found) if one.effect not in problem.without)
     if "outliers" not in problem.without:
         usable &= ~spikes.masked

@@ -16,17 +16,23 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
+import scipy.optimize
 import scipy.signal
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 
 _FLICKER_RATIO = 5.0
 """Between the time constants of the processes that make flicker: its spectrum then ripples by less than 2 percent."""
+_SHAPED, _SLOWEST, _SHAPED_FROM = 5, 16, 1e-4
+"""So many of the fastest are of sizes of their own, among so many, over frequencies from this share of the rate."""
 _FORGOTTEN = 1e-3
+_BRIDGED = 3
+"""So many rows in a row that do not count are bridged; more of them are a pause."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,13 +51,29 @@ def walk(per_root_s: float, interval_s: float) -> tuple[Slow, ...]:
 def flicker(rms_per_decade: float, interval_s: float, lasts_s: float) -> tuple[Slow, ...]:
     """Noise of one power in every decade, down to one over ten times `lasts_s`, in the same units.
 
-    Near half the sampling rate, where white noise is far above it, it falls short: by 3 % at 0.007 of that rate, by
-    28 % at 0.09.
+    Its density is right to 3 % up to a tenth of the sampling rate, to 6 % up to four tenths.
     """
-    count = max(2, math.ceil(math.log(10.0 * lasts_s / interval_s) / math.log(_FLICKER_RATIO)))
-    variance = rms_per_decade**2 * math.log(_FLICKER_RATIO) / math.log(10.0)
-    remembers = [math.exp(-(_FLICKER_RATIO ** (-0.5 - k))) for k in range(count)]
-    return tuple(Slow(remembers=phi, drive=variance * (1.0 - phi**2)) for phi in remembers)
+    count = max(_SHAPED + 1, math.ceil(math.log(10.0 * lasts_s / interval_s) / math.log(_FLICKER_RATIO)))
+    shares = [*_fastest(), *[2.0 * math.log(_FLICKER_RATIO)] * (count - _SHAPED)]
+    unit = rms_per_decade**2 / (2.0 * math.log(10.0))
+    remembers = [math.exp(-(_FLICKER_RATIO**-k)) for k in range(count)]
+    return tuple(
+        Slow(remembers=phi, drive=unit * share * (1.0 - phi**2)) for phi, share in zip(remembers, shares, strict=True)
+    )
+
+
+@lru_cache(maxsize=1)
+def _fastest() -> tuple[float, ...]:
+    """Variances of the fastest processes beside which equal ones make the two-sided density 1/f, by least squares.
+
+    Samples fold what is above half their rate, so equal ones would make too little of it below.
+    """
+    frequency = np.geomspace(_SHAPED_FROM, 0.5, 1000)
+    lag = 2.0 - 2.0 * np.cos(2.0 * np.pi * frequency)
+    remembers = np.exp(-(_FLICKER_RATIO ** -np.arange(_SLOWEST, dtype=np.float64)))
+    density = (1.0 - remembers**2) / ((1.0 - remembers) ** 2 + remembers * lag[:, None]) * frequency[:, None]
+    rest = 1.0 - 2.0 * math.log(_FLICKER_RATIO) * density[:, _SHAPED:].sum(axis=1)
+    return tuple(scipy.optimize.nnls(density[:, :_SHAPED], rest)[0].tolist())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,10 +81,9 @@ class Whitener:
     """Turns a column of data or of a prediction, shape (n,), into one whose noise is white and of one size.
 
     `slow` are the processes beside the white noise; `weight` (n,) is the inverse of a row's relative deviation, 0 where
-    it does not count; `gaps` are the samples between each stretch and the one before it.
+    it does not count; `time_s` (n,) says where rows are missing, and may be left away where none are.
     """
 
-    stretches: tuple[slice, ...]
     interval_s: float
     weight: FloatArray
     slow: tuple[Slow, ...] = ()
@@ -89,7 +110,8 @@ class Whitener:
     def log_determinant(self) -> float:
         """Logarithm of the determinant of the noise's covariance, but for the variance of the innovations."""
         counted = self.weight[self.weight > 0.0]
-        return float(sum(math.log(power) for _, _, power in self._jumps) - 2.0 * np.log(counted).sum())
+        jumps = sum(math.log(power) for _, _, power in self._jumps)
+        return float(jumps - 2.0 * np.log(counted).sum())
 
     def __call__(self, column: FloatArray) -> FloatArray:
         """The whitened column, shape (n,)."""
@@ -98,12 +120,16 @@ class Whitener:
         values = column.copy()
         spoilt, before, after, share = self._bridges
         values[spoilt] = (1.0 - share) * values[before] + share * values[after]
-        white: FloatArray = scipy.signal.sosfilt(self._sections, values)
-        for part, response, power in self._jumps:
-            rows = white[part]
-            norm = float(response @ response)
-            rows -= ((1.0 - 1.0 / math.sqrt(power)) / norm * float(response @ rows)) * response
+        white = np.zeros_like(values)
+        state = np.zeros((len(self._sections), 2))
+        for rows, carried in self._runs:
+            state = (carried @ state.ravel()).reshape(state.shape)
+            white[rows], state = scipy.signal.sosfilt(self._sections, values[rows], zi=state)
         white *= self.weight
+        for rows, response, power in self._jumps:
+            part = white[rows]
+            norm = float(response @ response)
+            part -= ((1.0 - 1.0 / math.sqrt(power)) / norm * float(response @ part)) * response
         return white
 
     @cached_property
@@ -111,8 +137,8 @@ class Whitener:
         return _sections([one.remembers for one in self.slow], self.zeros)
 
     @cached_property
-    def _bridges(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64], FloatArray]:
-        """Rows that do not count, and the rows between which they are bridged: the filter must not remember them."""
+    def _bridges(self) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
+        """Rows that do not count, and those between which a line takes their place, for the filter remembers them."""
         good = np.flatnonzero(self.weight > 0.0)
         spoilt = np.flatnonzero(self.weight <= 0.0)
         if good.size == 0:
@@ -123,35 +149,77 @@ class Whitener:
         return spoilt, before, after, np.clip(share, 0.0, 1.0)
 
     @cached_property
-    def _jumps(self) -> list[tuple[slice, FloatArray, float]]:
-        """What a jump of the level during a gap does to a stretch: its rows, the whitened jump, 1 + its power.
+    def _pauses(self) -> list[tuple[int, int, int]]:
+        """The last row before every long pause and the first after it, with the samples that are missing between."""
+        good = np.flatnonzero(self.weight > 0.0)
+        before, after = good[:-1], good[1:]
+        missing = after - before - 1
+        if self.time_s.size:
+            missing = np.rint((self.time_s[after] - self.time_s[before]) / self.interval_s).astype(np.int64) - 1
+        long = missing > _BRIDGED
+        return list(zip(before[long].tolist(), after[long].tolist(), missing[long].tolist(), strict=True))
 
-        The level after a gap is known as far as the processes let it be. A jump of variance V, in units of that of an
+    @cached_property
+    def _runs(self) -> list[tuple[slice, FloatArray]]:
+        """Rows between pauses, and what becomes of the filter's state in the pause before them.
+
+        It goes on as the processes do without a push, (2·sections, 2·sections): so nothing is taken for seen.
+        """
+        good = np.flatnonzero(self.weight > 0.0)
+        if good.size == 0:
+            return []
+        free = _free(self._sections)
+        starts = [(int(good[0]), np.eye(len(free)))]
+        starts += [(after, np.linalg.matrix_power(free, missing)) for _, after, missing in self._pauses]
+        stops = [before + 1 for before, _, _ in self._pauses] + [int(good[-1]) + 1]
+        return [(slice(first, stop), carried) for (first, carried), stop in zip(starts, stops, strict=True)]
+
+    @cached_property
+    def _jumps(self) -> list[tuple[slice, FloatArray, float]]:
+        """What a jump of the level in a pause does to the rows after it: those, the whitened jump, 1 + its power.
+
+        The level after a pause is known as far as the processes let it be. A jump of variance V, in units of that of an
         innovation, with the whitened form r adds V·r·rᵀ to the covariance; the root of its inverse is applied.
         """
-        if not self.slow or len(self.stretches) < 2:
+        if not self.slow or not self._pauses:
             return []
-        longest = max(part.stop - part.start for part in self.stretches)
-        response: FloatArray = scipy.signal.sosfilt(self._sections, np.ones(longest))
-        small = np.flatnonzero(np.abs(response) < _FORGOTTEN)
-        response = response[: int(small[0])] if small.size else response
+        longest = max(rows.stop - rows.start for rows, _ in self._runs)
+        step: FloatArray = scipy.signal.sosfilt(self._sections, np.ones(longest))
+        small = np.flatnonzero(np.abs(step) < _FORGOTTEN)
+        reach = int(small[0]) if small.size else longest
         jumps = []
-        for earlier, part in zip(self.stretches[:-1], self.stretches[1:], strict=True):
-            gap = (self.time_s[part.start] - self.time_s[earlier.stop - 1]) / self.interval_s
-            variance = sum(_wandered(one, gap) for one in self.slow) / self.innovation**2
-            rows = slice(part.start, min(part.stop, part.start + response.size))
-            here = response[: rows.stop - rows.start]
-            power = 1.0 + variance * float(here @ here)
+        for (_, _, missing), (whole, _) in zip(self._pauses, self._runs[1:], strict=True):
+            rows = slice(whole.start, min(whole.stop, whole.start + reach))
+            response = step[: rows.stop - rows.start] * self.weight[rows]
+            variance = sum(_wandered(one, missing) for one in self.slow) / self.innovation**2
+            power = 1.0 + variance * float(response @ response)
             if power > 1.0:
-                jumps.append((rows, here, power))
+                jumps.append((rows, response, power))
         return jumps
 
 
-def _wandered(process: Slow, samples: float) -> float:
-    """Variance of the change of a process over so many samples."""
+def _free(sections: FloatArray) -> FloatArray:
+    """What a step without an innovation makes of the state of a chain of sections, shape (2·m, 2·m).
+
+    Without an innovation nothing leaves the last section: what enters each then follows from its state alone.
+    """
+    columns = []
+    for state in np.eye(2 * len(sections)):
+        left, after = 0.0, np.empty((len(sections), 2))
+        for k in range(len(sections) - 1, -1, -1):
+            _, b1, b2, _, a1, a2 = sections[k]
+            entered = left - state[2 * k]
+            after[k] = b1 * entered - a1 * left + state[2 * k + 1], b2 * entered - a2 * left
+            left = entered
+        columns.append(after.ravel())
+    return np.stack(columns, axis=1)
+
+
+def _wandered(process: Slow, samples: int) -> float:
+    """Variance of what a process has gained by chance over so many samples."""
     if process.remembers >= 1.0:
         return float(process.drive * samples)
-    return 2.0 * process.drive / (1.0 - process.remembers**2) * float(1.0 - process.remembers**samples)
+    return float(process.drive * (1.0 - process.remembers ** (2 * samples)) / (1.0 - process.remembers**2))
 
 
 def _zeros(slow: Sequence[Slow]) -> tuple[float, ...]:

@@ -36,7 +36,6 @@ class NoiseModel:
     def of(cls, problem: Problem) -> Self:
         """White noise of one size on all usable rows."""
         plain = Whitener(
-            stretches=problem.stretches,
             interval_s=problem.interval_s,
             weight=problem.usable.astype(np.float64),
             time_s=problem.time_s,

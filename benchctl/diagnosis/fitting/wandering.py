@@ -7,7 +7,6 @@ samples, which hold all that is slow; what is found is then measured on the samp
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Mapping
 
@@ -132,7 +131,6 @@ class _Blocks:
             if part.stop - part.start >= self._samples
         ]
         first = np.concatenate(starts) if starts else np.zeros(0, np.int64)
-        bounds = np.cumsum([0, *(one.size for one in starts)]).tolist()
         rows = first[:, None] + np.arange(self._samples)
         usable = whitener.weight > 0.0
         counted = usable[rows].sum(axis=1)
@@ -141,7 +139,6 @@ class _Blocks:
         )
         self._fitted = fitted[problem.step[first]] if first.size else np.zeros(0, np.bool_)
         self._whitener = Whitener(
-            stretches=tuple(itertools.starmap(slice, itertools.pairwise(bounds))),
             interval_s=self._interval_s,
             weight=np.sqrt(counted / self._samples),
             time_s=problem.time_s[first],

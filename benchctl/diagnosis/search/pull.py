@@ -59,7 +59,7 @@ def pull_of(problem: Problem, whitener: Whitener, fitted: Fit) -> Pull:
 
 def unweighted(whitener: Whitener, values: FloatArray) -> FloatArray:
     """The whitening filter alone, over rows without gaps, shape (n,)."""
-    plain = replace(whitener, weight=np.ones_like(values), stretches=(slice(0, values.size),))
+    plain = replace(whitener, weight=np.ones_like(values), time_s=np.zeros(0))
     return plain(values)
 
 

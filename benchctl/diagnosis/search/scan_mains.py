@@ -9,6 +9,7 @@ import numpy.typing as npt
 import scipy.fft
 from scipy.special import chdtri
 
+from benchctl.diagnosis.fitting.fit import inverse
 from benchctl.diagnosis.search.pull import Place, Pull, between, paid, peaks, unweighted
 
 FloatArray = npt.NDArray[np.float64]
@@ -92,13 +93,26 @@ def _passed(pull: Pull, cycles: FloatArray) -> FloatArray:
 def _is_one_line(pull: Pull, time_s: FloatArray, group: IntArray, frequency_hz: float) -> bool:
     """Whether all kinds of motion say the same of a line, to within chance."""
     phase = 2.0 * np.pi * frequency_hz * time_s
-    power = 0.5 * np.bincount(group, pull.information)
-    there = power > 0.0
-    seen = np.bincount(group, pull.pull * np.cos(phase)) + 1j * np.bincount(group, pull.pull * np.sin(phase))
-    together = float(np.abs(seen.sum()) ** 2 / power.sum())
-    apart = float(np.sum(np.abs(seen[there]) ** 2 / power[there])) - together
-    chance = float(chdtri(2 * (int(there.sum()) - 1), _CHANCE)) if there.sum() > 1 else math.inf
+    cosine, sine = np.cos(phase), np.sin(phase)
+
+    def summed(values: FloatArray) -> FloatArray:
+        return np.asarray(np.bincount(group, values))
+
+    # near half the sampling rate a line beats: a short kind of motion may see more of its cosine than of its sine
+    both = summed(pull.information * cosine * sine)
+    squares = summed(pull.information * cosine**2), summed(pull.information * sine**2)
+    power = np.stack([np.stack([squares[0], both], -1), np.stack([both, squares[1]], -1)], -2)
+    seen = np.stack([summed(pull.pull * cosine), summed(pull.pull * sine)], -1)
+    together = _explained(power.sum(axis=0), seen.sum(axis=0))
+    there = np.flatnonzero(squares[0] + squares[1] > 0.0)
+    apart = sum(_explained(power[i], seen[i]) for i in there.tolist()) - together
+    chance = float(chdtri(2 * (there.size - 1), _CHANCE)) if there.size > 1 else math.inf
     return apart < max(chance, _UNEVEN * together)
+
+
+def _explained(power: FloatArray, seen: FloatArray) -> float:
+    """The gain of a cosine and a sine with products `power` (2, 2) that were `seen` (2,)."""
+    return float(seen @ inverse(power) @ seen)
 
 
 def _variance(time_s: FloatArray, weight: FloatArray) -> float:

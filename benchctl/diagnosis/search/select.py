@@ -13,7 +13,9 @@ import numpy.typing as npt
 from benchctl.diagnosis.fitting.fit import Fit, Point, fit, gain_kept, gain_of
 from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.fitting.noise_model import NoiseModel
+from benchctl.diagnosis.fitting.noisy import Noisy
 from benchctl.diagnosis.fitting.occam import occam
+from benchctl.diagnosis.fitting.wandering import PROCESSES
 from benchctl.diagnosis.keys import Place, keys_of, may_join, place_of
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.probes import probes_of
@@ -185,10 +187,12 @@ class _Search:
             least = self._least(present)
             noisy = self._noise.best(self._problem, present, least_gain=least)
             tried = self._best(present, screening)
-            if noisy is not None and (tried is None or noisy.gain > tried.evidence):
+            if noisy is not None and (tried is None or self._noise_first(present, noisy, tried, least)):
                 self._noise = self._noise.with_(noisy)
                 present = self._fit(present.point)
                 continue
+            if tried is None:
+                tried = self._instead_of_process(present, _share_done(number + 1))
             if tried is None:
                 break
             present = self._remeasured(self._pruned(tried.fit), least)
@@ -285,6 +289,38 @@ class _Search:
     def _without(self, present: Fit, effect: DescribedEffect) -> Fit:
         rest = tuple(one for one in present.point.effects if place_of(one) != place_of(effect))
         return self._fit(Point(baseline=present.point.baseline, effects=rest))
+
+    def _noise_first(self, present: Fit, noisy: Noisy, tried: _Tried, least: float) -> bool:
+        """Whether noise is to be taken before an effect.
+
+        A process follows anything slow: it may gain more than the effect that it stands for. But beside that effect a
+        process of its own has always the same size, and one that stands for it a much smaller one.
+        """
+        if noisy.gain <= tried.evidence:
+            return False
+        beside = self._noise.best(self._problem, tried.fit, least_gain=least)
+        effect_first = tried.evidence + (beside.gain if beside is not None else 0.0)
+        whitener = noisy.whitener
+        both, alone = (fit(self._problem, whitener, one.point, self._fitted) for one in (tried.fit, present))
+        return effect_first <= noisy.gain + max(gain_of(both, alone), 0.0) + least
+
+    def _instead_of_process(self, present: Fit, share: float) -> _Tried | None:
+        """An effect that a process stands for, without the process; None, and all stays, where there is none.
+
+        What else is missing hides it at first: as long as the residual is full of something, either follows it badly.
+        """
+        found = self._noise
+        process = next((found.found[name] for name in PROCESSES if name in found.found), None)
+        if process is None:
+            return None
+        self._noise = found.dropped({process.effect})
+        bare = self._fit(present.point)
+        tried = self._best(bare, self._screened(bare, (share, share)))
+        noisy = replace(process, whitener=found.whitener)
+        if tried is not None and not self._noise_first(bare, noisy, tried, self._least(bare)):
+            return tried
+        self._noise = found
+        return None
 
     def _pruned(self, present: Fit) -> Fit:
         """Without the effects that are no longer needed."""

@@ -8,9 +8,22 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
+import numpy.typing as npt
 
 from instruments.physics.chain import Signals, Stage
 from instruments.physics.effects.effect import Parameter, PhysicalEffect
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def folded_dps(rate_dps: FloatArray, fold_dps: float) -> FloatArray:
+    """Rates of shape (n,), turned back at ±fold_dps as often as need be."""
+    folded = rate_dps + fold_dps
+    np.mod(folded, 4.0 * fold_dps, out=folded)
+    folded -= 2.0 * fold_dps
+    np.abs(folded, out=folded)
+    np.subtract(fold_dps, folded, out=folded)
+    return folded
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,9 +49,10 @@ class FringeAmbiguity(PhysicalEffect):
             low=1.0,
             high=5000.0,
             role="shape",
-            scan=(20.0, 30.0, 40.0, 55.0, 75.0, 95.0, 115.0, 140.0, 170.0, 200.0, 250.0, 350.0),
+            scan=(20.0, 55.0, 115.0, 200.0),
             zero=math.inf,
             logarithmic=True,
+            by_scan=True,
         )
     }
 
@@ -47,12 +61,7 @@ class FringeAmbiguity(PhysicalEffect):
         rate = signals.sensed_rate_dps
         if max(rate.max(), -rate.min()) <= self.fold_dps:
             return signals
-        folded = rate + self.fold_dps
-        np.mod(folded, 4.0 * self.fold_dps, out=folded)
-        folded -= 2.0 * self.fold_dps
-        np.abs(folded, out=folded)
-        np.subtract(self.fold_dps, folded, out=folded)
-        return replace(signals, sensed_rate_dps=folded)
+        return replace(signals, sensed_rate_dps=folded_dps(rate, self.fold_dps))
 
     def says(self) -> str:
         """The finding in one sentence."""

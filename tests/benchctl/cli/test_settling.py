@@ -82,7 +82,7 @@ def recorded(folder: Path, verb: str) -> Path:
 def rows_of(recording: Recording) -> tuple[GyroProblem, Whitener]:
     problem = gyro_problem(recording)
     weight = problem.usable.astype(np.float64)
-    return problem, Whitener(stretches=problem.stretches, interval_s=problem.interval_s, weight=weight)
+    return problem, Whitener(interval_s=problem.interval_s, weight=weight)
 
 
 def fitted(problem: GyroProblem, whitener: Whitener, point: Point) -> Fit:

@@ -56,9 +56,7 @@ def problem_of(folder: Path, effect: DescribedEffect = LATE, *steps: Step) -> Gy
 
 
 def whitener_of(problem: GyroProblem) -> Whitener:
-    return Whitener(
-        stretches=problem.stretches, interval_s=problem.interval_s, weight=problem.usable.astype(np.float64)
-    )
+    return Whitener(interval_s=problem.interval_s, weight=problem.usable.astype(np.float64))
 
 
 def fitted(problem: GyroProblem, *effects: DescribedEffect) -> Fit:

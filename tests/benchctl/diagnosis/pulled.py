@@ -29,5 +29,5 @@ def pulled(residual: FloatArray, known: FloatArray | None = None, *, whitener: A
         numbers=tuple(range(derivatives.shape[1])),
         inverse_information=information,
     )
-    plain = Whitener(stretches=(slice(0, residual.size),), interval_s=0.01, weight=np.ones(residual.size))
+    plain = Whitener(interval_s=0.01, weight=np.ones(residual.size))
     return pull_of(problem, whitener or plain, fitted)

@@ -216,7 +216,6 @@ def test_an_effect_that_is_there_is_kept_and_a_column_of_chance_is_not() -> None
 def test_under_a_walk_the_whitened_fit_is_generalised_least_squares() -> None:
     problem = toy(Squared(size_v=3e-3))
     joined = Whitener(
-        stretches=(slice(0, TOTAL),),
         interval_s=INTERVAL_S,
         weight=np.ones(TOTAL),
         slow=walk(0.5, INTERVAL_S),

@@ -61,7 +61,7 @@ def test_points_at_rest_that_lie_apart_are_said_to_be_unexplained(tmp_path):
     volts = U0 + K0 * RATES + scattered(3)
     with open_recording(table(tmp_path / "rest.csv", np.where(RATES == 0.0, volts - 0.05, volts))) as recording:
         problem = points_problem(recording)
-    whitener = Whitener(stretches=problem.stretches, interval_s=1.0, weight=problem.usable.astype(float))
+    whitener = Whitener(interval_s=1.0, weight=problem.usable.astype(float))
     everything = np.ones(len(problem.steps), np.bool_)
     fitted = fit(problem, whitener, Point(baseline=problem.baseline_start), everything)
     *_, said = problem.remarks(fitted.residual, fitted.residual, ~everything)

@@ -190,9 +190,7 @@ def test_a_whitener_that_remembers_nothing_is_known() -> None:
 def of_foreign(kind: str, seed: int) -> Rest:
     """The rest of another lab's recording when only the lab's own parameters were fitted."""
     problem = gyro_problem(to_recording(*make(draw(kind, seed), seed)))
-    whitener = Whitener(
-        stretches=problem.stretches, interval_s=problem.interval_s, weight=problem.usable.astype(np.float64)
-    )
+    whitener = Whitener(interval_s=problem.interval_s, weight=problem.usable.astype(np.float64))
     fitted = fit(problem, whitener, Point(baseline=problem.baseline_start), ~held_out_steps(problem))
     return rest_of(problem, whitener, fitted)
 

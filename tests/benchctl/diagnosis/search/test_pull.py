@@ -21,7 +21,7 @@ class HighPass:
     """A whitening that forgets a level within some twenty rows."""
 
     weight: FloatArray
-    stretches: tuple[slice, ...]
+    time_s: FloatArray
 
     def __call__(self, column: FloatArray) -> FloatArray:
         white: FloatArray = lfilter([1.0, -1.0], [1.0, -0.95], column)
@@ -29,7 +29,7 @@ class HighPass:
 
 
 def _high_pass(rows: int) -> Any:
-    return HighPass(weight=np.ones(rows), stretches=(slice(0, rows),))
+    return HighPass(weight=np.ones(rows), time_s=np.zeros(0))
 
 
 def test_run_from_its_end_to_its_beginning_a_whitening_is_its_transpose() -> None:

@@ -59,3 +59,12 @@ def test_where_there_is_no_line_chance_promises_no_more_than_it_may() -> None:
         allowed = math.exp(-level / 2.0)
         assert np.mean(np.array(promised) > level) < allowed + 3.0 * math.sqrt(allowed / 300)
     assert max(promised) < 14.0
+
+
+def test_a_line_near_half_the_sampling_rate_beats_and_is_one_line_all_the_same() -> None:
+    time_s = _clock(100_000)
+    kind = (time_s % (0.5 / 0.0022) < 0.25 / 0.0022).astype(np.int64)
+    line = np.sin(2 * np.pi * 49.9978 * time_s + 0.3)
+    noise = np.random.default_rng(5).standard_normal(time_s.size)
+    best = mains_places(pulled(noise + line), time_s, INTERVAL_S, kind, 0.1, 1)[0]
+    assert best.value == pytest.approx(49.9978, abs=1e-4)

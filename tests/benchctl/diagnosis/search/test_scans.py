@@ -23,9 +23,7 @@ SHAPES = {"mains_pickup": "frequency_hz", "adc_nonlinearity": "period_v", "encod
 
 def _fitted(kind: str, seed: int) -> tuple[GyroProblem, Whitener, Fit]:
     problem = gyro_problem(to_recording(*make(draw(kind, seed), seed)))
-    whitener = Whitener(
-        stretches=problem.stretches, interval_s=problem.interval_s, weight=problem.usable.astype(np.float64)
-    )
+    whitener = Whitener(interval_s=problem.interval_s, weight=problem.usable.astype(np.float64))
     steps = np.ones(len(problem.step_names), np.bool_)
     return problem, whitener, fit(problem, whitener, Point(baseline=problem.baseline_start), steps)
 

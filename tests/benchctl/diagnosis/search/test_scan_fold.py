@@ -1,0 +1,42 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchctl.diagnosis.search.scan_fold import fold_places
+from instruments.physics.effects.fringe_ambiguity import folded_dps
+from tests.benchctl.diagnosis.pulled import FloatArray, pulled
+
+RATES_DPS = np.repeat([0.0, 5.0, -5.0, 40.0, -40.0, 90.0, -90.0, 130.0, -130.0, 150.0, -150.0], 400)
+SCALE_V_PER_DPS = 3.0
+"""In deviations of the noise, as is the residual."""
+
+
+def _known(rates: FloatArray) -> FloatArray:
+    return np.stack([np.ones_like(rates), rates, rates**3], axis=1)
+
+
+@pytest.mark.parametrize("fold_dps", [20.0, 61.0, 118.0, 141.0])
+def test_a_fold_is_found_between_the_rates_that_it_parts(fold_dps: float) -> None:
+    rates = RATES_DPS + np.random.default_rng(2).uniform(-1.0, 1.0, RATES_DPS.size)
+    noise = np.random.default_rng(1).standard_normal(rates.size)
+    residual = noise + SCALE_V_PER_DPS * (folded_dps(rates, fold_dps) - rates)
+    best = fold_places(pulled(residual, _known(rates)), rates, SCALE_V_PER_DPS, 3)[0]
+    assert best.value == pytest.approx(fold_dps, abs=1.0)
+
+
+def test_a_fold_is_found_though_the_scale_factor_was_fitted_without_it() -> None:
+    noise = np.random.default_rng(1).standard_normal(RATES_DPS.size)
+    residual = noise + 1.3 * SCALE_V_PER_DPS * (folded_dps(RATES_DPS, 100.0) - RATES_DPS)
+    best = fold_places(pulled(residual, _known(RATES_DPS)), RATES_DPS, SCALE_V_PER_DPS, 1)[0]
+    assert 90.0 < best.value < 130.0
+
+
+def test_noise_promises_no_fold() -> None:
+    noise = np.random.default_rng(1).standard_normal(RATES_DPS.size)
+    assert fold_places(pulled(noise, _known(RATES_DPS)), RATES_DPS, SCALE_V_PER_DPS, 3) == []
+
+
+def test_a_table_at_rest_has_no_fold() -> None:
+    rates = np.zeros(500)
+    assert fold_places(pulled(np.ones(500)), rates, SCALE_V_PER_DPS, 3) == []
