@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from benchctl.diagnosis.gyro.frame import AIR, THERMISTOR, Frame
+from benchctl.diagnosis.signals.band_limited import NARROW, edges_hz
 from benchctl.diagnosis.signals.free_band import Band
 
 _TURNING_DPS = 0.05
@@ -29,9 +31,28 @@ def at_rest(frame: Frame) -> Frame:
     return replace(frame, rate_dps=still, acceleration_dps2=still)
 
 
-def limits_of(frame: Frame, simulation: Mapping[str, Any], band: Band | None) -> tuple[str, ...]:
-    """The sentences."""
-    return tuple(_limits(frame, simulation, band))
+def limits_of(
+    frame: Frame, simulation: Mapping[str, Any], band: Band | None, encoder_step_deg: float = 0.0
+) -> tuple[str, ...]:
+    """The sentences; `encoder_step_deg` is the encoder's step, 0 where it is not known."""
+    return (*_limits(frame, simulation, band), *_coarse(frame, simulation, encoder_step_deg))
+
+
+def _coarse(frame: Frame, simulation: Mapping[str, Any], step_deg: float) -> Iterator[str]:
+    """Whether the steps of an encoder may look like physics.
+
+    At a steady rate they beat with the samples. The first harmonic of the staircase has the amplitude step/π; a beat at
+    the edge of the filter's pass band makes it a rate, a slower one less.
+    """
+    passing_hz, _ = edges_hz(NARROW, 1.0 / frame.interval_s)
+    error_v = step_deg / math.pi * 2.0 * math.pi * passing_hz * abs(float(simulation["K0_v_per_dps"]))
+    noise_v = float(simulation.get("noise_v_rms") or math.inf)
+    if _turns(frame) and error_v > noise_v:
+        yield (
+            f"The encoder's steps of {3600.0 * step_deg:.3g}″ beat with the samples at steady rates: the rate is then"
+            f" wrong by up to {1e3 * error_v:.2g} mV of output, above the noise of {1e3 * noise_v:.2g} mV. What repeats"
+            " finely with the angle or the output, or is left in the acceleration, may be no more than that."
+        )
 
 
 def _turns(frame: Frame) -> bool:

@@ -68,6 +68,7 @@ class GyroProblem(Stepped):
     adc_step_v: float
     usable: BoolArray
     band: Band | None = None
+    encoder_step_deg: float = 0.0
     unit: str = "V"
     believed: bool = True
 
@@ -226,7 +227,7 @@ class GyroProblem(Stepped):
             rows=moving,
             interval_s=frame.interval_s,
         )
-        return (*limits_of(frame, self.simulation, self.band), *lines)
+        return (*limits_of(frame, self.simulation, self.band, self.encoder_step_deg), *lines)
 
 
 def gyro_problem(
@@ -272,6 +273,7 @@ def gyro_problem(
         adc_step_v=2 * facts.adc_range_v / 2**facts.adc_bits if facts.adc_bits else 0.0,
         usable=usable if band is None else usable[band.rows],
         band=band,
+        encoder_step_deg=360.0 / facts.encoder_counts_per_rev if facts.encoder_counts_per_rev else 0.0,
     )
 
 

@@ -156,7 +156,7 @@ def screen(
         )
     if threshold is None:
         correlation = (columns @ columns.T).astype(np.float64)
-        threshold = _threshold(correlation, [one.columns for one in scored], seed)
+        threshold = _threshold(correlation, [one.columns for one in scored], count, seed)
     return Screening(scored=tuple(scored), threshold=threshold)
 
 
@@ -172,16 +172,19 @@ def scatter(explained: FloatArray, white: FloatArray) -> float:
     return max(float(sums @ sums) / usual, 1.0) if usual > 0.0 else 1.0
 
 
-def _threshold(correlation: FloatArray, groups: Sequence[slice], seed: int) -> float:
-    """The gain that chance reaches anywhere in the search, one time in a thousand."""
+def _threshold(correlation: FloatArray, groups: Sequence[slice], count: float, seed: int) -> float:
+    """The gain that chance reaches anywhere in the search, one time in a thousand, on so many rows that count."""
     if not groups:
         return 0.0
     values, vectors = np.linalg.eigh(correlation)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    draws = np.random.default_rng(seed).standard_normal((_DRAWS, correlation.shape[0])) @ root.T
+    chance = np.random.default_rng(seed)
+    draws = chance.standard_normal((_DRAWS, correlation.shape[0])) @ root.T
     largest = np.zeros(_DRAWS)
     for group in groups:
         part = draws[:, group]
         gain = np.einsum("di,ij,dj->d", part, inverse(correlation[group, group]), part)
         np.maximum(largest, gain, out=largest)
-    return float(np.quantile(largest, 1.0 - _CHANCE))
+    # the size of the noise is not known but measured on the same rows: of few, chance explains a larger share
+    gains = count * np.log1p(largest / chance.chisquare(count, _DRAWS))
+    return float(np.quantile(gains, 1.0 - _CHANCE))
