@@ -13,7 +13,7 @@ from benchctl.diagnosis.fitting.noisy import Noisy
 from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Alternative, Estimate, Finding
-from benchctl.diagnosis.search.select import Evidence, Selection
+from benchctl.diagnosis.search.select import Selection
 from benchctl.diagnosis.signals.normal import Z95
 from instruments.physics.effects.effect import DescribedEffect
 from instruments.physics.effects.registry import effect as effect_named
@@ -51,7 +51,7 @@ def _effects(problem: Problem, chosen: Selection) -> Iterator[Finding]:
             if index is not None and parameter.role != "phase":
                 low, high = max(low, min(parameter.low, value)), min(high, max(parameter.high, value))
             estimates[name] = Estimate(value=value, low=low, high=high, unit=parameter.unit)
-        alternatives, probability = _alternatives(evidence)
+        alternatives, probability = _alternatives(evidence.rivals)
         yield Finding(
             effect=effect.identifier,
             probability=probability,
@@ -65,15 +65,15 @@ def _effects(problem: Problem, chosen: Selection) -> Iterator[Finding]:
         )
 
 
-def _alternatives(evidence: Evidence) -> tuple[tuple[Alternative, ...], float]:
+def _alternatives(rivals: Mapping[str, float]) -> tuple[tuple[Alternative, ...], float]:
     """Rivals with their probability beside the finding, the likeliest first, and that of the finding."""
     odds = {
         name: math.exp(-min(max(loss, 0.0), 1400.0) / 2.0)
-        for name, loss in sorted(evidence.rivals.items(), key=lambda one: one[1])
+        for name, loss in sorted(rivals.items(), key=lambda one: one[1])
     }
     whole = 1.0 + sum(odds.values())
     named = tuple(
-        Alternative(effect=name, probability=chance / whole, loss=evidence.rivals[name])
+        Alternative(effect=name, probability=chance / whole, loss=rivals[name])
         for name, chance in odds.items()
         if chance / whole > _NEAR
     )
@@ -83,15 +83,17 @@ def _alternatives(evidence: Evidence) -> tuple[tuple[Alternative, ...], float]:
 def _noises(problem: Problem, chosen: Selection) -> Iterator[Finding]:
     excess = (chosen.before.white**2 - chosen.after.white**2).astype(np.float32)
     for one, effect in zip(chosen.noise.found.values(), noise_effects(chosen), strict=True):
+        alternatives, probability = _alternatives(one.rivals)
         yield Finding(
             effect=one.effect,
-            probability=1.0 / (1.0 + math.exp(-min(one.gain, 1400.0) / 2.0)),
+            probability=probability / (1.0 + math.exp(-min(one.gain, 1400.0) / 2.0)),
             parameters=_interval(effect, one),
             where=where_of(problem, excess, effect.coordinate),
             explains=min(max(1.0 - chosen.after.squares / chosen.before.squares, 0.0), 1.0),
             gain=one.gain,
             gain_heldout=0.0,
             says=effect.says(),
+            alternatives=alternatives,
         )
 
 

@@ -99,7 +99,10 @@ class NoiseModel:
     def wandering(self, problem: Problem, fitted: Fit, least_gain: float) -> Noisy | None:
         """The slow process that gains most, where one gains enough."""
         tried = wandering(problem, self.whitener, fitted, least_gain=least_gain)
-        return max(tried, key=lambda one: one.gain, default=None)
+        best = max(tried, key=lambda one: one.gain, default=None)
+        if best is None:
+            return None
+        return replace(best, rivals={one.effect: best.gain - one.gain for one in tried if one is not best})
 
     def _growing(self, problem: Problem, fitted: Fit) -> Noisy:
         weight = self.plain.weight

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from benchctl.diagnosis.fitting.noise import Whitener
 
@@ -12,7 +13,8 @@ class Noisy:
     """What was found: its gain in twice the log likelihood, its size, and the error of the size's logarithm.
 
     The size of a wandering bias is in units of the white noise's deviation; that of noise that grows is the growth of
-    its variance up to full rate. `whitener` is the one with it.
+    its variance up to full rate. `whitener` is the one with it; `rivals` are the losses with
+    another process in its place.
     """
 
     effect: str
@@ -20,3 +22,4 @@ class Noisy:
     size: float
     log_error: float
     whitener: Whitener
+    rivals: Mapping[str, float] = field(default_factory=dict)

@@ -7,7 +7,6 @@ expected to part the two. The quickest run that settles everything is chosen; wh
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -18,21 +17,19 @@ import numpy.typing as npt
 from benchctl.bench import Bench
 from benchctl.campaign.check import bench_time_s
 from benchctl.diagnosis.fitting.closest import Known, distance, known_from
-from benchctl.diagnosis.fitting.fit import Fit, fit, inverse
-from benchctl.diagnosis.fitting.noise import Whitener
+from benchctl.diagnosis.fitting.fit import Fit
 from benchctl.diagnosis.gyro.chain import GyroChain
 from benchctl.diagnosis.gyro.problem import GyroProblem
-from benchctl.diagnosis.next_run.alike import ALIKE
 from benchctl.diagnosis.next_run.candidates import LONGEST_H, called, candidates, shown_bench
 from benchctl.diagnosis.next_run.planned import Planned, planned
 from benchctl.diagnosis.next_run.sampled import SampleNoise
 from benchctl.diagnosis.result import NextExperiment
-from benchctl.diagnosis.search.probes import probes_of
 from benchctl.plan import Plan
-from instruments.physics.effects.effect import DescribedEffect
 
 FloatArray = npt.NDArray[np.float64]
 
+ALIKE = 10.0
+"""Two effects are alike where twice the log likelihood parts them by less: odds of 150 to 1 at the most."""
 SETTLED = 50.0
 """What is expected must be so much: what noise then leaves of it, 2·√50 less or more, is beyond doubt all the same."""
 _MOST_PAIRS = 3
@@ -67,28 +64,6 @@ class Expected:
     def worth(self) -> float:
         """What it settles; beyond what settles a pair, nothing counts."""
         return sum(min(one, SETTLED) for one in self.separations)
-
-
-def open_pair(
-    problem: GyroProblem, whitener: Whitener, fitted: Fit, finding: DescribedEffect, rival: type[DescribedEffect]
-) -> OpenPair | None:
-    """A finding of a fitted model and a rival of that kind, fitted in its place from the probe that does best."""
-    others = tuple(one for one in fitted.point.effects if one is not finding)
-    without = problem.predict(fitted.point.baseline, others)
-    rows = fitted.fitted[problem.step].astype(np.float64)
-    wanted = whitener(problem.measured - without) * rows
-    best: tuple[float, DescribedEffect] | None = None
-    for probe in probes_of(problem, rival):
-        changes = [problem.predict(fitted.point.baseline, (*others, one)) - without for one in probe.columns]
-        columns = np.stack([whitener(change) * rows for change in changes], axis=1)
-        weights = inverse(columns.T @ columns) @ (columns.T @ wanted)
-        left = float(np.sum((wanted - columns @ weights) ** 2))
-        if math.isfinite(left) and (best is None or left < best[0]):
-            best = left, probe.start(weights)
-    if best is None:
-        return None
-    second = fit(problem, whitener, replace(fitted.point, effects=(*others, best[1])), fitted.fitted)
-    return OpenPair(finding=finding.identifier, rival=rival.identifier, first=fitted, second=second)
 
 
 def next_experiment(

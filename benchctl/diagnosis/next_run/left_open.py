@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 
 from benchctl.diagnosis.fitting.fit import fit
+from benchctl.diagnosis.fitting.wandering import PROCESSES
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of_names
 from benchctl.diagnosis.next_run.candidates import bench_of_recording
 from benchctl.diagnosis.next_run.experiment import NOTHING_OPEN, OpenPair, next_experiment
-from benchctl.diagnosis.next_run.repeated import repeat_along
+from benchctl.diagnosis.next_run.repeated import repeat_along, rest_longer
 from benchctl.diagnosis.next_run.sampled import SampleNoise
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Finding, NextExperiment, Unexplained
@@ -25,7 +26,7 @@ def next_of(
     meta: Meta,
     progress: Callable[[str, float], None],
 ) -> NextExperiment:
-    """The run that best parts each finding from its nearest alternative, or that repeats what nobody explains."""
+    """The run that best parts each finding from its nearest alternative, or that shows more of what nobody explains."""
     if not isinstance(problem, GyroProblem):
         return NOTHING_OPEN
     bench = bench_of_recording(meta)
@@ -35,6 +36,9 @@ def next_of(
         wanders = chosen.noise.found.get("bias_random_walk")
         noise = SampleNoise(white_v=white_v, walk_v_per_sqrt_s=0.0 if wanders is None else wanders.size * white_v)
         return next_experiment(problem, noise, pairs, bench=bench, progress=lambda name: progress(name, 0.98))
+    wandering = next((one for one in findings if one.effect in PROCESSES and one.alternatives), None)
+    if wandering is not None:
+        return rest_longer(problem, (wandering.effect, wandering.alternatives[0].effect), bench=bench)
     if unexplained.significant:
         return repeat_along(problem, unexplained.coordinates, bench=bench)
     return NOTHING_OPEN

@@ -18,9 +18,8 @@ from benchctl.cli.settling import bench_of, run_next, write_next
 from benchctl.diagnosis.fitting.fit import Fit, Point, fit
 from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.gyro.problem import GyroProblem, gyro_problem
-from benchctl.diagnosis.next_run.alike import ALIKE
 from benchctl.diagnosis.next_run.candidates import candidates
-from benchctl.diagnosis.next_run.experiment import SETTLED, next_experiment, open_pair
+from benchctl.diagnosis.next_run.experiment import ALIKE, SETTLED, OpenPair, next_experiment
 from benchctl.diagnosis.next_run.sampled import SampleNoise
 from benchctl.diagnosis.result import NextExperiment
 from benchctl.recordings.joined import join
@@ -94,8 +93,10 @@ def settle(path: Path) -> tuple[float, float, float]:
     with open_recording(path) as first:
         problem, whitener = rows_of(first)
         late = fitted(problem, whitener, Point(baseline=problem.baseline_start, effects=(TimingOffset(offset_s=1e-4),)))
-        left_open = open_pair(problem, whitener, late, late.point.effects[0], SensorBandwidth)
-        assert left_open is not None
+        delay_s = late.point.effects[0].values["offset_s"]
+        low_pass = SensorBandwidth(cutoff_hz=np.sqrt(2.0) / (2.0 * np.pi * delay_s), order=2.0)
+        smooth = fitted(problem, whitener, Point(baseline=problem.baseline_start, effects=(low_pass,)))
+        left_open = OpenPair(finding="timing_offset", rival="sensor_bandwidth", first=late, second=smooth)
         before = (left_open.second.squares - late.squares) / late.deviation**2
         stands = bench_of([path], None)
         following = next_experiment(problem, SampleNoise(white_v=late.deviation), [left_open], bench=stands)

@@ -168,6 +168,15 @@ def test_the_size_of_a_walk_is_in_volts() -> None:
     assert one.probability == pytest.approx(1.0)
 
 
+def test_a_walk_that_may_be_flicker_says_so() -> None:
+    chosen = noisy("bias_random_walk", 0.02, 0.1, selected(toy()))
+    (walk,) = chosen.noise.found.values()
+    open_model = replace(chosen.noise, found={walk.effect: replace(walk, rivals={"flicker_noise": 2.0})})
+    (one,) = findings_of(toy(), replace(chosen, noise=open_model))
+    assert [other.effect for other in one.alternatives] == ["flicker_noise"]
+    assert one.probability == pytest.approx(1.0 / (1.0 + math.exp(-1.0)))
+
+
 def test_noise_that_grows_is_named_by_its_factor_and_the_factor_s_own_error() -> None:
     growth, log_error = 8.0, 0.3
     chosen = noisy(GROWING, growth, log_error, selected(toy()))

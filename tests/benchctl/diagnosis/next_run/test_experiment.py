@@ -21,7 +21,6 @@ from benchctl.diagnosis.next_run.experiment import (
     best_of,
     expected_separation,
     next_experiment,
-    open_pair,
 )
 from benchctl.diagnosis.next_run.planned import planned
 from benchctl.diagnosis.next_run.sampled import SampleNoise
@@ -29,7 +28,7 @@ from benchctl.plan import Sine, Static
 from benchctl.plan.find import find_procedure
 from benchctl.plan.written import as_texts
 from instruments.physics.effects.sensor_bandwidth import SensorBandwidth
-from tests.benchctl.diagnosis.following import LATE_S, bench, pair_of, plan_of, problem_of, whitener_of
+from tests.benchctl.diagnosis.following import bench, pair_of, plan_of, problem_of
 from tests.benchctl.diagnosis.moving import K0, NOISE_V
 
 NOISE = SampleNoise(white_v=NOISE_V)
@@ -171,15 +170,6 @@ def test_where_no_run_would_tell_none_is_proposed(problem: GyroProblem, pair: Op
 def test_where_nothing_is_open_nothing_is_proposed(problem: GyroProblem) -> None:
     told = next_experiment(problem, NOISE, [])
     assert (told.says, told.procedure) == ("Nothing is open between known effects.", "")
-
-
-def test_a_rival_is_fitted_in_the_findings_place(problem: GyroProblem, pair: OpenPair) -> None:
-    found = open_pair(problem, whitener_of(problem), pair.first, pair.first.point.effects[0], SensorBandwidth)
-    assert found is not None
-    (smooth,) = found.second.point.effects
-    assert isinstance(smooth, SensorBandwidth)
-    slowest = np.sqrt(2.0) if smooth.order == 2.0 else 1.0
-    assert slowest / (2 * np.pi * smooth.cutoff_hz) == pytest.approx(LATE_S, rel=0.02)
 
 
 @given(st.lists(st.tuples(st.floats(0.1, 20.0), st.floats(0.0, 500.0), st.floats(0.0, 500.0)), min_size=1, max_size=8))

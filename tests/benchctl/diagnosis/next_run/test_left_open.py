@@ -119,6 +119,12 @@ def test_a_walk_that_was_found_is_expected_in_the_next_run_too(
     assert noise.white_v == pytest.approx(chosen.after.deviation / whitener.innovation)
 
 
+def test_how_a_bias_wanders_is_settled_by_rest(problem: GyroProblem, chosen: Selection) -> None:
+    told = asked(problem, chosen, [finding("flicker_noise", effect="bias_random_walk")])
+    assert told.separates == ("bias_random_walk", "flicker_noise")
+    assert told.procedure == "static"
+
+
 def test_where_a_finding_has_no_alternative_nothing_is_open(problem: GyroProblem, chosen: Selection) -> None:
     assert asked(problem, chosen, [finding()]) == NOTHING_OPEN
     assert asked(problem, chosen, []) == NOTHING_OPEN
