@@ -94,7 +94,10 @@ def write_model(path: Path, model: Model) -> None:
 
     document: dict[str, Any] = {"format": FORMAT, "recording": model.recording}
     document |= {part: value for part in _PARTS if (value := getattr(model, part))}
-    text = f"# benchctl simulate PROCEDURE --model {path.name} -o FILE.h5 plays it\n{tomli_w.dumps(_plain(document))}"
+    use = f"benchctl simulate PROCEDURE --model {path.name} -o FILE.h5 plays it"
+    if model.parts:  # no simulated bench plays these
+        use = f"benchctl diagnose FILE.h5 --part {next(iter(model.parts))} --model {path.name} begins with it"
+    text = f"# {use}\n{tomli_w.dumps(_plain(document))}"
     with whole_file(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 

@@ -26,6 +26,7 @@ _COORDINATES: Mapping[str, str] = {
     "frequency": "frequency",
     "step": "number of the step",
 }
+NOT_OBSERVABLE = "not observable here"
 _NEARLY_CERTAIN = 0.999
 _LARGE = 1000.0
 _DIGITS_OF_A_RANGE = 2
@@ -106,6 +107,8 @@ def estimate(value: Estimate) -> str:
 
 def interval(value: Estimate) -> str:
     """The ends of a 95 % interval; a dash where the value was chosen."""
+    if not math.isfinite(value.high - value.low):
+        return NOT_OBSERVABLE
     return text.interval(value.low, value.high) if value.high > value.low else text.NOT_KNOWN
 
 
@@ -114,6 +117,8 @@ def change(value: Estimate) -> str:
     if value.was is None:
         return "was not in the model"
     standard = standard_error(value)
+    if not math.isfinite(standard):
+        return NOT_OBSERVABLE
     moved = value.value - value.was
     told = f"{text.number(moved / standard, 2)} standard errors" if standard > 0 else text.NOT_KNOWN
     return f"{told}, {text.percent(100 * moved / value.was)}" if value.was else told

@@ -52,6 +52,13 @@ def test_a_file_says_of_itself_what_it_is_and_how_to_play_it(tmp_path: Path) -> 
     assert second == 'format = "benchctl-model/1"'
 
 
+def test_a_file_of_a_drive_says_what_begins_with_it(tmp_path: Path) -> None:
+    drive = {"inertia_kg_m2": 0.2, "viscous_nm_s": 0.01, "torque_noise_nm": 0.001}
+    write_model(tmp_path / "drive.toml", Model(parts={"drive": drive}))
+    first = (tmp_path / "drive.toml").read_text(encoding="utf-8").splitlines()[0]
+    assert first == "# benchctl diagnose FILE.h5 --part drive --model drive.toml begins with it"
+
+
 def test_tables_of_physics_at_the_top_level_are_a_model_too(tmp_path: Path) -> None:
     model = _of(tmp_path, "room_c = 25.0\n[gyro]\nS_rad_per_dps = 0.004\n[effects.bias_drift]\nv_per_hour = 1e-3\n")
     assert model == Model(

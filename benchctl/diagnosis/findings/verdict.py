@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -17,8 +18,12 @@ _MOVED_SHARE = 1e-4
 
 
 def baseline_of(problem: Problem, chosen: Selection) -> dict[str, Estimate]:
-    """The parameters of the lab's model, refitted; `was` where a lab believed in other values."""
+    """The parameters of the lab's model, refitted; `was` where a lab believed in other values.
+
+    Of what the recording does not show at all the interval has no ends.
+    """
     errors = (Z95 * np.sqrt(np.diag(chosen.whole.robust_covariance(problem.step)))).tolist()
+    errors = [error if error > 0.0 else math.inf for error in errors]
     columns = zip(
         problem.baseline_names,
         problem.baseline_units,

@@ -159,3 +159,8 @@ def _round(value: float) -> float:
         return value
     unit = 10.0 ** (math.floor(math.log10(value)) - _ROUND_DIGITS + 1)
     return float(f"{math.floor(value / unit + 1e-9) * unit:.{_ROUND_DIGITS}g}")
+
+
+def two_digits(value: float) -> str:
+    """Two digits, without an exponent."""
+    return f"{float(f'{value:.2g}'):.10g}"

@@ -20,7 +20,7 @@ from benchctl.diagnosis.fitting.closest import Known, distance, known_from
 from benchctl.diagnosis.fitting.fit import Fit
 from benchctl.diagnosis.gyro.chain import GyroChain
 from benchctl.diagnosis.gyro.problem import GyroProblem
-from benchctl.diagnosis.next_run.candidates import LONGEST_H, called, candidates, shown_bench
+from benchctl.diagnosis.next_run.candidates import LONGEST_H, called, candidates, shown_bench, two_digits
 from benchctl.diagnosis.next_run.planned import Planned, planned
 from benchctl.diagnosis.next_run.sampled import SampleNoise
 from benchctl.diagnosis.result import NextExperiment
@@ -121,26 +121,21 @@ def _said(pairs: Sequence[OpenPair], best: Expected | None) -> NextExperiment:
     names = tuple(dict.fromkeys(name for one in pairs for name in (one.finding, one.rival)))
     open_words = "; ".join(f"{one.finding} or {one.rival}" for one in pairs)
     if best is None or max(best.separations) < ALIKE:
-        most = "" if best is None else f": {best.plan.procedure} by {_rounded(max(best.separations))} at the most"
+        most = "" if best is None else f": {best.plan.procedure} by {two_digits(max(best.separations))} at the most"
         return NextExperiment(
             says=f"Open is {open_words}; no installed procedure within the bench's limits is expected to tell them"
             f" apart{most}, in twice the log likelihood.",
             separates=names,
         )
     apart = ", and ".join(
-        f"{one.finding} from {one.rival} by about {_rounded(part)}"
+        f"{one.finding} from {one.rival} by about {two_digits(part)}"
         for one, part in zip(pairs, best.separations, strict=True)
     )
     return NextExperiment(
         says=f"Run {called(best.given, best.plan)}: it is expected to separate {apart} in twice the log likelihood,"
-        f" in {best.hours:.2g} h of bench time.",
+        f" in {two_digits(best.hours)} h of bench time.",
         procedure=best.plan.procedure,
         separates=names,
         parameters=best.given,
         separation=min(best.separations),
     )
-
-
-def _rounded(value: float) -> str:
-    """Two digits, without an exponent."""
-    return f"{float(f'{value:.2g}'):.10g}"

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from benchctl.bench import Bench
 from benchctl.campaign.check import bench_time_s
 from benchctl.diagnosis.gyro.problem import GyroProblem
-from benchctl.diagnosis.next_run.candidates import LONGEST_H, called, candidates, shown_bench
+from benchctl.diagnosis.next_run.candidates import LONGEST_H, called, candidates, shown_bench, two_digits
 from benchctl.diagnosis.next_run.planned import planned
 from benchctl.diagnosis.result import NextExperiment
 
@@ -45,10 +45,11 @@ def repeat_along(problem: GyroProblem, coordinates: Sequence[str], *, bench: Ben
     if best is None or best[0] <= 0.0:
         return NextExperiment(says=f"No installed procedure within the bench's limits moves {meant}.")
     power, (given, plan), hours = best
-    much = f", {power / now:.2g} times as much as in this recording" if now > 0.0 else ""
+    more = power / now if now > 0.0 else 0.0
+    much = f", {two_digits(more)} times as much as in this recording" if more > 1.0 else ""
     return NextExperiment(
-        says=f"What is unexplained lives along {meant}. Run {called(given, plan)}: for its {hours:.2g} h of bench time"
-        f" it moves {meant} the most{much}.",
+        says=f"What is unexplained lives along {meant}. Run {called(given, plan)}: of all runs it moves it the most"
+        f" in its time, {two_digits(hours)} h of the bench's{much}.",
         procedure=plan.procedure,
         parameters=given,
     )

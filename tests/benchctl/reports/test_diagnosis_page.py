@@ -26,6 +26,11 @@ def meta_of(status="imported", serial="DUT-1"):
     return Meta(status=status, unit=Unit(serial=serial, range_dps=145.0), bench=BenchFacts(sample_rate_hz=125.0))
 
 
+def test_of_a_parameter_that_is_not_observable_the_page_says_so():
+    one = Estimate(value=0.05, low=-math.inf, high=math.inf, unit="V·s/degree", was=0.051)
+    assert words.interval(one) == words.change(one) == words.NOT_OBSERVABLE
+
+
 def page_of(diagnosis, meta=None, unit="V"):
     return diagnosis_page(diagnosis, meta or meta_of(), [INFO], digest="beef", unit=unit)
 

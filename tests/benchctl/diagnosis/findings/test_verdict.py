@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -63,6 +64,11 @@ def test_missing_physics_comes_before_a_structure_and_that_before_a_moved_parame
 def test_a_parameter_has_moved_where_that_is_sure_and_matters(share: float, errors: float, word: str) -> None:
     change = share * K0
     assert moved(change, abs(change) / errors) == word
+
+
+def test_a_parameter_that_is_not_seen_has_not_moved() -> None:
+    one = Estimate(value=1.1 * K0, low=-math.inf, high=math.inf, unit="V", was=K0)
+    assert verdict_of(toy(), (), NOTHING, {"K0_v_per_dps": one}) == "consistent"
 
 
 def test_where_no_lab_believed_in_anything_nothing_can_have_moved() -> None:
