@@ -12,6 +12,8 @@ from benchctl.proof.truth import Truth
 from instruments.physics.effects.effect import Parameter
 from instruments.physics.effects.registry import effect
 
+_BY_CHANCE = {("dropouts", "count")}
+"""What is drawn as an expectation: how many came in a recording is chance, and that is what is stated."""
 PHASE_DEG = 10.0
 """How near a phase must come to count as within a tenth; a quarter is two and a half times that."""
 
@@ -117,7 +119,7 @@ def _parameters(
     described = effect(identifier).parameters
     scores = []
     for name, value in drawn.items():
-        if name not in stated or stated[name]["value"] is None:
+        if name not in stated or stated[name]["value"] is None or (identifier, name) in _BY_CHANCE:
             continue
         estimate, (low, high) = stated[name]["value"], stated[name]["ci95"]
         period = 360.0 / drawn.get("order", 1.0) if described[name].role == "phase" else None

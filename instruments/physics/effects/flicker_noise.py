@@ -16,13 +16,18 @@ from instruments.physics.effects.draws import generator, normals
 from instruments.physics.effects.effect import Parameter
 from instruments.physics.effects.kinds import NoiseEffect
 
-TIME_CONSTANTS_S: FloatArray = 2.0 ** np.arange(-6.0, 18.0)
-"""Of the processes that are summed, an octave apart: corners from 10 Hz down to 1.2 µHz."""
+_SLOWEST = 17
+"""The longest time constant is two seconds to this power: its corner lies at 1.2 µHz."""
+
+
+def time_constants_s(interval_s: float) -> FloatArray:
+    """Of the processes that are summed, an octave apart, for scans so far apart: the fastest nearly white in them."""
+    return np.asarray(2.0 ** np.arange(math.floor(math.log2(interval_s / 2.0)), _SLOWEST + 1.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlickerNoise(NoiseEffect):
-    """U + n with n of the one-sided density S(f) = v²/(ln 10·f), f from 2 µHz to 10 Hz (domain facts, FLK).
+    """U + n with n of the one-sided density S(f) = v²/(ln 10·f), f from 2 µHz to half the rate of scans (domain, FLK).
 
     The integral of S over a decade of frequency is v²: `v_rms_per_decade` is the rms of the part of the noise between a
     frequency and ten times it. The Allan deviation is flat at v·√(2·ln 2/ln 10) = 0.776·v: divided by the scale factor,
@@ -59,7 +64,8 @@ class FlickerNoise(NoiseEffect):
 
     def apply(self, signals: Signals) -> Signals:
         """The output on its flickering bias."""
-        count = TIME_CONSTANTS_S.size
+        taus_s = time_constants_s(signals.interval_s)
+        count = taus_s.size
         last_s, *values = signals.memory.get(self.identifier, (signals.time_s[0],))
         states = (
             np.asarray(values) if values else generator(self.seed, f"{self.identifier} start", 0).normal(size=count)
@@ -68,7 +74,7 @@ class FlickerNoise(NoiseEffect):
         waited_s = max(signals.time_s[0] - last_s, 0.0)
         flicker = np.zeros(signals.time_s.size)
         ends = np.empty(count)
-        for k, tau_s in enumerate(TIME_CONSTANTS_S.tolist()):
+        for k, tau_s in enumerate(taus_s.tolist()):
             first = states[k] * math.exp(-waited_s / tau_s) + chance[0, k] * _fresh(waited_s / tau_s)
             left = math.exp(-signals.interval_s / tau_s)
             pushes = chance[:, k] * _fresh(signals.interval_s / tau_s)
