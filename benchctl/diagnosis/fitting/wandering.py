@@ -33,6 +33,8 @@ _BLOCK_S = 0.2
 _SIZES = np.geomspace(1e-4, 10.0, 16)
 _NEAR = math.log(1.15)
 _TOLERANCE = 0.02
+_STEPS = 5
+"""Parabolas at most: means of many samples hold less of what is fast, and may lead some way off."""
 _FEWEST = 50
 _BELIED = 10.0
 """Loss of twice the log likelihood at rest, for each step and one more, from which on a process is none.
@@ -56,7 +58,7 @@ def wandering(problem: Problem, whitener: Whitener, fitted: Fit, *, least_gain: 
 
 
 def _measured(problem: Problem, whitener: Whitener, fitted: Fit, columns: FloatArray, name: str, size: float) -> Noisy:
-    """The gain and the size on the samples themselves, by a parabola through three sizes."""
+    """The gain and the size on the samples themselves, by parabolas through three sizes."""
     lasts_s = float(problem.time_s[-1] - problem.time_s[0])
     rows = fitted.fitted[problem.step]
 
@@ -66,16 +68,20 @@ def _measured(problem: Problem, whitener: Whitener, fitted: Fit, columns: FloatA
 
     without = _deviance(whitener.beside(()), columns, rows)
     middle = math.log(size)
-    low, here, high = (at(middle + k * _NEAR)[0] for k in (-1, 0, 1))
-    curvature = max((low - 2.0 * here + high) / _NEAR**2, 1e-6)
-    step = min(max(0.5 * (low - high) / (curvature * _NEAR), -2.0 * _NEAR), 2.0 * _NEAR)
-    best, other = at(middle + step)
+    for _ in range(_STEPS):
+        low, here, high = (at(middle + k * _NEAR)[0] for k in (-1, 0, 1))
+        curvature = max((low - 2.0 * here + high) / _NEAR**2, 1e-6)
+        step = min(max(0.5 * (low - high) / (curvature * _NEAR), -2.0 * _NEAR), 2.0 * _NEAR)
+        middle += step
+        if abs(step) < _NEAR:
+            break
+    best, other = at(middle)
     resting = sum(kind == "static" for kind in problem.step_kinds)
     belied = _gain_at_rest(problem, other, fitted) < -_BELIED * (1 + resting)
     return Noisy(
         effect=name,
         gain=0.0 if belied else without - best,
-        size=math.exp(middle + step),
+        size=math.exp(middle),
         log_error=math.sqrt(2.0 / curvature),
         whitener=other,
     )
