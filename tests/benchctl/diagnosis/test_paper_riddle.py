@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from benchctl.calibration.paper_audit import K_OMEGA_1, K_OMEGA_2, implied_sine
-from benchctl.diagnosis.gyro.problem import gyro_problem
-from benchctl.diagnosis.search.select import select
+from benchctl.diagnosis import diagnose
 from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo, Unit
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.writer import write_recording
@@ -87,25 +86,39 @@ def recorded(path: Path, correct) -> Path:
     return path
 
 
-def departure_percent(model, at_dps):
+def departure_percent(said, at_dps):
     """By how much the scale factor at a rate departs from K0 as it was, with what was found."""
-    law = next(effect for effect in model.effects if effect.identifier == "rate_nonlinearity")
-    return 100.0 * (model.baseline[0] * (1.0 + law.c2 * at_dps**2 + law.c4 * at_dps**4) - 1.0)
+    law = said.model["effects"]["rate_nonlinearity"]
+    K0 = said.baseline["K0_v_per_dps"].value
+    return 100.0 * (K0 * (1.0 + law["c2"] * at_dps**2 + law["c4"] * at_dps**4) - 1.0)
+
+
+def diagnosed(folder, correct):
+    with open_recording(recorded(folder / "paper.h5", correct)) as recording:
+        return diagnose(recording)
 
 
 @pytest.mark.parametrize(
     ("correct", "at_dps", "percent"),
     [
         pytest.param(lambda x, _: x, 160.0, -8.0, id="as it came"),
-        pytest.param(lambda x, _: x * polynomial(K_OMEGA_1, x), 160.0, 0.6, id="stage 1, indicated rate"),
         pytest.param(lambda x, w: x * polynomial(K_OMEGA_1, w), 175.0, 3.8, id="stage 1, table's rate"),
         pytest.param(
             lambda x, w: x * polynomial(K_OMEGA_1, w) * polynomial(K_OMEGA_2, w), 175.0, 4.3, id="stage 2 after it"
         ),
     ],
 )
-def test_what_the_first_stage_leaves_is_a_law_of_the_rate(correct, at_dps, percent, tmp_path):
-    with open_recording(recorded(tmp_path / "paper.h5", correct)) as recording:
-        chosen = select(gyro_problem(recording), seed=0, progress=lambda _name, _share: None)
-    assert departure_percent(chosen.after.point, at_dps) == pytest.approx(percent, abs=0.4)
-    assert chosen.after.deviation < 0.2 * chosen.before.deviation
+def test_what_the_table_s_rate_is_corrected_by_leaves_a_law_of_the_rate(correct, at_dps, percent, tmp_path):
+    said = diagnosed(tmp_path, correct)
+    assert said.verdict == "missing-physics"
+    assert [one.effect for one in said.findings] == ["rate_nonlinearity"]
+    assert departure_percent(said, at_dps) == pytest.approx(percent, abs=0.4)
+    assert said.fit.heldout_after_v < 0.02 * said.fit.heldout_before_v
+
+
+def test_what_the_indicated_rate_is_corrected_by_leaves_little_and_no_known_law(tmp_path):
+    said = diagnosed(tmp_path, lambda x, _: x * polynomial(K_OMEGA_1, x))
+    assert said.verdict == "unknown-structure"
+    assert said.findings == ()
+    assert said.unexplained.coordinates[0] == "rate"
+    assert said.fit.heldout_after_v < 0.1  # of 3.1 deg/s as it came
