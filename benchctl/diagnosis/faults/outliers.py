@@ -33,7 +33,7 @@ _OWN = 1e-3
 """How often chance may bring so many of the spikes where the motion is sudden."""
 
 
-def spikes_in(*, residual: FloatArray, usable: BoolArray, step_v: float, sudden: BoolArray | None = None) -> Faults:
+def spikes_in(*, residual: FloatArray, usable: BoolArray, step_v: float, sudden: BoolArray) -> Faults:
     """Spikes in a residual (n,) of a provisional fit, which may miss much physics yet.
 
     Call it after `faults_in`, with rows as `usable` (n,) that have a motion and are not `standing` there; then fit
@@ -51,7 +51,7 @@ def spikes_in(*, residual: FloatArray, usable: BoolArray, step_v: float, sudden:
     # where rows were left out the residual jumps
     searched = ~binary_dilation(np.diff(rows, prepend=rows[:1] - 1) > 1, iterations=HALF)
     spikes = single_rows(values, searched, _SEEN, floor)
-    if sudden is not None and _is_of_motion(spikes.rows, searched, sudden[rows]):
+    if _is_of_motion(spikes.rows, searched, sudden[rows]):
         searched &= ~sudden[rows]
         spikes = single_rows(values, searched, _SEEN, floor)
     if spikes.rows.size < _FEWEST:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from benchctl.diagnosis.fitting.fit import Fit, Free, Point, inverse, solve
+from benchctl.diagnosis.fitting.fit import Fit, Free, Point, solve
 
 FloatArray = npt.NDArray[np.float64]
 Column = Callable[[FloatArray], FloatArray]
@@ -96,8 +96,3 @@ def _slopes(
         other = known.point.moved(known.numbers, moved)
         slopes[:, i] = whiten(predict(other.baseline, other.effects) - predicted) / size
     return slopes
-
-
-def without_direction(columns: FloatArray, vector: FloatArray) -> FloatArray:
-    """A vector (n,) without what columns (n, p) can make of it."""
-    return np.asarray(vector - columns @ (inverse(columns.T @ columns) @ (columns.T @ vector)))

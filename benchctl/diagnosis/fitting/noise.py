@@ -109,9 +109,8 @@ class Whitener:
     @cached_property
     def log_determinant(self) -> float:
         """Logarithm of the determinant of the noise's covariance, but for the variance of the innovations."""
-        counted = self.weight[self.weight > 0.0]
         jumps = sum(math.log(power) for _, _, power in self._jumps)
-        return float(jumps - 2.0 * np.log(counted).sum())
+        return float(jumps - 2.0 * np.log(self.weight[self._counted]).sum())
 
     def __call__(self, column: FloatArray) -> FloatArray:
         """The whitened column, shape (n,)."""
@@ -122,7 +121,7 @@ class Whitener:
         values[spoilt] = (1.0 - share) * values[before] + share * values[after]
         white = np.zeros_like(values)
         state = np.zeros((len(self._sections), 2))
-        for rows, carried in self._runs:
+        for (rows, _), carried in zip(self._runs, self._carried, strict=True):
             state = (carried @ state.ravel()).reshape(state.shape)
             white[rows], state = scipy.signal.sosfilt(self._sections, values[rows], zi=state)
         white *= self.weight
@@ -137,10 +136,14 @@ class Whitener:
         return _sections([one.remembers for one in self.slow], self.zeros)
 
     @cached_property
+    def _counted(self) -> IntArray:
+        """The rows that count."""
+        return np.flatnonzero(self.weight > 0.0)
+
+    @cached_property
     def _bridges(self) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
         """Rows that do not count, and those between which a line takes their place, for the filter remembers them."""
-        good = np.flatnonzero(self.weight > 0.0)
-        spoilt = np.flatnonzero(self.weight <= 0.0)
+        good, spoilt = self._counted, np.flatnonzero(self.weight <= 0.0)
         if good.size == 0:
             return spoilt[:0], good, good, np.zeros(0)
         place = np.searchsorted(good, spoilt)
@@ -149,30 +152,29 @@ class Whitener:
         return spoilt, before, after, np.clip(share, 0.0, 1.0)
 
     @cached_property
-    def _pauses(self) -> list[tuple[int, int, int]]:
-        """The last row before every long pause and the first after it, with the samples that are missing between."""
-        good = np.flatnonzero(self.weight > 0.0)
+    def _runs(self) -> list[tuple[slice, int]]:
+        """Rows between pauses, with the samples that are missing before them."""
+        good = self._counted
+        if good.size == 0:
+            return []
         before, after = good[:-1], good[1:]
         missing = after - before - 1
         if self.time_s.size:
             missing = np.rint((self.time_s[after] - self.time_s[before]) / self.interval_s).astype(np.int64) - 1
         long = missing > _BRIDGED
-        return list(zip(before[long].tolist(), after[long].tolist(), missing[long].tolist(), strict=True))
+        starts = [int(good[0]), *after[long].tolist()]
+        stops = [*(before[long] + 1).tolist(), int(good[-1]) + 1]
+        rows = [slice(first, stop) for first, stop in zip(starts, stops, strict=True)]
+        return list(zip(rows, [0, *missing[long].tolist()], strict=True))
 
     @cached_property
-    def _runs(self) -> list[tuple[slice, FloatArray]]:
-        """Rows between pauses, and what becomes of the filter's state in the pause before them.
+    def _carried(self) -> list[FloatArray]:
+        """What becomes of the filter's state in the pause before each run, shape (2·sections, 2·sections).
 
-        It goes on as the processes do without a push, (2·sections, 2·sections): so nothing is taken for seen.
+        It goes on as the processes do without a push: so nothing is taken for seen.
         """
-        good = np.flatnonzero(self.weight > 0.0)
-        if good.size == 0:
-            return []
         free = _free(self._sections)
-        starts = [(int(good[0]), np.eye(len(free)))]
-        starts += [(after, np.linalg.matrix_power(free, missing)) for _, after, missing in self._pauses]
-        stops = [before + 1 for before, _, _ in self._pauses] + [int(good[-1]) + 1]
-        return [(slice(first, stop), carried) for (first, carried), stop in zip(starts, stops, strict=True)]
+        return [np.linalg.matrix_power(free, missing) for _, missing in self._runs]
 
     @cached_property
     def _jumps(self) -> list[tuple[slice, FloatArray, float]]:
@@ -181,14 +183,14 @@ class Whitener:
         The level after a pause is known as far as the processes let it be. A jump of variance V, in units of that of an
         innovation, with the whitened form r adds V·r·rᵀ to the covariance; the root of its inverse is applied.
         """
-        if not self.slow or not self._pauses:
+        if not self.slow or len(self._runs) < 2:
             return []
         longest = max(rows.stop - rows.start for rows, _ in self._runs)
         step: FloatArray = scipy.signal.sosfilt(self._sections, np.ones(longest))
         small = np.flatnonzero(np.abs(step) < _FORGOTTEN)
         reach = int(small[0]) if small.size else longest
         jumps = []
-        for (_, _, missing), (whole, _) in zip(self._pauses, self._runs[1:], strict=True):
+        for whole, missing in self._runs[1:]:
             rows = slice(whole.start, min(whole.stop, whole.start + reach))
             response = step[: rows.stop - rows.start] * self.weight[rows]
             variance = sum(_wandered(one, missing) for one in self.slow) / self.innovation**2

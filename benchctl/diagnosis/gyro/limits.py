@@ -32,7 +32,7 @@ def at_rest(frame: Frame) -> Frame:
 
 
 def limits_of(
-    frame: Frame, simulation: Mapping[str, Any], band: Band | None, encoder_step_deg: float = 0.0
+    frame: Frame, simulation: Mapping[str, Any], band: Band | None, encoder_step_deg: float
 ) -> tuple[str, ...]:
     """The sentences; `encoder_step_deg` is the encoder's step, 0 where it is not known."""
     return (*_limits(frame, simulation, band), *_coarse(frame, simulation, encoder_step_deg))
@@ -42,10 +42,10 @@ def _coarse(frame: Frame, simulation: Mapping[str, Any], step_deg: float) -> Ite
     """Whether the steps of an encoder may look like physics.
 
     At a steady rate they beat with the samples. The first harmonic of the staircase has the amplitude step/π; a beat at
-    the edge of the filter's pass band makes it a rate, a slower one less.
+    the edge f of the filter's pass band makes it a rate of 2·step·f, a slower one less.
     """
     passing_hz, _ = edges_hz(NARROW, 1.0 / frame.interval_s)
-    error_v = step_deg / math.pi * 2.0 * math.pi * passing_hz * abs(float(simulation["K0_v_per_dps"]))
+    error_v = 2.0 * step_deg * passing_hz * abs(float(simulation["K0_v_per_dps"]))
     noise_v = float(simulation.get("noise_v_rms") or math.inf)
     if _turns(frame) and error_v > noise_v:
         yield (

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchctl.diagnosis.search.pull import Place, Pull, peaks
+from benchctl.diagnosis.signals.bins import bin_of
 from instruments.physics.effects.fringe_ambiguity import folded_dps
 
 FloatArray = npt.NDArray[np.float64]
@@ -29,9 +30,9 @@ def fold_places(pull: Pull, rate_dps: FloatArray, scale_v_per_dps: float, count:
     fastest = float(np.abs(rate_dps[pull.rows]).max())
     if fastest <= 0.0:
         return []
-    width = 2.0 * fastest / _BINS
-    place = np.clip(((rate_dps + fastest) / width).astype(np.int64), 0, _BINS - 1)
-    middle: FloatArray = np.asarray((np.arange(_BINS) + 0.5) * width - fastest, dtype=np.float64)
+    edges = np.linspace(-fastest, fastest, _BINS + 1)
+    middle = 0.5 * (edges[:-1] + edges[1:])
+    place = bin_of(rate_dps, edges)
 
     def summed(values: FloatArray) -> FloatArray:
         return np.asarray(np.bincount(place, values, minlength=_BINS))

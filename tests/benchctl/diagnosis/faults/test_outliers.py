@@ -5,15 +5,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.faults import spikes_in
-from benchctl.diagnosis.faults.fault import Fault
-from tests.benchctl.diagnosis.faults.made import INTERVAL_S, STEP_V, FloatArray, made
+from benchctl.diagnosis.faults import Fault, Faults, spikes_in
+from tests.benchctl.diagnosis.faults.made import INTERVAL_S, STEP_V, BoolArray, FloatArray, made
 
 ROWS = 300_000
 
 
+def searched(residual: FloatArray, usable: BoolArray | None = None, sudden: BoolArray | None = None) -> Faults:
+    """Where nothing is said of them, all rows are usable and none is of a sudden motion."""
+    all_rows, no_rows = np.ones(residual.size, np.bool_), np.zeros(residual.size, np.bool_)
+    return spikes_in(
+        residual=residual,
+        usable=all_rows if usable is None else usable,
+        step_v=0.0,
+        sudden=no_rows if sudden is None else sudden,
+    )
+
+
 def spikes(residual: FloatArray) -> tuple[Fault, ...]:
-    return spikes_in(residual=residual, usable=np.ones(residual.size, np.bool_), step_v=0.0).found
+    return searched(residual).found
 
 
 def spiky(fraction: float, scale: float, seed: int) -> FloatArray:
@@ -40,7 +50,7 @@ def test_fraction_and_scale_lie_in_their_intervals_though_small_spikes_are_not_s
 
 def test_what_is_left_after_masking_is_noise() -> None:
     residual = spiky(2e-3, 60.0, 1)
-    masked = spikes_in(residual=residual, usable=np.ones(ROWS, np.bool_), step_v=0.0).masked
+    masked = searched(residual).masked
     assert np.std(residual[~masked]) == pytest.approx(1.0, abs=0.02)
     assert masked.mean() < 2.1e-3
 
@@ -48,7 +58,7 @@ def test_what_is_left_after_masking_is_noise() -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_white_noise_has_no_spikes(seed: int) -> None:
     residual = np.random.default_rng(seed).standard_normal(500_000)
-    assert not spikes_in(residual=residual, usable=np.ones(residual.size, np.bool_), step_v=0.0).masked.any()
+    assert not searched(residual).masked.any()
 
 
 @pytest.mark.parametrize("frequency_hz", [0.15, 0.5, 1.5, 4.0, 9.0])
@@ -86,7 +96,7 @@ def test_steps_of_a_coarse_converter_are_no_spikes() -> None:
 def test_one_or_two_spikes_are_masked_and_not_stated() -> None:
     residual = np.random.default_rng(7).standard_normal(ROWS)
     residual[[1000, 70_000]] += [50.0, -200.0]
-    found = spikes_in(residual=residual, usable=np.ones(ROWS, np.bool_), step_v=0.0)
+    found = searched(residual)
     assert found.found == ()
     assert np.flatnonzero(found.masked).tolist() == [1000, 70_000]
 
@@ -111,5 +121,23 @@ def test_rows_that_do_not_count_are_neither_searched_nor_masked() -> None:
     usable = np.ones(ROWS, np.bool_)
     usable[5000:6000] = False
     residual[5000:6000] = 500.0
-    assert not spikes_in(residual=residual, usable=usable, step_v=0.0).masked.any()
-    assert not spikes_in(residual=residual, usable=np.zeros(ROWS, np.bool_), step_v=0.0).masked.any()
+    assert not searched(residual, usable).masked.any()
+    assert not searched(residual, np.zeros(ROWS, np.bool_)).masked.any()
+
+
+def test_what_stands_out_wherever_the_motion_is_sudden_is_the_motions() -> None:
+    residual, sudden = np.random.default_rng(10).standard_normal(ROWS), np.zeros(ROWS, np.bool_)
+    starts = np.arange(1000, ROWS, 2000)
+    sudden[starts[:, None] + np.arange(-5, 6)] = True
+    residual[starts] += 40.0
+    assert searched(residual).found != ()
+    assert searched(residual, sudden=sudden).found == ()
+
+
+def test_spikes_of_any_time_are_seen_where_the_motion_is_sudden_too() -> None:
+    sudden = np.zeros(ROWS, np.bool_)
+    sudden[::50] = True
+    residual = spiky(2e-3, 60.0, 11)
+    (told,) = searched(residual, sudden=sudden).found
+    (untold,) = searched(residual).found
+    assert told.parameters == untold.parameters
