@@ -31,14 +31,14 @@ class Reconnect:
 
 
 class TcpLink:
-    """One TCP connection to a `tcp://HOST:PORT` address, without Nagle's delay. Not for two threads at once.
+    """One TCP connection to `tcp://` or `socket://HOST:PORT`, without Nagle's delay. Not for two threads at once.
 
     Every `LinkError` names the address and what was tried.
     """
 
     def __init__(self, address: str, *, reconnect: Reconnect | None = None, wire_log: WireLog | None = None) -> None:
         self.address = parse_address(address)
-        if self.address.scheme != "tcp":
+        if self.address.scheme == "serial":
             raise UsageError(f"address {address!r}: this instrument is reached over tcp://HOST:PORT")
         self.wire_log = wire_log if wire_log is not None else WireLog()
         self._reconnect = reconnect if reconnect is not None else Reconnect()

@@ -1,0 +1,107 @@
+"""Bytes over a serial port of this machine, for protocols that bring their own framing.
+
+The policy is that of `instruments.links.tcp`: nothing is ever sent twice, and what fails says so. A port that was
+pulled out is opened anew by the next `send`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+
+import serial
+
+from instruments.errors import LinkError, UsageError
+from instruments.links.address import parse_address, refuse_timeout
+from instruments.links.tcp import LinkCutError
+from instruments.links.wirelog import WireLog
+
+DEFAULT_BAUD = 19200
+
+
+class SerialLink:
+    """One serial port at a `serial://DEVICE?baud=N` address, 8N1, for us alone. Not for two threads at once.
+
+    Every `LinkError` names the address and what was tried.
+    """
+
+    def __init__(self, address: str, *, default_baud: int = DEFAULT_BAUD, wire_log: WireLog | None = None) -> None:
+        self.address = parse_address(address)
+        if self.address.scheme != "serial":
+            raise UsageError(f"address {address!r}: expected a serial port, serial://DEVICE?baud=N")
+        self.wire_log = wire_log if wire_log is not None else WireLog()
+        self._baud = self.address.baud or default_baud
+        self._port: serial.Serial | None = None
+        self._timeout_s: float | None = None  # None: not open
+
+    def open(self, timeout_s: float) -> None:
+        """Open the port; every write, now and later, may take `timeout_s` of wall time."""
+        refuse_timeout(self.address, timeout_s)
+        self.close()
+        self._timeout_s = timeout_s
+        try:
+            self._connect()
+        except LinkError:
+            self._timeout_s = None
+            raise
+
+    def close(self) -> None:
+        """Let go of the port; safe to call twice, and never raises."""
+        self._timeout_s = None
+        self._drop("closed")
+
+    def cut(self, why: str) -> None:
+        """Give up the port but stay open: the next `send` opens it anew and throws away what arrived meanwhile."""
+        self._drop(why)
+
+    def send(self, data: bytes) -> None:
+        """Send all of it; what had arrived before is thrown away, since no one asked for it."""
+        port = self._port if self._port is not None else self._connect()
+        try:
+            if stale := port.read(port.in_waiting):
+                self.wire_log.received(stale)
+                self.wire_log.note("thrown away: nobody had asked")
+            self.wire_log.sent(data)
+            port.write(data)
+        except OSError as err:  # pyserial's own exceptions among them
+            self._drop(f"cut while sending: {err}")
+            raise LinkCutError(f"{self.address}: could not send {data[:64]!r}: {err}; check the cable") from err
+
+    def receive(self, max_bytes: int, timeout_s: float) -> bytes:
+        """The next bytes, at least one, within `timeout_s` of wall time."""
+        if self._port is None:
+            raise LinkCutError(f"{self.address}: the port was given up, nothing can be received")
+        try:
+            self._port.timeout = max(timeout_s, 1e-3)
+            data = bytes(self._port.read(1))
+            if data:
+                data += self._port.read(min(self._port.in_waiting, max_bytes - 1))
+        except OSError as err:
+            self._drop(f"cut while receiving: {err}")
+            raise LinkCutError(f"{self.address}: the line broke while receiving: {err}; check the cable") from err
+        if not data:
+            raise LinkError(f"{self.address}: nothing came within {timeout_s:.3g} s")
+        self.wire_log.received(data)
+        return data
+
+    def _connect(self) -> serial.Serial:
+        if self._timeout_s is None:
+            raise UsageError(f"{self.address}: the link is not open, call open() first")
+        try:
+            self._port = serial.Serial(
+                self.address.device, baudrate=self._baud, write_timeout=self._timeout_s, exclusive=True
+            )
+        except (OSError, ValueError) as err:
+            raise LinkError(
+                f"{self.address}: cannot be opened: {err}; check that the device is plugged in, that you may use it,"
+                " and that no other program does"
+            ) from err
+        self.wire_log.note(f"opened {self.address}")
+        return self._port
+
+    def _drop(self, why: str) -> None:
+        if self._port is None:
+            return
+        self.wire_log.note(why)
+        port, self._port = self._port, None
+        with contextlib.suppress(OSError):  # a device that was pulled out cannot be closed in good order
+            port.close()
