@@ -22,6 +22,7 @@ from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.rest.named import named
 from benchctl.diagnosis.result import Diagnosis, FitFigures
 from benchctl.diagnosis.search.select import Selection, select
+from benchctl.diagnosis.unstated import other_answer
 from benchctl.recordings.reader import Recording
 
 BoolArray = npt.NDArray[np.bool_]
@@ -47,6 +48,9 @@ def diagnose(
     problem, faults = cleaned(problem_of(recording, part, model=model, without=without))
     rounding_v2 = rounding_of(problem, faults)
     chosen = select(problem, seed=seed, progress=told, rounding_v2=rounding_v2)
+    if (other := other_answer(problem, chosen)) is not None:
+        problem = other
+        chosen = select(problem, seed=seed, progress=told, rounding_v2=rounding_v2)
     told("what is left", 0.95)
     chosen, unexplained, owed = named(problem, chosen, rounding_v2=rounding_v2, seed=seed)
     findings = (*findings_of(problem, chosen), *fault_findings(problem, faults))

@@ -7,7 +7,7 @@ the chamber each give theirs.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any, Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -108,6 +108,9 @@ class Problem(Protocol):
 
     def predict(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
         """The model's value of `measured`, shape (n,), for baseline parameters (p,) and effects."""
+
+    def otherwise(self) -> Self | None:
+        """The same recording under the other answer to what it does not state; None where there is no such question."""
 
     def matters(self, name: str, change: float) -> float:
         """What a change of a parameter of the baseline does at most, as a share of full scale or of scale factor."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +32,10 @@ class Stepped(ABC):
     def step_kinds(self) -> tuple[str, ...]:
         """Their kinds."""
         return tuple(info.kind for info in self.steps)
+
+    def otherwise(self) -> Self | None:
+        """None: everything that matters is stated."""
+        return None
 
 
 class MadeRows(Protocol):

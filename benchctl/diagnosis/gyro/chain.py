@@ -2,8 +2,9 @@
 
     U = U0 + K0·k(T)·k(ω)·ω,    k(T) = 1 + a1·(T − T0) + …,    k(ω) = 1 + b2·ω² + b4·ω⁴ + …
 
-and any effects at their stages. Motion and linear filters are band-limited here, so that a filter is exact as a product
-in frequency, and a shift in time as a spline of fifth degree.
+and any effects at their stages. The coil feels the Earth's rate beside the table's, and U0 is what it puts out at rest:
+where k(ω) bends, or small rates are not felt, that is more than a bias. Motion and linear filters are band-limited, so
+that a filter is exact as a product in frequency, and a shift in time as a spline of fifth degree.
 """
 
 from __future__ import annotations
@@ -53,17 +54,22 @@ class Law:
 
 @dataclass(slots=True)
 class GyroChain:
-    """Predicts the gyro's output for a frame; what effects of the same early stages share is kept for the next call."""
+    """Predicts the gyro's output for a frame; what effects of the same early stages share is kept for the next call.
+
+    `earth_dps` is the Earth's rate about the table's axis, 0 to leave it out.
+    """
 
     frame: Frame
     law: Law
+    earth_dps: float = 0.0
     _volts: dict[tuple[float, ...], tuple[list[Signals], list[Signals]]] = field(default_factory=dict)
     _kept: dict[str, dict[tuple[PhysicalEffect, ...], list[Signals]]] = field(default_factory=dict)
 
     def predict(self, baseline: FloatArray, effects: Sequence[PhysicalEffect]) -> FloatArray:
         """Volts of shape (n,) for K0, U0, … of shape (p,) and effects, which act in the order of their stages."""
         scaled = self._stage(self._scaled(baseline, effects), "scale", effects)
-        biased = [replace(part, output_v=part.output_v + baseline[1]) for part in scaled]
+        bias_v = baseline[1] - baseline[0] * self.earth_dps
+        biased = [replace(part, output_v=part.output_v + bias_v) for part in scaled]
         for stage in ("bias", "electronics", "sampling"):
             biased = self._stage(biased, stage, effects)
         return np.concatenate([part.output_v for part in biased if not _is_pause(part)])
@@ -92,9 +98,10 @@ class GyroChain:
 
         def sensed() -> list[Signals]:
             parts = self._remembered("motion", moving, lambda: self._moved(moving))
-            for stage in ("motion", "sensed_rate"):
-                parts = self._stage(parts, stage, sensing)
-            return parts
+            parts = self._stage(parts, "motion", sensing)
+            if self.earth_dps:
+                parts = [replace(one, sensed_rate_dps=one.sensed_rate_dps + self.earth_dps) for one in parts]
+            return self._stage(parts, "sensed_rate", sensing)
 
         parts = self._remembered("sensed", (*moving, *sensing), sensed)
         return self._stage(parts, "coil_temperature", early)

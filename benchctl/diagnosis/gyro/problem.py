@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +27,7 @@ from instruments.errors import UsageError
 from instruments.physics.effects.effect import DescribedEffect
 from instruments.physics.effects.kinds import NoiseEffect
 from instruments.physics.effects.registry import effects
+from instruments.physics.gyro import earth_rate_dps
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -56,7 +57,8 @@ class GyroProblem(Stepped):
     """A `benchctl.diagnosis.problem.Problem`: the gyro's volts from the encoder's motion and the thermistor.
 
     Its rows are those of the frame, or, of a motion beyond the filters' band, the slow part of some of them (`band`).
-    `simulation` is the lab's model under the names of the open recording; `T0_c` its reference temperature.
+    `simulation` is the lab's model under the names of the open recording; `T0_c` its reference temperature. `earth_dps`
+    is the Earth's rate about the table's axis, 0 where nobody said where the table stands.
     """
 
     frame: Frame
@@ -67,6 +69,7 @@ class GyroProblem(Stepped):
     without: frozenset[str]
     adc_step_v: float
     usable: BoolArray
+    earth_dps: float = 0.0
     band: Band | None = None
     encoder_step_deg: float = 0.0
     unit: str = "V"
@@ -188,6 +191,16 @@ class GyroProblem(Stepped):
     def _slow(self, values: FloatArray) -> FloatArray:
         return values if self.band is None else self.band.slow(values)
 
+    def otherwise(self) -> Self | None:
+        """With the Earth's rate left out, or put in again.
+
+        A gyro feels it; but a recording of a simulation, or one whose stated place is wrong, holds none of it.
+        """
+        if not self.earth_dps:
+            return None
+        chain = self.chain
+        return replace(self, chain=GyroChain(chain.frame, chain.law, 0.0 if chain.earth_dps else self.earth_dps))
+
     def matters(self, name: str, change: float) -> float:
         """A share of full scale for the bias, of the scale factor for the others, at the edge of what was recorded."""
         if name == "U0_v":
@@ -227,7 +240,12 @@ class GyroProblem(Stepped):
             rows=moving,
             interval_s=frame.interval_s,
         )
-        return (*limits_of(frame, self.simulation, self.band, self.encoder_step_deg), *lines)
+        left_out = (
+            f"The recording holds nothing of the Earth's rate, {self.earth_dps:.2g} °/s about the axis of a table that"
+            " stands where this one is said to: the model does without it."
+        )
+        earth = (left_out,) if self.earth_dps and not self.chain.earth_dps else ()
+        return (*limits_of(frame, self.simulation, self.band, self.encoder_step_deg), *lines, *earth)
 
 
 def gyro_problem(
@@ -261,17 +279,19 @@ def gyro_problem(
     frame = frame if whole_steps else _cut(frame)
     range_dps = recording.meta.unit.range_dps or float(np.abs(frame.rate_dps).max())
     facts = recording.meta.bench
+    earth_dps = 0.0 if facts.latitude_deg is None else earth_rate_dps(facts.latitude_deg)
     band = band_of(frame.stretches, 1.0 / frame.interval_s, frame.rate_dps, frame.volts) if frame.beyond else None
     usable = _usable(frame, float(simulation.get("output_limit_v") or np.inf), band)
     return GyroProblem(
         frame=frame,
-        chain=GyroChain(frame, law),
+        chain=GyroChain(frame, law, earth_dps),
         simulation=simulation,
         full_scale=abs(float(simulation["K0_v_per_dps"])) * range_dps,
         range_dps=range_dps,
         without=frozenset(without),
         adc_step_v=2 * facts.adc_range_v / 2**facts.adc_bits if facts.adc_bits else 0.0,
         usable=usable if band is None else usable[band.rows],
+        earth_dps=earth_dps,
         band=band,
         encoder_step_deg=360.0 / facts.encoder_counts_per_rev if facts.encoder_counts_per_rev else 0.0,
     )

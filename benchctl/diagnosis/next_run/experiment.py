@@ -103,7 +103,7 @@ def expected_separation(problem: GyroProblem, noise: SampleNoise, first: Fit, se
     there = replace(
         problem,
         frame=rows.frame,
-        chain=GyroChain(rows.frame, problem.chain.law),
+        chain=GyroChain(rows.frame, problem.chain.law, problem.chain.earth_dps),
         usable=rows.stands_for > 0.0,
         band=None,
     )

@@ -27,6 +27,7 @@ from benchctl.diagnosis.search.probes import Probe
 from benchctl.diagnosis.signals.blocks import block_starts
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 
 _UNSEEN = 1e-7
 """Share of a column's own power that must be left when the model in hand has been taken off: below it is rounding."""
@@ -147,7 +148,7 @@ def screen(
             Scored(
                 probe=probe,
                 gain=gain,
-                scatter=scatter(block @ weights, white) if gain > _WORTH else 1.0,
+                scatter=scatter(block @ weights, white, block_starts(white.size)) if gain > _WORTH else 1.0,
                 weights=weights,
                 power=np.array(powers),
                 columns=slice(first, filled),
@@ -160,13 +161,14 @@ def screen(
     return Screening(scored=tuple(scored), threshold=threshold)
 
 
-def scatter(explained: FloatArray, white: FloatArray) -> float:
+def scatter(explained: FloatArray, white: FloatArray, starts: IntArray) -> float:
     """By how much a gain varies more than white noise lets it, at least 1.
 
-    `explained` (n,) is what is taken off the residual `white` (n,); rows that do not count are zero in both.
+    `explained` (n,) is what is taken off the residual `white` (n,), `starts` the first rows of the parts that noise
+    does not reach across; rows that do not count are zero in the first two.
     """
     column, rest = explained, white - explained
-    sums = np.add.reduceat(column * rest, block_starts(rest.size))
+    sums = np.add.reduceat(column * rest, starts)
     variance = float(rest @ rest) / max(int(np.count_nonzero(rest)), 1)
     usual = variance * float(column @ column)
     return max(float(sums @ sums) / usual, 1.0) if usual > 0.0 else 1.0

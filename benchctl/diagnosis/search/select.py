@@ -21,6 +21,7 @@ from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.probes import probes_of
 from benchctl.diagnosis.search.scans import SCANNED, proposals
 from benchctl.diagnosis.search.screen import Scored, Screening, scatter, screen
+from benchctl.diagnosis.signals.blocks import block_starts, step_starts
 from instruments.physics.effects.effect import DescribedEffect
 
 BoolArray = npt.NDArray[np.bool_]
@@ -260,8 +261,11 @@ class _Search:
         )
 
     def _scatter(self, better: Fit, worse: Fit) -> float:
+        return self._scatter_over(block_starts(better.white.size), better, worse)
+
+    def _scatter_over(self, starts: IntArray, better: Fit, worse: Fit) -> float:
         rows = self._fitted[self._problem.step]
-        return scatter((worse.white - better.white) * rows, worse.white * rows)
+        return scatter((worse.white - better.white) * rows, worse.white * rows, starts)
 
     def _promising(self, present: Fit, screening: Screening) -> list[Scored]:
         """What is worth a fit: the best place, still free, of each effect that chance does not bring."""
@@ -354,10 +358,16 @@ class _Search:
         }
 
     def _evidence(self, present: Fit, less: Fit) -> Evidence:
+        """Once nothing else is missing, an effect has to bear witness in all steps alike.
+
+        The rounding of an encoder's angles repeats itself in a swing that lasts a whole number of samples: within such
+        a step it does not average out, but no other step repeats it (Liang & Zeger, Biometrika 73, 1986).
+        """
+        by_steps = self._scatter_over(step_starts(self._problem.step), present, less)
         return Evidence(
             gain=gain_of(present, less),
             heldout=gain_of(present, less, self._held),
-            scatter=self._scatter(present, less),
+            scatter=max(self._scatter(present, less), by_steps),
             excess=(less.white**2 - present.white**2).astype(np.float32),
         )
 

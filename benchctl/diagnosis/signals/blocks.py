@@ -1,4 +1,4 @@
-"""Blocks of rows, half a second each, over which products are summed to see how they scatter."""
+"""Blocks of rows over which products are summed to see how they scatter: half a second each, or a step each."""
 
 from __future__ import annotations
 
@@ -12,3 +12,8 @@ BLOCK = 64
 def block_starts(rows: int) -> npt.NDArray[np.int64]:
     """The first row of each block of so many rows, as `numpy.add.reduceat` takes them."""
     return np.arange(0, rows, BLOCK)
+
+
+def step_starts(step: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """The first row of each step, for the step of each row, shape (n,), n at least 1."""
+    return np.concatenate([[0], np.flatnonzero(np.diff(step)) + 1])

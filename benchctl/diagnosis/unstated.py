@@ -1,0 +1,49 @@
+"""What a recording does not state: nature's answer is taken, unless the recording itself speaks against it.
+
+A gyro on a table feels the Earth's rate, and where the scale factor bends with the rate that leaves an even trace of a
+millionth of full scale, which would be taken for an effect. But a simulation's recording may hold nothing of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from benchctl.diagnosis.fitting.fit import Point, fit
+from benchctl.diagnosis.problem import Problem
+from benchctl.diagnosis.search.select import Selection
+
+_BEYOND_CHANCE = 6.0
+"""Twice the log likelihood that the less natural answer must gain: odds of twenty to one."""
+
+
+def other_answer(problem: Problem, chosen: Selection) -> Problem | None:
+    """The problem under the other answer, where that explains the recording better, or with one effect less; or None.
+
+    What was chosen is to be chosen anew then.
+    """
+    other = problem.otherwise()
+    if other is None:
+        return None
+    whole, white = chosen.whole, chosen.whitener
+    variance = whole.deviation**2
+    moved = white(other.predict(whole.point.baseline, whole.point.effects) - whole.predicted)
+    reach = float(moved @ moved) / variance
+    if reach < _BEYOND_CHANCE:
+        return None
+    everything = np.ones_like(chosen.heldout)
+    for point, allowed in _simpler(chosen, reach):
+        if fit(other, white, point, everything).squares < whole.squares + allowed * variance:
+            return other
+    return None
+
+
+def _simpler(chosen: Selection, reach: float) -> Iterator[tuple[Point, float]]:
+    """Models to try, and by how much twice the log likelihood may fall with each: negative where it must rise."""
+    point = chosen.whole.point
+    yield point, -_BEYOND_CHANCE
+    for i, one in enumerate(chosen.evidence.values()):
+        if one.gain < reach + _BEYOND_CHANCE:
+            yield replace(point, effects=(*point.effects[:i], *point.effects[i + 1 :])), _BEYOND_CHANCE
