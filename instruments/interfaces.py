@@ -1,4 +1,4 @@
-"""What a rate table, a chamber, a digitizer and a clock are, whoever built them.
+"""What a rate table, a chamber, a digitizer, a digital gyro and a clock are, whoever built them.
 
 Angles in degrees and rates in degrees a second, positive counter-clockwise seen from above; temperatures in °C; volts;
 seconds. Every method either does what it says, confirmed by reading back, or raises one of `instruments.errors`.
@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,7 +47,10 @@ class TableLimits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableReading:
-    """Angle [0, 360), rate and acceleration in one combined read, as the controller states them."""
+    """Angle [0, 360), rate and acceleration in one combined read, as the controller states them.
+
+    `acceleration_dps2` is not a number where the controller does not state it.
+    """
 
     angle_deg: float
     rate_dps: float
@@ -186,6 +190,69 @@ class Digitizer(Instrument, Protocol):
 
     def stop_stream(self) -> None:
         """Stop; what still waits in the instrument is discarded. Safe to call where no stream runs."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GyroGap:
+    """Samples are missing just before sample `index` of a block: `lost` of them, by the gyro's own numbers.
+
+    Where `exact` is false the line was not heard for so long that the numbers may have wrapped meanwhile: more may be
+    missing by whole wraps, and the times of what follows are known from here on only.
+    """
+
+    index: int
+    lost: int
+    exact: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GyroCounts:
+    """What a gyro's stream has brought since its start.
+
+    `samples` were kept, `lost` are missing by the gyro's own numbers; `bad_frames` failed their check, and `junk_bytes`
+    belonged to no good frame, those of failed ones included.
+    """
+
+    samples: int
+    lost: int
+    bad_frames: int
+    junk_bytes: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GyroBlock:
+    """Samples of a digital gyro's one axis, oldest first; every array of shape (n,).
+
+    `sequence` counts samples from the start of the stream, lost ones included: by the gyro's own clock sample i was
+    taken at sequence[i] / rate_hz. `rate_dps` is about the gyro's own axis. `status` is as the gyro states it, `valid`
+    whether it vouches for the sample, and `faults` are the words of everything that was wrong anywhere in the block.
+    `counts` are those of the whole stream.
+    """
+
+    sequence: IntArray
+    rate_dps: FloatArray
+    temperature_c: FloatArray
+    status: IntArray
+    valid: BoolArray
+    faults: tuple[str, ...]
+    gaps: tuple[GyroGap, ...]
+    counts: GyroCounts
+
+
+class Gyro(Instrument, Protocol):
+    """A gyro with a digital output, which sends samples by itself."""
+
+    def start_stream(self, rate_hz: float) -> float:
+        """Have it send samples; the rate [Hz] at which it does. Nothing older than this call is read."""
+
+    def read_stream(self, samples: int, timeout_s: float) -> GyroBlock:
+        """At least `samples` samples and whatever came with them, waiting at most `timeout_s` of wall time.
+
+        Raises `LinkError` where fewer came in time, naming how many; they are kept for the next call.
+        """
+
+    def stop_stream(self) -> None:
+        """Stop; what was not read is discarded. Safe to call where no stream runs."""
 
 
 class Clock(Protocol):

@@ -3,6 +3,17 @@
 Not tried on hardware. Register numbers and codes: EspecNorthAmerica/ChamberConnectLibrary (F4), and for 101, 102 and
 106 the F4P user manual, Watlow 2003, chapter 9. Numbers are signed 16-bit with an implied decimal point, whose place
 the controller keeps in register 606.
+
+What it does about faults: those of the link as `ModbusLink` says; every register that is written takes a value and no
+change, so writing twice does no harm. Further:
+
+| what goes wrong                             | what is done                                                        |
+|---------------------------------------------|---------------------------------------------------------------------|
+| an exception                                | `InstrumentError`, never repeated                                   |
+| the sensor is over or under range           | `InstrumentError` from `read`: there is no temperature              |
+| a set point or switch that does not arrive  | `InstrumentError` after 2 s of reading back                         |
+| an alarm                                    | stated with every reading, until it is cleared at the controller    |
+| air that is stuck, or stalls short          | nothing: one reading does not show it, a soak that does not end does |
 """
 
 from __future__ import annotations

@@ -2,6 +2,19 @@
 
 Not tried on hardware. Register numbers and codes: EspecNorthAmerica/ChamberConnectLibrary (F4T). Numbers are IEEE 754
 singles in two registers, low word first as delivered; states are codes that all Watlow controllers share.
+
+What it does about faults: those of the link as `ModbusLink` says; what is written is a value and no change, and is
+written again, except the press of a key, which would undo the first one. Further:
+
+| what goes wrong                             | what is done                                                        |
+|---------------------------------------------|---------------------------------------------------------------------|
+| an exception                                | `InstrumentError`, never repeated                                   |
+| the answer to the press of a key is lost    | `LinkError`: what the chamber then does is not known                |
+| words in the other order, half of a float   | `InstrumentError`; asked again                                      |
+| a sensor over range                         | the number that it shows: beyond the bench's limits, which stop     |
+| a set point or switch that does not arrive  | `InstrumentError` after 2 s of reading back                         |
+| an alarm                                    | stated with every reading, until it is over                         |
+| air that is stuck, or stalls short          | nothing: one reading does not show it, a soak that does not end does |
 """
 
 from __future__ import annotations

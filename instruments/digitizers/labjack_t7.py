@@ -8,6 +8,28 @@ Modbus TCP (port 502) for set-up and single readings, the spontaneous stream (po
 so that all four belong to the same instant by construction. Streamed samples are raw codes; they become volts by the
 constants of the T7's own calibration, read from its flash.
 
+What it does about faults:
+
+| what goes wrong                                       | what is done                                             |
+|-------------------------------------------------------|----------------------------------------------------------|
+| no answer, a late, broken or foreign one, a cut link  | asked again on a new connection, as `ModbusLink` says    |
+| a refusal                                             | `InstrumentError` with LabJack's own code                |
+| the answer to ENABLE is lost                          | whether it streams is asked, and only then told again    |
+| it has restarted                                      | `InstrumentError`: its encoder's count is lost           |
+| packets of the stream are lost                        | a gap: `first_index` jumps                               |
+| its buffer overflows, it skips scans and recovers     | a gap, of as many scans as it says                       |
+| the stream's connection breaks, or brings no packets  | connected again: a gap, where that was                   |
+| ... before the first packet                           | `LinkError`: nobody knows how many are missing           |
+| bytes between two packets of the stream               | left out                                                 |
+| the stream falls silent                               | `LinkError`; what has come is kept                       |
+| the encoder's count jumps, or all inputs are frozen   | `InstrumentError`: `instruments.digitizers.t7_watch`     |
+| the thermistor is at the end of its range             | `InstrumentError`: there is no temperature               |
+| the gyro is at the end of its range                   | recorded as it is: that may be its rate                  |
+| its crystal drifts                                    | nothing: its counter is the clock of the samples         |
+
+That a T7 goes on with its stream when the stream's connection is made anew is assumed, no source says so; where it does
+not, its silence is a `LinkError`.
+
 Written from LabJack's public documents (T-series datasheet 3.2.4 and 20.0.1, the register map, the public C examples);
 not tried on hardware.
 """
@@ -16,6 +38,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from typing import Self
 
 import numpy as np
@@ -23,13 +46,15 @@ import numpy as np
 from instruments.digitizers import t7_registers as reg
 from instruments.digitizers.t7_core_timer import CoreTimer
 from instruments.digitizers.t7_scans import SCAN_LENGTH, AinCalibration, ScanQueue
+from instruments.digitizers.t7_watch import ScanWatch, refuse_at_rail
 from instruments.errors import InstrumentError, LinkError, UsageError
 from instruments.interfaces import Clock, Identity, ScanBlock, SingleScan, StreamStart
 from instruments.links.address import parse_address
 from instruments.links.modbus import ModbusLink
-from instruments.links.tcp import TcpLink
+from instruments.links.recovered import note_recovered
+from instruments.links.tcp import LinkCutError, TcpLink
 from instruments.links.wirelog import WireLog
-from instruments.protocols.t7_stream import MOST_SAMPLES
+from instruments.protocols.t7_stream import MOST_SAMPLES, NotAPacketError
 
 STREAM_PORT = 702
 PRODUCT_ID = 7
@@ -42,6 +67,7 @@ LONGEST_PACKET_S = 0.05
 RANGES_V = (10.0, 1.0, 0.1, 0.01)  # in the order of the calibration in the flash
 CALIBRATION_FLASH_ADDRESS, CALIBRATION_BYTES = 0x3C4000, 16
 LARGEST_RECEIVE = 1 << 18
+SKIPPED, RESUMED = "left out", "connected again, what is missing is a gap"  # how a fault of the stream was got over
 
 
 class LabJackT7:
@@ -63,6 +89,11 @@ class LabJackT7:
         Their ±range: 10, 1, 0.1 or 0.01 V.
     timeout_s
         Wall time to wait for an answer and for a connection.
+    fastest_counts_per_s
+        How fast the encoder's count can change: what jumps further from one scan to the next is no motion. Infinite:
+        that is not looked at.
+    frozen_s
+        Where no input changes by a single code for so long, the stream counts as frozen. Infinite: never.
     wire_log
         Where to note what goes over both wires.
     """
@@ -78,6 +109,8 @@ class LabJackT7:
         thermistor_ain: int = 1,
         range_v: float = 10.0,
         timeout_s: float = 2.0,
+        fastest_counts_per_s: float = math.inf,
+        frozen_s: float = 10.0,
         wire_log: WireLog | None = None,
     ) -> None:
         where = parse_address(address)
@@ -95,6 +128,8 @@ class LabJackT7:
         self._registers = reg.T7Registers(self._link)
         self._stream = TcpLink(stream_address or f"tcp://{host}:{STREAM_PORT}", wire_log=wire_log)
         self._scans: ScanQueue | None = None  # while a stream runs
+        self._fastest_counts_per_s, self._frozen_s = fastest_counts_per_s, frozen_s
+        self._watch: ScanWatch | None = None  # while a stream runs
         self._calibration = AinCalibration(positive_slope=math.nan, negative_slope=math.nan, centre=math.nan)
         self._core_timer = CoreTimer(0, 0.0)
 
@@ -139,13 +174,16 @@ class LabJackT7:
         """One reading of each input, one after the other; the T7 itself makes calibrated volts of them."""
         if self._scans is not None:
             raise UsageError(f"{self._who}: read_once while the stream runs: call stop_stream first")
+        self._refuse_after_restart()
         gyro, thermistor = self._inputs
         count = np.uint32(self._registers.read(reg.ef_read_a(self._encoder)))
-        return SingleScan(
+        scan = SingleScan(
             encoder_count=int(count.astype(np.int32)),
             gyro_v=self._registers.read(reg.ain(gyro)),
             thermistor_v=self._registers.read(reg.ain(thermistor)),
         )
+        self._check(lambda: refuse_at_rail(scan.thermistor_v, self._range_v))
+        return scan
 
     def start_stream(self, rate_hz: float) -> StreamStart:
         """Start the stream; the rate is the nearest that the T7's clock can do."""
@@ -156,8 +194,9 @@ class LabJackT7:
         self._stream.open(self._timeout_s)
         try:
             self._set_up_stream(rate_hz)
+            self._refuse_after_restart()
             self._core_timer.look(int(self._registers.read(reg.CORE_TIMER)), self._clock.now())
-            self._registers.write(reg.STREAM_ENABLE, 1, once=True)
+            self._enable_stream()
             actual_hz = self._registers.read(reg.STREAM_ACTUAL_RATE_HZ)
             if not math.isclose(actual_hz, rate_hz, rel_tol=0.01):
                 raise InstrumentError(f"{self._who}: asked for {rate_hz:g} scans a second, it does {actual_hz:g}")
@@ -166,6 +205,12 @@ class LabJackT7:
             self._forget_stream()
             raise
         self._scans = ScanQueue(self._calibration)
+        self._watch = ScanWatch(
+            actual_hz,
+            fastest_counts_per_s=self._fastest_counts_per_s,
+            range_v=self._range_v,
+            frozen_s=self._frozen_s,
+        )
         return StreamStart(rate_hz=actual_hz, start_s=self._core_timer.seconds_at(stamp))
 
     def read_stream(self, scans: int, timeout_s: float) -> ScanBlock:
@@ -174,22 +219,22 @@ class LabJackT7:
         A scan arrives with the last one of its packet; a packet holds 50 ms, or one scan where the rate is below 20 Hz.
         What came before a `LinkError` is kept for the next call.
         """
-        if self._scans is None:
+        if self._scans is None or self._watch is None:
             raise UsageError(f"{self._who}: read_stream while no stream runs: call start_stream first")
         wanted = max(scans, 1)
         give_up_s = time.monotonic() + timeout_s
         try:
             more_waits = False
             while more_waits or not self._scans.ready(wanted):
-                data = self._stream.receive(LARGEST_RECEIVE, give_up_s - time.monotonic())
-                self._scans.feed(data)
-                more_waits = len(data) == LARGEST_RECEIVE and time.monotonic() < give_up_s
+                more_waits = self._receive(self._scans, give_up_s) and time.monotonic() < give_up_s
         except LinkError as err:
             came = self._scans.waiting
             raise LinkError(f"{self._who}: expected {wanted} scans within {timeout_s:g} s, {came} came: {err}") from err
         except InstrumentError as err:
             raise InstrumentError(f"{self._who}: {err}") from err
-        return self._scans.take()
+        block, watch = self._scans.take(), self._watch
+        self._check(lambda: watch.look(block))
+        return block
 
     def stop_stream(self) -> None:
         """Stop; what still waits in the T7 is discarded. Safe to call where no stream runs."""
@@ -201,6 +246,46 @@ class LabJackT7:
                 raise
         if self._registers.read(reg.STREAM_ENABLE) != 0:
             raise InstrumentError(f"{self._who}: told to stop its stream, it acknowledged and still runs")
+
+    def _receive(self, scans: ScanQueue, give_up_s: float) -> bool:
+        """Take what the stream brings, on a new connection where it has broken; whether more is likely to wait."""
+        try:
+            data = self._stream.receive(LARGEST_RECEIVE, give_up_s - time.monotonic())
+            junk_bytes = scans.junk_bytes
+            scans.feed(data)
+            if scans.junk_bytes > junk_bytes:
+                note_recovered(
+                    f"{self._who}: {scans.junk_bytes - junk_bytes} bytes of its stream are no packet", SKIPPED
+                )
+        except (LinkCutError, NotAPacketError) as err:
+            self._stream.open(self._timeout_s)
+            scans.resume()
+            scans.feed(self._stream.receive(LARGEST_RECEIVE, give_up_s - time.monotonic()))
+            note_recovered(f"{self._who}: its stream broke: {err}", RESUMED)
+            return False
+        return len(data) == LARGEST_RECEIVE
+
+    def _check(self, look: Callable[[], None]) -> None:
+        try:
+            look()
+        except InstrumentError as err:
+            raise InstrumentError(f"{self._who}: {err}") from err
+
+    def _enable_stream(self) -> None:
+        """Told twice, a T7 would refuse the second time; so where its answer is lost it is asked whether it streams."""
+        try:
+            self._registers.write(reg.STREAM_ENABLE, 1, once=True)
+        except LinkError as err:
+            if self._registers.read(reg.STREAM_ENABLE) != 1:
+                self._registers.write(reg.STREAM_ENABLE, 1, once=True)
+            note_recovered(str(err))
+
+    def _refuse_after_restart(self) -> None:
+        if self._registers.read(reg.ef_enable(self._encoder)) != 1:
+            raise InstrumentError(
+                f"{self._who}: its encoder input was set up and is so no more: it has restarted, and the count is lost;"
+                " check its power supply and begin anew"
+            )
 
     def _check_identity(self) -> None:
         test = int(self._registers.read(reg.TEST))

@@ -54,6 +54,15 @@ class ScanQueue:
         self._runs: list[ScanRun] = []
         self._last_count: int | None = None
 
+    @property
+    def junk_bytes(self) -> int:
+        """How many bytes of the stream belonged to no packet."""
+        return self._reader.junk_bytes
+
+    def resume(self) -> None:
+        """Go on with the bytes of a new connection of the same stream."""
+        self._reader.resume()
+
     def feed(self, data: bytes) -> None:
         """Take bytes as they come; raises as `StreamReader.feed` does."""
         for run in self._reader.feed(data):

@@ -5,12 +5,10 @@ An address `tcp://HOST:PORT` speaks Modbus TCP; `serial://DEVICE?baud=N` and `so
 
 from __future__ import annotations
 
-import contextlib
 import struct
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from threading import RLock
 
 from pymodbus import ModbusException
 from pymodbus.pdu import ExceptionResponse, ModbusPDU
@@ -18,7 +16,9 @@ from pymodbus.pdu import ExceptionResponse, ModbusPDU
 from instruments.errors import InstrumentError, LinkError, UsageError
 from instruments.interfaces import Clock
 from instruments.links.address import parse_address, refuse_timeout
-from instruments.links.modbus_clients import ModbusClient, connected_client
+from instruments.links.modbus_clients import ModbusClient
+from instruments.links.modbus_line import line_at
+from instruments.links.recovered import note_recovered
 from instruments.links.wirelog import WireLog
 from instruments.protocols.modbus import READ_HOLDING, WRITE_ONE, WRITE_SEVERAL, exception_words
 from instruments.protocols.words import WordOrder, f32_from_words, u32_from_words, words_from_f32, words_from_u32
@@ -42,7 +42,19 @@ class Retry:
 
 
 class ModbusLink:
-    """One unit at the end of a Modbus connection; safe to use from several threads.
+    """One unit at the end of a Modbus connection; safe to use from several threads, and beside links to other units.
+
+    | what goes wrong                                     | what is done                                             |
+    |-----------------------------------------------------|----------------------------------------------------------|
+    | no answer, half of one, another unit's, a bad CRC,  | asked again on a new connection, as `Retry` says; then   |
+    | junk before or in it, a register too few            | `LinkError`                                              |
+    | junk behind an answer, an answer in pieces          | thrown away; put together                                |
+    | a late answer                                       | taken for its request; the line then stays quiet until   |
+    |                                                     | the answer to the repeated one cannot be under way       |
+    | a cut connection, a restart                         | connected and asked again                                |
+    | an exception                                        | `InstrumentError`, never repeated                        |
+
+    What was got over is told to `instruments.links.recovered`.
 
     Parameters
     ----------
@@ -85,26 +97,27 @@ class ModbusLink:
         self._now: Callable[[], float] = time.monotonic if clock is None else clock.now
         self._sleep: Callable[[float], None] = time.sleep if clock is None else clock.sleep
         self._paused_until_s = 0.0  # by that clock
-        self._quiet_until_s = 0.0  # wall time, after a failure
-        self._lock = RLock()
-        self._client: ModbusClient | None = None
+        self._line = line_at(self.address)
         self._opened = False
 
     def open(self) -> None:
         """Connect; whether the unit answers shows with the first read."""
-        with self._lock:
+        with self._line.lock:
             self.close()
+            self._line.join(self.address)
             try:
-                self._connect()
+                self._line.connected(self.address, self._timeout_s, self.wire_log)
             except (OSError, ValueError) as err:
+                self._line.leave("not connected")
                 raise LinkError(f"{self.who}: cannot connect: {err}; check power, cable and address") from err
             self._opened = True
 
     def close(self) -> None:
         """Let go of the connection; safe to call twice, and never raises."""
-        with self._lock:
-            self._opened = False
-            self._drop("closed")
+        with self._line.lock:
+            if self._opened:
+                self._opened = False
+                self._line.leave("closed")
 
     def read(self, address: int, count: int = 1) -> list[int]:
         """`count` registers from `address` on (function 3)."""
@@ -163,21 +176,25 @@ class ModbusLink:
     ) -> ModbusPDU:
         """Ask, and again where the policy says so; `fits` tells an answer to this request from one to another."""
         attempts = attempts if attempts is not None else self._retry.attempts
-        with self._lock:
+        with self._line.lock:
             if not self._opened:
                 raise UsageError(f"{self.who}: {what} needs an open link, call open() first")
+            reason = ""
             for attempt in range(1, attempts + 1):
                 try:
                     reply = self._ask(ask, fits)
                     break
                 except BROKEN as err:
                     reason = self._reason(err)
-                    self._drop(reason)
-                    self._quiet_until_s = time.monotonic() + self._retry.wait_s
+                    self._line.drop(reason)
+                    self._line.be_quiet(self._retry.wait_s)
                     if attempt == attempts:
                         raise LinkError(
                             f"{self.who}: {what} failed, tried {_times(attempts)}: {reason}; {ADVICE}"
                         ) from err
+            if reason:
+                note_recovered(f"{self.who}: {what} failed: {reason}")
+                self._let_spare_answer_pass()
         if isinstance(reply, ExceptionResponse):
             raise InstrumentError(
                 f"{self.who}: {what} was refused with {exception_words(reply.exception_code)};"
@@ -186,38 +203,39 @@ class ModbusLink:
         return reply
 
     def _ask(self, ask: Callable[[ModbusClient], ModbusPDU], fits: Callable[[ModbusPDU], bool]) -> ModbusPDU:
-        if (quiet_s := self._quiet_until_s - time.monotonic()) > 0:
-            time.sleep(quiet_s)
+        self._line.wait_until_quiet()
         if self._pause_s > 0 and (pause_s := self._paused_until_s - self._now()) > 0:
             self._sleep(pause_s)
-        client = self._client if self._client is not None else self._connect()
+        client = self._line.connected(self.address, self._timeout_s, self.wire_log)
         reply = ask(client)
         if self._pause_s > 0:
             self._paused_until_s = self._now() + self._pause_s
         if not isinstance(reply, ExceptionResponse) and not fits(reply):
             raise ModbusException("it belongs to another request")
+        if self.address.scheme == "tcp" and len(client.heard) != _tcp_frame_bytes(client.heard):
+            raise ModbusException("more came than the answer, so it may not be what was sent")  # there is no checksum
         return reply
 
-    def _connect(self) -> ModbusClient:
-        self._client = connected_client(self.address, self._timeout_s, self.wire_log)
-        self.wire_log.note(f"connected to {self.address}")
-        return self._client
-
-    def _drop(self, why: str) -> None:
-        if self._client is not None:
-            self.wire_log.note(why)
-            with contextlib.suppress(OSError):  # a device that was pulled out cannot be closed in good order
-                self._client.close()
-            self._client = None
+    def _let_spare_answer_pass(self) -> None:
+        """What was answered may have been the first request, late: on a line nothing tells its answer from the next."""
+        if self.address.scheme != "tcp":
+            self._line.drop("asked twice: a second answer may follow")
+            self._line.be_quiet(self._timeout_s)
 
     def _reason(self, err: Exception) -> str:
-        if self._client is None:
+        client = self._line.client
+        if client is None:
             return f"cannot connect: {err}"
-        if self._client.heard:
-            return f"the answer is broken or belongs to another request: {self._client.heard.hex(' ')}"
-        if self._client.connected:
+        if client.heard:
+            return f"the answer is broken or belongs to another request: {client.heard.hex(' ')}"
+        if client.connected:
             return f"no answer within {self._timeout_s:g} s"
         return "the other side closed the connection"
+
+
+def _tcp_frame_bytes(heard: bytes) -> int:
+    """Length of the Modbus TCP frame that begins so: its header says how many bytes follow its first six."""
+    return 6 + int.from_bytes(heard[4:6], "big")
 
 
 def _registers(address: int, count: int) -> str:

@@ -30,7 +30,7 @@ class TcpClient(ModbusTcpClient):
         super().__init__(address.host, port=address.port, timeout=timeout_s, retries=0)
         self._where = (address.host, address.port)
         self._timeout_s = timeout_s
-        self._wire_log = wire_log
+        self.wire_log = wire_log
         self.heard = b""
 
     def connect(self) -> bool:
@@ -43,7 +43,7 @@ class TcpClient(ModbusTcpClient):
     def send(self, request: bytes, addr: tuple[str, int] | None = None) -> int:
         """Send a frame."""
         self.heard = b""
-        self._wire_log.sent(request)
+        self.wire_log.sent(request)
         return int(super().send(request, addr))
 
     def close(self) -> None:
@@ -54,7 +54,7 @@ class TcpClient(ModbusTcpClient):
         """The bytes that have come, waiting for the first; none after the time-out."""
         data = super().recv(size)
         self.heard += data
-        self._wire_log.received(data)
+        self.wire_log.received(data)
         return data
 
 
@@ -71,7 +71,7 @@ class RtuClient(ModbusSerialClient):
         super().__init__(address.pyserial_url, baudrate=self._baud, timeout=timeout_s, retries=0)
         self._url = address.pyserial_url
         self._timeout_s = timeout_s
-        self._wire_log = wire_log
+        self.wire_log = wire_log
         self.heard = b""
 
     def connect(self) -> bool:
@@ -82,10 +82,17 @@ class RtuClient(ModbusSerialClient):
             )
         return True
 
+    def lend(self, timeout_s: float, wire_log: WireLog) -> None:
+        """Serve another unit on the line: with its time-out and its log."""
+        self.comm_params.timeout_connect = timeout_s
+        if self.socket is not None:
+            self.socket.timeout = timeout_s
+        self.wire_log = wire_log
+
     def send(self, request: bytes, addr: tuple[str, int] | None = None) -> int:
         """Send a frame, after throwing away what nobody asked for."""
         self.heard = b""
-        self._wire_log.sent(request)
+        self.wire_log.sent(request)
         return int(super().send(request, addr))
 
     def close(self) -> None:
@@ -102,7 +109,7 @@ class RtuClient(ModbusSerialClient):
         except OSError as err:
             raise ConnectionException(str(err)) from err
         self.heard += data
-        self._wire_log.received(data)
+        self.wire_log.received(data)
         return data
 
 

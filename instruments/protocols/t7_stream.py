@@ -12,11 +12,12 @@ tried on hardware. Where the sources are silent this is assumed:
 
 * The samples of all scans follow each other without a break: a packet may start in mid-scan.
 * The first packet of a stream may carry any transaction number; a lost packet held as many samples as its successor.
+* A packet is never cut short but by the end of its connection.
 * In a packet with status 2941 one dummy scan of nothing but FFFFh stands where scans are missing, and it is counted
   among them (so says the U3 datasheet, 5.2.12). A scan with an analog input is never like it: those never read FFFFh.
 
-Survived: packets split or joined anywhere, lost packets, a full buffer. What is no packet at all is a `LinkError`: TCP
-keeps bytes in order, so nothing good can follow.
+Survived: packets split or joined anywhere, lost packets, a full buffer, and bytes that are no packet where a packet
+comes right behind them; else they are a `NotAPacketError`.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ MOST_SAMPLES = 512
 HEADER_BYTES = 16
 UNCOUNTED_BYTES = 6  # of the header: up to and with the length
 DUMMY = 0xFFFF
+SIGNATURE = bytes([UNIT, FUNCTION, PACKET_TYPE])  # of a packet, behind its length
 
 AUTO_RECOVER_ACTIVE, AUTO_RECOVER_END, SCAN_OVERLAP, SKIP_OVERFLOW, BURST_COMPLETE = 2940, 2941, 2942, 2943, 2944
 STATUS_WORDS = {
@@ -43,9 +45,15 @@ STATUS_WORDS = {
     SKIP_OVERFLOW: "its buffer was full for so long that it lost count of the skipped scans: read faster",
     BURST_COMPLETE: "the burst is complete",
 }
+_AT_ONCE = 256
+"""Packets that are looked at together: where each is of another length, those behind are not copied again and again."""
 HARMLESS = (0, AUTO_RECOVER_ACTIVE, AUTO_RECOVER_END)
 
 SampleArray = npt.NDArray[np.uint16]
+
+
+class NotAPacketError(LinkError):
+    """The stream brought bytes that are no packet, and no packet behind them."""
 
 
 def packet_type(samples: int) -> np.dtype[np.void]:
@@ -119,6 +127,8 @@ class StreamReader:
     ----------
     lost_packets, skipped_scans
         How many packets never came, and how many scans the instrument says that it skipped.
+    junk_bytes
+        How many bytes belonged to no packet.
     backlog_scans
         How many scans waited in the instrument when it sent the latest packet.
     """
@@ -126,6 +136,7 @@ class StreamReader:
     def __init__(self, scan_length: int) -> None:
         self.lost_packets = 0
         self.skipped_scans = 0
+        self.junk_bytes = 0
         self.backlog_scans = 0
         self._scan_length = scan_length
         self._bytes = bytearray()
@@ -139,14 +150,43 @@ class StreamReader:
     def feed(self, data: bytes) -> list[ScanRun]:
         """Take bytes as they come; the runs of scans that are complete with them, oldest first.
 
-        Raises `LinkError` for bytes that are no packet, `InstrumentError` for a status that ends the stream.
+        Raises `NotAPacketError` for bytes that are none, `InstrumentError` for a status that ends the stream.
         """
         self._bytes += data
         runs: list[ScanRun] = []
-        while (packets := self._take_equal_packets()) is not None:
+        while (packets := self._sound_packets(after=runs)) is not None:
             for unbroken in self._split_where_lost(packets):
                 runs += self._scans(unbroken)
         return runs
+
+    def resume(self) -> None:
+        """Go on with bytes from a new connection, which begin with a whole packet; what never came shows as lost.
+
+        Raises `LinkError` where no packet has come yet: their numbers may begin anywhere, so what is lost is not known.
+        """
+        if self._next_transaction is None:
+            raise LinkError("the stream broke before its first packet, so the times of all others are not known")
+        self._bytes.clear()
+
+    def _sound_packets(self, after: list[ScanRun]) -> npt.NDArray[np.void] | None:
+        """As `_take_equal_packets`, behind what is no packet; where nothing is, that is told once no runs are left."""
+        while True:
+            try:
+                return self._take_equal_packets()
+            except NotAPacketError:
+                if not self._skip_junk():
+                    if after:
+                        return None
+                    raise
+
+    def _skip_junk(self) -> bool:
+        """Go to the next place where a packet may begin, whether there is one."""
+        place = self._bytes.find(SIGNATURE, UNCOUNTED_BYTES + 1)
+        if place < 0:
+            return False
+        del self._bytes[: place - UNCOUNTED_BYTES]
+        self.junk_bytes += place - UNCOUNTED_BYTES
+        return True
 
     def _take_equal_packets(self) -> npt.NDArray[np.void] | None:
         """As many whole packets of equal length as wait at the front, or None."""
@@ -155,15 +195,15 @@ class StreamReader:
         length = int.from_bytes(self._bytes[4:6], "big")
         samples = (length + UNCOUNTED_BYTES - HEADER_BYTES) // 2
         if self._bytes[2:4] != b"\0\0" or length % 2 or not 1 <= samples <= MOST_SAMPLES:
-            raise LinkError(self._no_packet())
+            raise NotAPacketError(self._no_packet())
         layout = packet_type(samples)
-        whole = len(self._bytes) // layout.itemsize
+        whole = min(len(self._bytes) // layout.itemsize, _AT_ONCE)
         if not whole:
             return None
         packets = np.frombuffer(self._bytes, layout, count=whole).copy()
         good = (packets["protocol"] == 0) & (packets["function"] == FUNCTION) & (packets["type"] == PACKET_TYPE)
         if not good[0]:
-            raise LinkError(self._no_packet())
+            raise NotAPacketError(self._no_packet())
         equal = good & (packets["length"] == length)
         if not equal.all():
             packets = packets[: int(np.argmin(equal))]

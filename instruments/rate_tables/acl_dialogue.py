@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from instruments.errors import InstrumentError, LinkError
+from instruments.links.recovered import note_recovered
 from instruments.links.tcp import LinkCutError, TcpLink
 from instruments.protocols.acl import Reply, ReplyReader, encode
 
@@ -31,9 +32,18 @@ class Setting:
 class AclDialogue:
     """A dialogue with one axis of a controller; every exchange is safe from several threads.
 
-    A query that is cut off is asked once more, on a new connection: it changes nothing. A command is not, and a silent
-    controller is not asked again either. After any failure the connection is given up, so that a late reply is never
-    taken for the answer to the next question.
+    | what goes wrong                                   | what is done                                               |
+    |---------------------------------------------------|------------------------------------------------------------|
+    | no reply, a late one, half of one, a cut link     | asked once more, on a new connection; then `LinkError`     |
+    | junk before or in a reply, a reply that is none   | asked once more, on a new connection; `InstrumentError`    |
+    | junk behind a reply                               | thrown away                                                |
+    | a reply in pieces                                 | put together                                               |
+    | the controller restarts                           | connected again; it is then disabled, and says so          |
+    | a refusal                                         | `InstrumentError`, with the fault that it reports          |
+
+    A command is said again too, because it states what is to be and not by how much it is to change: all but those
+    that are told `once`. After any failure the connection is given up, so that a late reply is never taken for the
+    answer to the next question. ACL has no checksum: junk that is digits, beside or in a number, is not found out.
 
     Parameters
     ----------
@@ -86,11 +96,7 @@ class AclDialogue:
         """What is said in reply to a query."""
         text = query.format(axis=self._axis)
         with self._lock:
-            try:
-                return self._exchange(text).data
-            except LinkCutError:
-                self._link.wire_log.note("asking again")
-                return self._exchange(text).data
+            return self._exchange(text).data
 
     def numbers(self, query: str, count: int, parted_by: str = ",") -> tuple[float, ...]:
         """The finite numbers in reply to a query, exactly `count` of them."""
@@ -107,11 +113,11 @@ class AclDialogue:
             )
         return numbers
 
-    def tell(self, command: str, *values: float) -> None:
-        """Send a command; it must be acknowledged."""
+    def tell(self, command: str, *values: float, once: bool = False) -> None:
+        """Send a command; it must be acknowledged. `once`: it is not sent again where no acknowledgement comes."""
         text = command.format(*(f"{value:.6f}" for value in values), axis=self._axis)
         with self._lock:
-            reply = self._exchange(text)
+            reply = self._attempt(text) if once else self._exchange(text)
         if not reply.ok:
             raise InstrumentError(f"{self._name}: sent {text!r}, expected OK, got {reply.data!r}; {self._explain()}")
 
@@ -131,6 +137,15 @@ class AclDialogue:
             )
 
     def _exchange(self, text: str) -> Reply:
+        try:
+            return self._attempt(text)
+        except (LinkError, InstrumentError) as err:
+            self._link.wire_log.note("asking again")
+            reply = self._attempt(text)
+            note_recovered(str(err))
+            return reply
+
+    def _attempt(self, text: str) -> Reply:
         try:
             self._link.send(encode(text))
             return self._receive()
@@ -152,8 +167,10 @@ class AclDialogue:
         reader = ReplyReader(self._terminator)
         deadline_s = time.monotonic() + self._timeout_s
         while True:
-            replies = reader.feed(self._link.receive(4096, deadline_s - time.monotonic()))
-            if replies:
+            data = self._link.receive(4096, deadline_s - time.monotonic())
+            if not data.isascii():
+                raise InstrumentError(f"bytes that are no ASCII, {data[:32]!r}")
+            if replies := reader.feed(data):
                 return replies[0]
 
     def _last_heard(self) -> str:

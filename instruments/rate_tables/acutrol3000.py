@@ -13,6 +13,18 @@ Source: published driver code of three laboratories, see `instruments.protocols.
 Every write is read back. That `:dem:pos?` answers with the demand is known; that `:dem:rate?` and `:dem:osc?` do so is
 concluded from it. `demand_queries=False` does without the three: a demand is then confirmed by its acknowledgement and
 by the mode.
+
+What it does about faults: those of the link as `AclDialogue` says; neither a move by an angle nor the reset of the
+interlock is said twice. Further:
+
+| what goes wrong                                | what is done                                                     |
+|------------------------------------------------|------------------------------------------------------------------|
+| a refusal                                      | `InstrumentError`, with interlock, mode and status byte          |
+| the interlock is opened by hand, a velocity    | `state` is FAULT; the next demand is an `InstrumentError`;       |
+| trip, a following error                        | nothing is reset but by `enable`                                 |
+| the controller restarts                        | `state` is DISABLED; the next demand is an `InstrumentError`     |
+| an acknowledged demand that is not kept        | `InstrumentError`: every demand is read back                     |
+| a rate that is stuck                           | nothing: a campaign that waits for its rate finds out            |
 """
 
 from __future__ import annotations
@@ -185,7 +197,7 @@ class Acutrol3000:
     def enable(self) -> None:
         """Reset the interlock, close the loop, hold still in rate mode."""
         with self._lock:
-            self._line.tell(RESET)
+            self._line.tell(RESET, once=True)  # a second reset would clear what has happened since the first
             self._pause()
             self._fail_on_fault("the interlock was reset and is in fault again")
             self._line.tell(SET_MODE[Mode.OFF])
@@ -221,7 +233,7 @@ class Acutrol3000:
             here_deg = self.read().angle_deg
             self._demand(ANGLE_DEMAND, here_deg)
             self._enter(Mode.POSITION)
-            self._line.tell(MOVE_BY, (angle_deg - here_deg + 180.0) % 360.0 - 180.0)
+            self._line.tell(MOVE_BY, (angle_deg - here_deg + 180.0) % 360.0 - 180.0, once=True)
             if self._demand_queries:
                 self._line.expect(ANGLE_DEMAND, angle_deg)
             self._enter(Mode.POSITION)

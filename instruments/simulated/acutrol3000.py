@@ -9,6 +9,9 @@ from typing import Self
 from instruments.errors import InstrumentError
 from instruments.protocols.acl import Lines, encode_reply
 from instruments.simulated.acutrol3000_controller import AcutrolController
+from instruments.simulated.faults.link_faults import LinkFaults
+from instruments.simulated.faults.wires import Lines as LinesWire
+from instruments.simulated.faults.wires import Wire
 from instruments.simulated.machines import TableMachine
 from instruments.simulated.tcp_server import TcpServer
 
@@ -24,6 +27,8 @@ class SimulatedAcutrol3000:
         As of `TcpServer`.
     """
 
+    wire: Wire = LinesWire(refusal_line=encode_reply("00000000", "ERROR not now"))
+
     def __init__(
         self, table: TableMachine, *, host: str = "127.0.0.1", port: int = 0, pace_baud: int | None = None
     ) -> None:
@@ -36,6 +41,15 @@ class SimulatedAcutrol3000:
     def address(self) -> str:
         """Where it answers."""
         return self._server.address
+
+    @property
+    def faults(self) -> LinkFaults | None:
+        """What befalls the requests; to be set before the start."""
+        return self._server.faults
+
+    @faults.setter
+    def faults(self, faults: LinkFaults | None) -> None:
+        self._server.faults = faults
 
     def start(self) -> None:
         """Serve; when it returns, a client can connect."""
@@ -56,6 +70,14 @@ class SimulatedAcutrol3000:
     def close_interlock(self) -> None:
         """Close the interlock by hand; the fault stays latched."""
         self._controller.close_interlock()
+
+    def trip(self) -> None:
+        """Lead to Abort, as a following error does: un-servoed and in fault, until reset."""
+        self._controller.trip()
+
+    def restart(self) -> None:
+        """Start anew, as after a power failure."""
+        self._controller.restart()
 
     def __enter__(self) -> Self:
         self.start()

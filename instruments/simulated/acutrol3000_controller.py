@@ -1,8 +1,8 @@
 """The states of a simulated ACUTROL3000 over a `TableMachine`, without I/O: one line of ACL in, its reply's data out.
 
 How it decides where no source says how the real one does: a refusal is `ERROR` and a reason; the interlock answers
-`Open`, `Closed` or `Fault`; a demand beyond a limit is refused whole. A velocity trip or an interlock opened by hand
-leads to Abort, un-servoed and latched until reset.
+`Open`, `Closed` or `Fault`; a demand beyond a limit is refused whole. A velocity trip, a following error or an
+interlock opened by hand leads to Abort, un-servoed and latched until reset.
 """
 
 from __future__ import annotations
@@ -78,6 +78,21 @@ class AcutrolController:
         """Close the interlock by hand; the fault stays latched."""
         with self._lock:
             self._opened_by_hand = False
+
+    def trip(self) -> None:
+        """Abort, as after a following error: un-servoed and in fault, until reset."""
+        with self._lock:
+            self._abort()
+
+    def restart(self) -> None:
+        """Start anew, as after a power failure: un-servoed, no demands, the factory's limits, no fault that is over."""
+        with self._lock:
+            self._fault = self._opened_by_hand
+            self._open_loop()
+            self._limits = dict.fromkeys(LIMITED_MODES, self._factory_limits)
+            self._table.set_limits(*self._factory_limits)
+            self._rate_dps = self._angle_deg = 0.0
+            self._oscillator = Oscillator()
 
     def execute(self, line: str) -> str:
         """Obey one line; the data of its reply."""

@@ -9,6 +9,9 @@ from typing import Any, Self
 from instruments.catalog import twin
 from instruments.physics.chain import Effect
 from instruments.simulated.clock import ScaledClock, VirtualClock
+from instruments.simulated.faults.bench import BenchFaults
+from instruments.simulated.faults.log import Fired
+from instruments.simulated.faults.tables import FaultTable
 from instruments.simulated.settings import WorldSettings
 from instruments.simulated.world import World
 
@@ -28,6 +31,8 @@ class SimulatedBench:
         Physics beside the baseline.
     options
         Further keywords of the twins, by instrument: a port, a pace.
+    faults
+        What goes wrong on the links and in the machines, and when.
     """
 
     def __init__(
@@ -40,13 +45,18 @@ class SimulatedBench:
         digitizer: str,
         effects: Sequence[Effect] = (),
         options: dict[str, dict[str, Any]] | None = None,
+        faults: Sequence[FaultTable] = (),
     ) -> None:
         self.world = World(clock, settings, effects)
         self.clock = clock
         more = options or {}
-        self.rate_table = twin("rate_table", rate_table)(self.world.table, **more.get("rate_table", {}))
-        self.chamber = twin("chamber", chamber)(self.world.chamber, **more.get("chamber", {}))
-        self.digitizer = twin("digitizer", digitizer)(self.world.inputs, **more.get("digitizer", {}))
+        self._faults = BenchFaults(faults, clock.now)
+        table, climate, inputs = self.world.table, self.world.chamber, self.world.inputs
+        self.rate_table = twin("rate_table", rate_table)(self._faults.table(table), **more.get("rate_table", {}))
+        self.chamber = twin("chamber", chamber)(self._faults.chamber(climate), **more.get("chamber", {}))
+        self.digitizer = twin("digitizer", digitizer)(self._faults.inputs(inputs), **more.get("digitizer", {}))
+        for name in ("rate_table", "chamber", "digitizer"):
+            self._faults.befall(name, getattr(self, name))
         self._stack = ExitStack()
 
     def __enter__(self) -> Self:
@@ -58,6 +68,11 @@ class SimulatedBench:
 
     def __exit__(self, *exc: object) -> None:
         self._stack.close()
+
+    @property
+    def fired(self) -> tuple[Fired, ...]:
+        """The faults that have happened so far, oldest first."""
+        return self._faults.fired
 
     @property
     def addresses(self) -> dict[str, str]:

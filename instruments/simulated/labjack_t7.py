@@ -15,6 +15,9 @@ from typing import Self, TypeVar
 from instruments.errors import UsageError
 from instruments.protocols.modbus import DEVICE_FAILURE, ModbusRefusal
 from instruments.protocols.t7_stream import MOST_SAMPLES
+from instruments.simulated.faults.link_faults import LinkFaults
+from instruments.simulated.faults.stream_faults import StreamFaults
+from instruments.simulated.faults.wires import MODBUS_TCP, Wire
 from instruments.simulated.machines import AnalogInputs
 from instruments.simulated.modbus_server import ModbusTcpServer
 from instruments.simulated.registers import Register, RegisterTable, f32, u32, word
@@ -36,6 +39,7 @@ NO_CODE = 0  # refused, but LabJack's code for it is not known here
 
 RATE, LENGTH, PACKET, BUFFER, TARGET, DATATYPE, BURST = 4002, 4004, 4006, 4012, 4016, 4018, 4020
 SCAN_LIST = 4100
+AS_DELIVERED = {DATATYPE: 1, TARGET: 16}
 
 
 class SimulatedLabJackT7:
@@ -51,6 +55,8 @@ class SimulatedLabJackT7:
         Where its registers and its stream are; port 0 takes a free one.
     """
 
+    wire: Wire = MODBUS_TCP
+
     def __init__(
         self,
         inputs: AnalogInputs,
@@ -64,7 +70,7 @@ class SimulatedLabJackT7:
         self._serial = serial
         self._terminals = T7Terminals(inputs)
         self._last_error = 0
-        self._settings: dict[int, float] = {DATATYPE: 1, TARGET: 16}
+        self._settings: dict[int, float] = dict(AS_DELIVERED)
         self._flash_pointer = 0
         self._started = (0, 0.0)  # CORE_TIMER at the first scan, actual rate
         self._stream = T7StreamServer(inputs, host=host, port=stream_port)
@@ -79,6 +85,31 @@ class SimulatedLabJackT7:
     def stream_address(self) -> str:
         """`tcp://HOST:PORT` of its stream."""
         return self._stream.address
+
+    @property
+    def faults(self) -> LinkFaults | None:
+        """What befalls the requests for its registers; to be set before the start."""
+        return self._modbus.faults
+
+    @faults.setter
+    def faults(self, faults: LinkFaults | None) -> None:
+        self._modbus.faults = faults
+
+    @property
+    def stream_faults(self) -> StreamFaults | None:
+        """What befalls the packets of its stream; to be set before the start."""
+        return self._stream.faults
+
+    @stream_faults.setter
+    def stream_faults(self, faults: StreamFaults | None) -> None:
+        self._stream.faults = faults
+
+    def restart(self) -> None:
+        """Start anew, as after a power failure: no stream, every setting as delivered, encoder lines at rest."""
+        self._stream.end()
+        self._settings.clear()
+        self._settings |= AS_DELIVERED
+        self._terminals.restart()
 
     def start(self) -> None:
         """Serve; when it returns, a driver can connect."""

@@ -16,6 +16,7 @@ from instruments.protocols.modbus import (
     ServerFraming,
     TcpFraming,
 )
+from instruments.simulated.faults.wires import MODBUS_RTU, MODBUS_TCP, Wire
 from instruments.simulated.registers import RegisterMap
 from instruments.simulated.serial_line import SerialLine
 from instruments.simulated.tcp_server import TcpServer
@@ -94,6 +95,8 @@ class ModbusTcpServer(TcpServer):
         Bytes leave as a line at this speed would let them; None: at once.
     """
 
+    wire: Wire = MODBUS_TCP
+
     def __init__(
         self,
         registers: RegisterMap,
@@ -122,6 +125,8 @@ class ModbusRtuServer(SerialLine):
     unit_id
         The unit that answers; unit 0 is carried out and not answered.
     """
+
+    wire: Wire = MODBUS_RTU
 
     def __init__(
         self,

@@ -8,6 +8,7 @@ import time
 import tty
 from threading import Thread
 
+from instruments.simulated.faults.link_faults import FaultyConversation, LinkFaults
 from instruments.simulated.tcp_server import Conversation
 
 BITS_PER_BYTE = 10  # 8N1: start bit, eight data bits, stop bit
@@ -20,13 +21,15 @@ class PtyLine:
 
     A pseudo-terminal has no speed. With `pace_baud` the device sees a request only when its last byte would have
     arrived, and the reply leaves in pieces at that speed. Bytes that no client takes are dropped once the terminal's
-    buffer is full, as a real receiver would, and counted in `dropped_bytes`.
+    buffer is full, as a real receiver would, and counted in `dropped_bytes`. `faults`, to be set before the start,
+    befall the requests; where they end a connection, a line has none to end and is only silent.
     """
 
     def __init__(self, device: Conversation, *, pace_baud: int | None) -> None:
         self._device = device
         self._byte_s = BITS_PER_BYTE / pace_baud if pace_baud else 0.0
         self._thread: Thread | None = None
+        self.faults: LinkFaults | None = None
         self.port = ""
         self.dropped_bytes = 0
 
@@ -52,13 +55,22 @@ class PtyLine:
             os.close(fd)
 
     def _serve(self) -> None:
+        faulty = None if self.faults is None else self.faults.on(self._device)
         while True:
             ready, _, _ = select.select([self._master, self._awake], [], [])
             if self._awake in ready:
                 return
             data = os.read(self._master, MOST_BYTES)
             self._let_pass(data)
-            self._send(self._device.feed(data))
+            if faulty is None:
+                self._send(self._device.feed(data))
+            else:
+                self._send_with_faults(faulty, data)
+
+    def _send_with_faults(self, faulty: FaultyConversation, data: bytes) -> None:
+        for piece in faulty.answer(data).pieces:
+            time.sleep(piece.after_s)
+            self._send(piece.data)
 
     def _send(self, data: bytes) -> None:
         size = max(1, int(PACED_PIECE_S / self._byte_s)) if self._byte_s else MOST_BYTES

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable
 from typing import Self
 
+from instruments.simulated.faults.link_faults import LinkFaults
 from instruments.simulated.tcp_server import Conversation, TcpServer
 
 if sys.platform != "win32":
@@ -50,6 +51,15 @@ class SerialLine:
         if isinstance(self._line, TcpServer):
             return self._line.address.replace("tcp://", "socket://")
         return f"serial://{self._line.port}?baud={self._baud}"
+
+    @property
+    def faults(self) -> LinkFaults | None:
+        """What befalls the requests on the line; to be set before the start."""
+        return self._line.faults
+
+    @faults.setter
+    def faults(self, faults: LinkFaults | None) -> None:
+        self._line.faults = faults
 
     def start(self) -> None:
         """Open the line and serve it from a thread of its own."""

@@ -61,6 +61,7 @@ class StreamBuffer:
         self._rest: Samples = np.empty(0, np.uint16)  # what fills no packet yet
         self._transaction = 0
         self._kept_until: int | None = None  # while it recovers: the first scan that is skipped
+        self._to_skip = 0  # an overrun that was asked for: it ends when so many are due
         overlaps = settings.rate_hz * settings.scan_length > MOST_SAMPLES_A_SECOND
         self._announcement = (SCAN_OVERLAP, 0) if overlaps else None  # status and additional of the next packet
 
@@ -75,14 +76,30 @@ class StreamBuffer:
     @property
     def next_packet_s(self) -> float:
         """When the next packet will be full."""
-        missing = self._settings.samples_per_packet - len(self._rest)
-        last = self._taken + math.ceil(missing / self._settings.scan_length) - 1
+        return self.full_s(0)
+
+    def full_s(self, ahead: int) -> float:
+        """When the packet will be full before which there are `ahead` others."""
+        last = self._taken + self._to_skip + self._scans_for(ahead + 1) - 1
         return self.instant_s(last) + 2.0 * ROUNDING / self._settings.rate_hz
+
+    def begins_s(self, ahead: int) -> float:
+        """The instant of the first scan yet to be taken for the packet before which there are `ahead` others."""
+        return self.instant_s(self._taken + self._scans_for(ahead))
 
     @property
     def next_scan_s(self) -> float:
         """When the next scan is taken, or should have been."""
         return self.instant_s(self._taken)
+
+    @property
+    def next_packet(self) -> int:
+        """The number of the next packet, from 0."""
+        return self._transaction
+
+    def overrun(self, scans: int) -> None:
+        """Behave as with a full buffer: the next `scans` scans are skipped, which is said and marked as ever."""
+        self._kept_until, self._to_skip = self._taken, scans
 
     def fill(self, now_s: float, in_transit: int) -> None:
         """Account for the scans due while the wire took nothing; those up to `in_transit` were on their way before."""
@@ -90,27 +107,37 @@ class StreamBuffer:
         if self._kept_until is None and self.due(now_s) - in_transit > room:
             self._kept_until = in_transit + room
 
-    def packets(self, now_s: float) -> bytes:
-        """The packets that a batch of due scans fills; b"" where none is full yet."""
+    def packets(self, now_s: float, *, most: int | None = None) -> bytes:
+        """The packets that a batch of due scans fills, `most` of them at most; b"" where none is full yet."""
         due = self.due(now_s)
         if self._kept_until is not None and self._taken >= self._kept_until:
-            self._end_recovery(due)
-        scans = min((due if self._kept_until is None else self._kept_until) - self._taken, LARGEST_BATCH)
+            if due - self._taken < self._to_skip:
+                return b""
+            self._end_recovery(self._taken + self._to_skip if self._to_skip else due)
+        batch = LARGEST_BATCH if most is None else min(self._scans_for(most), LARGEST_BATCH)
+        scans = min((due if self._kept_until is None else self._kept_until) - self._taken, batch)
         if scans > 0:
-            batch = self._settings.sample(self.next_scan_s, 1.0 / self._settings.rate_hz, scans)
-            self._rest = np.concatenate((self._rest, batch.reshape(-1)))
+            samples = self._settings.sample(self.next_scan_s, 1.0 / self._settings.rate_hz, scans)
+            self._rest = np.concatenate((self._rest, samples.reshape(-1)))
             self._taken += scans
         return self._full_packets(due)
 
     def finish(self, now_s: float) -> None:
         """Take the scans that are due and fit: how many are sampled must not depend on how far the sender had come."""
+        if self._to_skip:
+            self._kept_until, self._to_skip = None, 0
         self.fill(now_s, in_transit=self._taken)
         while not self.over and self._taken < self.due(now_s):
             self.packets(now_s)
 
+    def _scans_for(self, packets: int) -> int:
+        """How many scans are yet to be taken until so many packets are full."""
+        missing = packets * self._settings.samples_per_packet - len(self._rest)
+        return max(0, math.ceil(missing / self._settings.scan_length))
+
     def _end_recovery(self, due: int) -> None:
         skipped = max(1, due - self._taken)  # the dummy scan stands for the first of them
-        self._kept_until = None
+        self._kept_until, self._to_skip = None, 0
         self._taken += skipped
         self._rest = np.concatenate((self._rest, np.full(self._settings.scan_length, DUMMY, np.uint16)))
         self._announcement = (AUTO_RECOVER_END, skipped) if skipped <= 0xFFFF else (SKIP_OVERFLOW, 0)

@@ -6,12 +6,24 @@ import contextlib
 import select
 import socket
 import threading
+import time
 
+from instruments.simulated.faults.stream_faults import JUNK, StreamFaults
+from instruments.simulated.faults.stream_kinds import (
+    Overrun,
+    StreamCut,
+    StreamEnds,
+    StreamFault,
+    StreamGap,
+    StreamJunk,
+    StreamStalls,
+)
 from instruments.simulated.listening import address_of, listen
 from instruments.simulated.machines import AnalogInputs
 from instruments.simulated.t7_stream_buffer import StreamBuffer
 
 SEND_BUFFER_BYTES = 1 << 16  # small, as in the instrument: a client that does not read is noticed
+MOST_AHEAD = 256  # packets that are asked about, and sampled, at once
 PATIENCE_S = 0.02  # wall time between two looks at what else might have changed
 
 
@@ -20,10 +32,11 @@ class T7StreamServer:
 
     While no stream runs it only waits, so that bench time may jump at no cost. What falls due in one jump counts as on
     its way to the client; only what falls due while the wire takes nothing fills the instrument's buffer. A new client
-    gets whole packets.
+    gets whole packets. `faults` befall the packets of streams that begin from now on.
     """
 
     def __init__(self, inputs: AnalogInputs, *, host: str, port: int) -> None:
+        self.faults: StreamFaults | None = None
         self._inputs = inputs
         self._where = (host, port)
         self._listener: socket.socket | None = None
@@ -88,7 +101,10 @@ class T7StreamServer:
                 stream = self._stream
             if stream is None:
                 return
-            self._run(stream, listener)
+            if self.faults is None:
+                self._run(stream, listener)
+            else:
+                self._run_with_faults(stream, listener, self.faults)
 
     def _run(self, stream: StreamBuffer, listener: socket.socket) -> None:
         while self._stream is stream:
@@ -101,11 +117,63 @@ class T7StreamServer:
             elif stream.next_packet_s > self._inputs.now():
                 self._inputs.wait_until(stream.next_packet_s, PATIENCE_S)
 
-    def _packets(self, stream: StreamBuffer, now_s: float) -> bytes:
+    def _run_with_faults(self, stream: StreamBuffer, listener: socket.socket, faults: StreamFaults) -> None:
+        """As `_run`; a packet that a fault befalls goes by itself, behind the sound ones before it."""
+        sound, fault, lost = 0, None, 0
+        while self._stream is stream:
+            now_s = self._inputs.now()
+            while fault is None and sound < MOST_AHEAD and stream.full_s(sound) <= now_s:
+                fault = faults.due(stream.next_packet + sound, stream.begins_s(sound))
+                sound += fault is None
+            if sound or isinstance(fault, Overrun):
+                if not sound and isinstance(fault, Overrun):
+                    stream.overrun(fault.scans)
+                    sound, fault = 1, None
+                packets = self._packets(stream, now_s, most=sound)
+                made = len(packets) // stream.packet_bytes
+                kept = packets[min(lost, made) * stream.packet_bytes :]
+                sound, lost = sound - made, max(0, lost - made)
+                if kept:
+                    self._send(stream, kept, stream.due(now_s), listener)
+            elif fault is not None:
+                packet = self._packets(stream, now_s, most=1)
+                if isinstance(fault, StreamGap):
+                    lost = fault.packets - 1
+                else:
+                    self._send_with_fault(fault, stream, packet, listener)
+                fault = None
+            if stream.over:
+                self._end_if(stream)
+            elif stream.next_packet_s > self._inputs.now():
+                self._inputs.wait_until(stream.next_packet_s, PATIENCE_S)
+
+    def _send_with_fault(
+        self, fault: StreamFault, stream: StreamBuffer, packet: bytes, listener: socket.socket
+    ) -> None:
+        in_transit = stream.due(self._inputs.now())
+        if isinstance(fault, StreamEnds):
+            self._end_if(stream)
+        elif isinstance(fault, StreamCut):
+            self._accept(listener)
+            self._send_some(memoryview(packet)[: len(packet) // 2])
+            self._drop_client()
+        else:
+            if isinstance(fault, StreamStalls):
+                self._stall(fault.for_s, stream, in_transit)
+            junk = JUNK if isinstance(fault, StreamJunk) else b""
+            self._send(stream, junk + packet, in_transit, listener)
+
+    def _stall(self, for_s: float, stream: StreamBuffer, in_transit: int) -> None:
+        until_s = time.monotonic() + for_s
+        while self._stream is stream and time.monotonic() < until_s:
+            stream.fill(self._inputs.now(), in_transit)
+            time.sleep(PATIENCE_S)
+
+    def _packets(self, stream: StreamBuffer, now_s: float, *, most: int | None = None) -> bytes:
         with self._changed:
             if self._stream is not stream:
                 return b""
-            packets = stream.packets(now_s)
+            packets = stream.packets(now_s, most=most)
             self._inputs.hold_history(stream.next_scan_s)
             return packets
 

@@ -45,6 +45,12 @@ class T7Terminals:
     range_v: list[float] = field(default_factory=lambda: [RANGES_V[0]] * ANALOG_INPUTS)
     lines: list[DigitalLine] = field(default_factory=lambda: [DigitalLine() for _ in range(DIGITAL_LINES)])
 
+    def restart(self) -> None:
+        """Every setting as after power-on."""
+        self.range_v[:] = [RANGES_V[0]] * ANALOG_INPUTS
+        for line in self.lines:
+            line.index = line.enabled = line.options = 0
+
     def single_volts(self, channel: int) -> float:
         """An unhurried reading of an analog input."""
         _, *wired = self._now()

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 from typing import Protocol, Self
 
+from instruments.simulated.faults.link_faults import FaultyConversation, LinkFaults
 from instruments.simulated.listening import address_of, listen
 
 _SLICE_S = 0.005  # a paced reply leaves in slices of this much line time
@@ -34,6 +35,11 @@ class TcpServer:
         Where to listen; port 0 takes a free one, `address` then says which.
     pace_baud
         Replies leave no faster than a serial line of that many bits a second lets them (10 bits a byte, wall time).
+
+    Attributes
+    ----------
+    faults
+        What befalls the requests on connections that are made from now on; None: nothing.
     """
 
     def __init__(
@@ -44,6 +50,7 @@ class TcpServer:
         port: int = 0,
         pace_baud: int | None = None,
     ) -> None:
+        self.faults: LinkFaults | None = None
         self._converse = converse
         self._where = (host, port)
         self._pace_baud = pace_baud
@@ -51,6 +58,8 @@ class TcpServer:
         self._acceptor: threading.Thread | None = None
         self._wake: socket.socket | None = None
         self._stopping = threading.Event()
+        self._away_until_s = 0.0  # by the wall: until then it does not listen
+        self._gone = threading.Event()
         self._lock = threading.Lock()
         self._connections: dict[socket.socket, threading.Thread] = {}
 
@@ -76,7 +85,8 @@ class TcpServer:
         """Close everything and join every thread; safe to call twice. `start` serves at the same port again."""
         self._stopping.set()
         if self._acceptor is not None and self._wake is not None:
-            self._wake.send(b"!")
+            with contextlib.suppress(OSError):  # it was away, and has ended by itself
+                self._wake.send(b"!")
             self._acceptor.join()
             self._wake.close()
         self._listener = self._acceptor = self._wake = None
@@ -100,14 +110,25 @@ class TcpServer:
         self.stop()
 
     def _accept(self, listener: socket.socket, awake: socket.socket) -> None:
-        with listener, awake:
+        with awake:
             while True:
-                ready, _, _ = select.select([listener, awake], [], [])
-                if awake in ready:
+                with listener:
+                    self._accept_until_woken(listener, awake)
+                self._gone.set()
+                if self._stopping.wait(max(0.0, self._away_until_s - time.monotonic())):
                     return
-                with contextlib.suppress(OSError):  # a client that gave up before it was accepted
-                    connection, _ = listener.accept()
-                    self._begin(connection)
+                self._gone.clear()
+                listener, _ = listen(self._where)
+
+    def _accept_until_woken(self, listener: socket.socket, awake: socket.socket) -> None:
+        while True:
+            ready, _, _ = select.select([listener, awake], [], [])
+            if awake in ready:
+                awake.recv(1)
+                return
+            with contextlib.suppress(OSError):  # a client that gave up before it was accepted
+                connection, _ = listener.accept()
+                self._begin(connection)
 
     def _begin(self, connection: socket.socket) -> None:
         connection.setblocking(True)
@@ -119,7 +140,10 @@ class TcpServer:
 
     def _serve(self, connection: socket.socket) -> None:
         try:
-            self._talk(connection, self._converse())
+            if self.faults is None:
+                self._talk(connection, self._converse())
+            else:
+                self._talk_with_faults(connection, self.faults.on(self._converse()))
         except ConnectionError:
             pass  # the client went away, or the connection was cut: either way it is over
         finally:
@@ -129,11 +153,35 @@ class TcpServer:
 
     def _talk(self, connection: socket.socket, conversation: Conversation) -> None:
         while data := connection.recv(65536):
-            reply = conversation.feed(data)
-            if self._pace_baud is None:
-                connection.sendall(reply)
-            else:
-                self._send_paced(connection, reply, self._pace_baud)
+            self._send(connection, conversation.feed(data))
+
+    def _talk_with_faults(self, connection: socket.socket, conversation: FaultyConversation) -> None:
+        while data := connection.recv(65536):
+            answer = conversation.answer(data)
+            for piece in answer.pieces:
+                if piece.after_s and self._stopping.wait(piece.after_s):
+                    return
+                self._send(connection, piece.data)
+            if answer.gone:
+                self._go_away(answer.deaf_s)
+            if answer.cut or answer.gone:
+                return
+
+    def _go_away(self, for_s: float) -> None:
+        """Stop listening for a while, and end every connection; the caller ends its own."""
+        if self._stopping.is_set() or self._wake is None:
+            return
+        self._away_until_s = time.monotonic() + for_s
+        with contextlib.suppress(OSError):  # it is being stopped at this moment
+            self._wake.send(b"!")
+        self._gone.wait(for_s)
+        self.cut_connections()
+
+    def _send(self, connection: socket.socket, reply: bytes) -> None:
+        if self._pace_baud is None:
+            connection.sendall(reply)
+        else:
+            self._send_paced(connection, reply, self._pace_baud)
 
     def _send_paced(self, connection: socket.socket, reply: bytes, baud: int) -> None:
         """The last byte of a slice arrives when a line would have carried it."""

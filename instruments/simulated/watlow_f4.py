@@ -12,6 +12,8 @@ from instruments.simulated.modbus_server import ModbusRtuServer
 from instruments.simulated.registers import Register, RegisterTable, signed_word, word
 
 HIGH, LOW = 1, 2
+SENSOR_C = (-200.0, 800.0)  # a Pt100
+UNDER_RANGE, OVER_RANGE = 2, 3
 EVENTS = 8
 CELSIUS = 1
 
@@ -51,7 +53,8 @@ class SimulatedWatlowF4(ModbusRtuServer):
     over_tcp
         Serial over TCP instead of a pseudo-terminal.
 
-    `input_error` (register 101) and `mode` (register 200) may be set by hand.
+    `input_error` (register 101) and `mode` (register 200) may be set by hand. An air temperature beyond what its sensor
+    measures is an input error too.
     """
 
     def __init__(
@@ -80,7 +83,7 @@ class SimulatedWatlowF4(ModbusRtuServer):
         chamber, limits, (alarm_1, alarm_2) = self._chamber, self._limits_c, self._alarms
         return [
             self._scaled(100, chamber.air_c),
-            word(101, lambda: self.input_error),
+            word(101, lambda: self.input_error or _input_error(chamber.air_c())),
             word(102, lambda: alarm_1.look(chamber.air_c())),
             signed_word(103, lambda: round(100 * max(0.0, chamber.power_percent()))),
             word(106, lambda: alarm_2.look(chamber.air_c())),
@@ -136,6 +139,11 @@ class SimulatedWatlowF4(ModbusRtuServer):
             return int(self._chamber.running()) if number == self._on_event else self._events[number - 1]
 
         return word(2000 + 10 * (number - 1), get, put)
+
+
+def _input_error(air_c: float) -> int:
+    low_c, high_c = SENSOR_C
+    return UNDER_RANGE if air_c < low_c else OVER_RANGE if air_c > high_c else 0
 
 
 Twin = SimulatedWatlowF4

@@ -8,9 +8,13 @@ import time
 from collections.abc import Callable, Iterator
 
 import pytest
+import serial
 
 from instruments.errors import InstrumentError, LinkError, UsageError
+from instruments.links.address import parse_address
 from instruments.links.modbus import ModbusLink, Retry
+from instruments.simulated.faults.bench import BenchFaults
+from instruments.simulated.faults.link_kinds import Late
 from instruments.simulated.modbus_server import ModbusRtuServer, ModbusTcpServer
 from instruments.simulated.serial_line import SerialLine
 from instruments.simulated.tcp_server import TcpServer
@@ -208,12 +212,10 @@ def test_a_port_that_does_not_exist_or_is_taken_is_named(memory: Memory) -> None
     with pytest.raises(LinkError, match="/dev/no-such-port"):
         link_to("serial:///dev/no-such-port?baud=9600").open()
     with ModbusRtuServer(memory, unit_id=1) as server:
-        link = link_to(server.address)
-        link.open()
         if server.address.startswith("serial:"):  # a port has one user; a simulated line over TCP takes several
-            with pytest.raises(LinkError, match="exclusively lock"):
+            device = parse_address(server.address).pyserial_url
+            with serial.Serial(device, exclusive=True), pytest.raises(LinkError, match="exclusively lock"):
                 link_to(server.address).open()
-        link.close()
 
 
 def test_a_write_that_must_not_happen_twice_is_not_repeated() -> None:
@@ -281,3 +283,16 @@ def test_the_library_below_logs_nothing_of_its_own(caplog: pytest.LogCaptureFixt
             link.read(5)
         link.close()
     assert caplog.records == []
+
+
+@pytest.mark.parametrize("over_tcp", [False, True])
+def test_a_late_answer_shifts_no_answer_to_the_next_question(memory: Memory, over_tcp: bool) -> None:
+    late = Late(on="chamber", nth=1, behind_s=0.05)
+    server = ModbusRtuServer(memory, unit_id=1, over_tcp=over_tcp)
+    BenchFaults([late], lambda: 0.0).befall("chamber", server)
+    with server:
+        link = ModbusLink(server.address, timeout_s=0.2, retry=QUICK)
+        link.open()
+        found = [link.read(register) for register in (5, 7, 9)]
+        link.close()
+    assert found == [[5], [7], [9]]

@@ -164,10 +164,32 @@ def test_bytes_that_are_no_packet_are_a_link_error_that_shows_them(data: bytes) 
         StreamReader(4).feed(data)
 
 
-def test_good_packets_before_bytes_that_are_none_are_not_taken_for_bad_ones() -> None:
+def test_good_packets_before_bytes_that_are_none_are_not_lost_with_them() -> None:
     reader = StreamReader(4)
+    assert len(reader.feed(LITERAL + bytes.fromhex("deadbeef") * 6)) == 1
     with pytest.raises(LinkError, match="de ad be ef"):
-        reader.feed(LITERAL + bytes.fromhex("deadbeef") * 6)
+        reader.feed(b"")
+
+
+@pytest.mark.parametrize("junk", [b"\xff" * 16, b"\x00", bytes.fromhex("01 4c 10"), b"\x00" * 5])
+def test_bytes_between_two_packets_are_left_out(junk: bytes) -> None:
+    data = packed(ramp(30), 20)
+    size = len(data) // 6
+    reader = StreamReader(4)
+    runs = reader.feed(data[: 2 * size] + junk + data[2 * size :])
+    assert indices(runs) == list(range(30))
+    assert (reader.junk_bytes, reader.lost_packets) == (len(junk), 0)
+
+
+def test_a_new_connection_begins_with_a_whole_packet_and_what_never_came_is_a_gap() -> None:
+    data = packed(ramp(60), 20)
+    size = len(data) // 12
+    reader = StreamReader(4)
+    before = reader.feed(data[: 3 * size + 10])
+    reader.resume()
+    after = reader.feed(data[5 * size :])
+    assert [(run.first_index, len(run.samples)) for run in (*before, *after)] == [(0, 15), (25, 35)]
+    assert reader.lost_packets == 2
 
 
 def test_a_minute_at_a_hundred_thousand_samples_a_second_costs_a_twentieth_of_a_processor_at_most() -> None:

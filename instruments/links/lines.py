@@ -1,0 +1,164 @@
+"""One line there, one line back, over any link that carries bytes. What the lines mean is the driver's business.
+
+The policy for what fails: a query that is not answered is asked once more, on a new connection, because asking changes
+nothing. A command is not sent twice unless the caller says that it may be. After any failure the connection is given
+up and the line left quiet for `QUIET_S`, so that a late answer is never taken for that to the next question.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from instruments.errors import InstrumentError, LinkError
+from instruments.interfaces import Clock
+from instruments.links.byte_link import ByteLink
+from instruments.links.recovered import note_recovered
+from instruments.links.tcp import LinkCutError
+from instruments.protocols.lines import LineCutter, encode_line
+
+QUIET_S = 0.1  # wall time
+ADVICE = "check power, cable, speed and address, and that nobody else holds the link"
+
+
+class NoAnswerError(LinkError):
+    """The connection stands, but no whole answer came in time."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Manners:
+    """How an instrument talks.
+
+    `sent_end` is put behind what is sent, `answer_end` ends an answer. `timeout_s` of wall time is granted to a
+    connection and to a whole answer; between two exchanges the line stays quiet for `pause_s` of bench time. Where
+    `commands_answered` is not true, only queries get an answer.
+    """
+
+    sent_end: bytes = b"\r\n"
+    answer_end: bytes = b"\n"
+    timeout_s: float = 1.0
+    pause_s: float = 0.0
+    commands_answered: bool = True
+
+
+class LineDialogue:
+    """A dialogue with one instrument; every exchange is safe from several threads.
+
+    Parameters
+    ----------
+    name
+        How error messages call the instrument.
+    link
+        The link; the dialogue opens and closes it.
+    manners
+        How the instrument talks.
+    clock
+        Where pauses take place.
+    """
+
+    def __init__(self, name: str, link: ByteLink, *, manners: Manners, clock: Clock) -> None:
+        self.who = f"{name} at {link.address}"
+        self._link = link
+        self._manners = manners
+        self._clock = clock
+        self._paused_until_s = 0.0  # by that clock
+        self._quiet_until_s = 0.0  # wall time, after a failure
+        self._lock = threading.Lock()
+
+    def open(self) -> None:
+        """Connect; whether the instrument answers shows with the first question."""
+        with self._lock:
+            try:
+                self._link.open(self._manners.timeout_s)
+            except LinkError as err:
+                raise LinkError(f"{self.who}: {err}") from err
+
+    def close(self) -> None:
+        """Let go of the link once no exchange is under way; safe to call twice, and never raises."""
+        with self._lock:
+            self._link.close()
+
+    def ask(self, query: str, *, skip: Callable[[str], bool] | None = None) -> str:
+        """The line that answers a query; those that `skip` accepts come before it and are left out."""
+        return self._exchange(query, answered=True, attempts=2, skip=skip)
+
+    def tell(self, command: str, *, repeatable: bool = False) -> str:
+        """Send a command; the line that answers it, or "" where commands are not answered.
+
+        `repeatable` allows to send it once more where no answer came: it sets a value and does not change it by some
+        amount.
+        """
+        return self._exchange(
+            command, answered=self._manners.commands_answered, attempts=2 if repeatable else 1, skip=None
+        )
+
+    def last_heard(self) -> str:
+        """What last went over the wire, for an error message."""
+        return f"last on the wire: {self._link.wire_log.tail(3)}"
+
+    def _exchange(self, text: str, *, answered: bool, attempts: int, skip: Callable[[str], bool] | None) -> str:
+        data = encode_line(text, self._manners.sent_end)
+        failure = ""
+        with self._lock:
+            for _ in range(attempts - 1):
+                try:
+                    return self._once(text, data, answered=answered, skip=skip)
+                except (LinkCutError, NoAnswerError) as err:
+                    failure = str(err)
+                    self._link.wire_log.note("asking again")
+            answer = self._once(text, data, answered=answered, skip=skip)
+            if failure:
+                note_recovered(failure)
+                self._give_up("asked twice: a second answer may follow")
+            return answer
+
+    def _once(self, text: str, data: bytes, *, answered: bool, skip: Callable[[str], bool] | None) -> str:
+        self._wait()
+        try:
+            self._link.send(data)
+            return self._receive(skip) if answered else ""
+        except LinkCutError as err:
+            self._give_up("given up: cut")
+            raise LinkCutError(f"{self.who}: sent {text!r}, and the link broke: {err}; {self.last_heard()}") from err
+        except NoAnswerError as err:
+            self._give_up("given up: no answer in time")
+            raise NoAnswerError(
+                f"{self.who}: sent {text!r}, no answer within {self._manners.timeout_s:g} s; {ADVICE};"
+                f" {self.last_heard()}"
+            ) from err
+        except LinkError as err:
+            raise LinkError(f"{self.who}: could not send {text!r}: {err}") from err
+        except InstrumentError as err:
+            self._give_up("given up: not a line")
+            raise InstrumentError(
+                f"{self.who}: sent {text!r}, expected a line: {err}; check that it is the right instrument"
+            ) from err
+        finally:
+            self._paused_until_s = self._clock.now() + self._manners.pause_s
+
+    def _wait(self) -> None:
+        if (quiet_s := self._quiet_until_s - time.monotonic()) > 0:
+            time.sleep(quiet_s)
+        if self._manners.pause_s > 0 and (pause_s := self._paused_until_s - self._clock.now()) > 0:
+            self._clock.sleep(pause_s)
+
+    def _receive(self, skip: Callable[[str], bool] | None) -> str:
+        lines = LineCutter(self._manners.answer_end)
+        deadline_s = time.monotonic() + self._manners.timeout_s
+        while (left_s := deadline_s - time.monotonic()) > 0:
+            try:
+                data = self._link.receive(4096, left_s)
+            except LinkCutError:
+                raise
+            except LinkError as err:
+                raise NoAnswerError(str(err)) from err
+            answers = [line for line in lines.feed(data) if skip is None or not skip(line)]
+            if answers:
+                return answers[0]
+        raise NoAnswerError("the time was over before an answer was whole")
+
+    def _give_up(self, why: str) -> None:
+        self._link.cut(why)
+        self._quiet_until_s = time.monotonic() + QUIET_S

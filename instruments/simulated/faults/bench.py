@@ -1,0 +1,107 @@
+"""The faults of a whole simulated bench: tables in, machines with faults and links with faults out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from instruments.errors import UsageError
+from instruments.simulated.faults.chamber import FaultyChamber
+from instruments.simulated.faults.inputs import FaultyInputs
+from instruments.simulated.faults.link_faults import LinkFaults
+from instruments.simulated.faults.link_kinds import AnyLinkFault, LinkFault
+from instruments.simulated.faults.log import FaultLog, Fired
+from instruments.simulated.faults.machine_kinds import AnyMachineFault, ClockDrift, MachineFault
+from instruments.simulated.faults.stream_faults import StreamFaults
+from instruments.simulated.faults.stream_kinds import AnyStreamFault, StreamFault
+from instruments.simulated.faults.table import FaultyTable
+from instruments.simulated.faults.tables import FaultTable
+from instruments.simulated.faults.wires import Lines
+from instruments.simulated.machines import AnalogInputs, ChamberMachine, TableMachine
+
+AnyFault = Annotated[AnyLinkFault | AnyMachineFault | AnyStreamFault, Field(discriminator="kind")]
+"""A table of `[[faults]]`, as pydantic reads it."""
+
+
+class BenchFaults:
+    """The faults of one simulated bench; where there is none for a machine or a link, that is left as it is.
+
+    Parameters
+    ----------
+    faults
+        In the order in which those of one link are looked at.
+    now
+        Bench time.
+    """
+
+    def __init__(self, faults: Iterable[FaultTable], now: Callable[[], float]) -> None:
+        self._faults = tuple(faults)
+        self._now = now
+        self._log = FaultLog()
+
+    @property
+    def fired(self) -> tuple[Fired, ...]:
+        """The faults that have happened, oldest first."""
+        return self._log.fired
+
+    def table(self, table: TableMachine) -> TableMachine:
+        """The table with its faults."""
+        faults = self._of_machine("rate_table")
+        return FaultyTable(table, faults, now=self._now, log=self._log) if faults else table
+
+    def chamber(self, chamber: ChamberMachine) -> ChamberMachine:
+        """The chamber with its faults."""
+        faults = self._of_machine("chamber")
+        return FaultyChamber(chamber, faults, now=self._now, log=self._log) if faults else chamber
+
+    def inputs(self, inputs: AnalogInputs) -> AnalogInputs:
+        """The digitizer's terminals with their faults."""
+        faults = self._of_machine("digitizer")
+        drifts = [fault for fault in self._faults if isinstance(fault, ClockDrift)]
+        return FaultyInputs(inputs, [*faults, *drifts], log=self._log) if faults or drifts else inputs
+
+    def befall(self, name: str, twin: Any) -> None:
+        """Give a simulated instrument, not yet started, the faults of its links.
+
+        Raises
+        ------
+        UsageError
+            Where it has no link of that kind, or its protocol nothing that could be wrong in that way.
+        """
+        links = [fault for fault in self._faults if fault.on == name and isinstance(fault, LinkFault)]
+        if links:
+            _refuse_without(twin, "faults", name, links)
+            twin.faults = LinkFaults(
+                name,
+                links,
+                wire=getattr(twin, "wire", Lines()),
+                now=self._now,
+                happen=lambda what: _happen(twin, what),
+                log=self._log,
+            )
+        stream = f"{name}_stream"
+        packets = [fault for fault in self._faults if fault.on == stream and isinstance(fault, StreamFault)]
+        if packets:
+            _refuse_without(twin, "stream_faults", stream, packets)
+            twin.stream_faults = StreamFaults(stream, packets, self._log)
+
+    def _of_machine(self, name: str) -> list[MachineFault]:
+        return [fault for fault in self._faults if fault.on == name and isinstance(fault, MachineFault)]
+
+
+def _refuse_without(twin: Any, attribute: str, name: str, faults: Iterable[FaultTable]) -> None:
+    for fault in faults:
+        happens = {"interlock_opened": "open_interlock", "following_error": "trip"}.get(fault.kind, attribute)
+        if not (hasattr(twin, attribute) and hasattr(twin, happens)):
+            raise UsageError(
+                f"faults: {fault.kind} cannot happen to the {name} that was chosen: its simulated twin does not play it"
+            )
+
+
+def _happen(twin: Any, what: str) -> None:
+    """Do it to the instrument; one that forgets nothing when it restarts has nothing to be done."""
+    act = getattr(twin, what, None)
+    if act is not None:
+        act()

@@ -1,0 +1,214 @@
+"""The faults of a link: each makes of one request, and its true answer, what comes of it instead."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import ClassVar, Literal
+
+from pydantic import Field, field_validator
+
+from instruments.simulated.faults.exchange import Answer, Exchange, Piece, at_once
+from instruments.simulated.faults.tables import FaultTable, Place, Positive
+
+
+class LinkFault(FaultTable):
+    """A fault that befalls a request; `needs` names what the wire's protocol must have for it."""
+
+    needs: ClassVar[str] = ""
+
+    @abstractmethod
+    def act(self, exchange: Exchange) -> Answer:
+        """What comes of the request."""
+
+
+class Silence(LinkFault):
+    """The request is carried out, its answer never comes."""
+
+    kind: Literal["silence"] = "silence"
+
+    def act(self, exchange: Exchange) -> Answer:
+        """Nothing leaves."""
+        exchange.carry_out()
+        return Answer()
+
+
+class LostRequest(LinkFault):
+    """The request never arrives."""
+
+    kind: Literal["lost_request"] = "lost_request"
+
+    def act(self, exchange: Exchange) -> Answer:
+        """Nothing is done, nothing leaves."""
+        return Answer()
+
+
+class Late(LinkFault):
+    """The answer comes when the client has asked again, `behind_s` of wall time before the answer to that."""
+
+    kind: Literal["late"] = "late"
+    behind_s: Positive = 0.03
+
+    def act(self, exchange: Exchange) -> Answer:
+        """The answer is held back."""
+        return Answer(held=exchange.carry_out(), behind_s=self.behind_s)
+
+
+class Slow(LinkFault):
+    """The answer comes `delay_s` of wall time later, and with it all that was asked meanwhile."""
+
+    kind: Literal["slow"] = "slow"
+    delay_s: Positive = 0.3
+
+    def act(self, exchange: Exchange) -> Answer:
+        """The answer, after a while."""
+        return Answer(pieces=(Piece(data=exchange.carry_out(), after_s=self.delay_s),))
+
+
+class OtherUnit(LinkFault):
+    """Another unit answers in its place."""
+
+    kind: Literal["other_unit"] = "other_unit"
+    needs = "other_unit"
+
+    def act(self, exchange: Exchange) -> Answer:
+        """The answer under another unit's number."""
+        answer, other = exchange.carry_out(), exchange.wire.other_unit
+        return at_once(other(answer) if answer and other else answer)
+
+
+class BadChecksum(LinkFault):
+    """The answer's checksum is wrong."""
+
+    kind: Literal["bad_checksum"] = "bad_checksum"
+    needs = "bad_checksum"
+
+    def act(self, exchange: Exchange) -> Answer:
+        """The answer with another checksum."""
+        answer, spoil = exchange.carry_out(), exchange.wire.bad_checksum
+        return at_once(spoil(answer) if answer and spoil else answer)
+
+
+class HalfFloat(LinkFault):
+    """The answer to a read lacks its last register, and is sound otherwise: half of a float."""
+
+    kind: Literal["half_float"] = "half_float"
+    needs = "half_float"
+
+    def act(self, exchange: Exchange) -> Answer:
+        """The answer, a register short."""
+        answer, halve = exchange.carry_out(), exchange.wire.half_float
+        return at_once(halve(answer) if answer and halve else answer)
+
+
+class Refusal(LinkFault):
+    """The instrument refuses what it would do at another time; `code` is Modbus' exception code."""
+
+    kind: Literal["refusal"] = "refusal"
+    needs = "refusal"
+    code: int = Field(default=4, ge=1, le=255)
+
+    def act(self, exchange: Exchange) -> Answer:
+        """Nothing is done, and that is said."""
+        refuse = exchange.wire.refusal
+        return at_once(refuse(exchange.request, self.code) if refuse else b"")
+
+
+class Junk(LinkFault):
+    """Bytes that nobody sent stand before, in or after the answer; `junk` is them in hex."""
+
+    kind: Literal["junk_before", "junk_in", "junk_after"]
+    junk: str = "ff 00 5a"
+
+    @field_validator("junk")
+    @classmethod
+    def _is_hex(cls, value: str) -> str:
+        bytes.fromhex(value)
+        return value
+
+    def act(self, exchange: Exchange) -> Answer:
+        """The answer, and the junk in its place."""
+        answer = exchange.carry_out()
+        place = {"junk_before": 0, "junk_in": len(answer) // 2, "junk_after": len(answer)}[self.kind]
+        return at_once(answer[:place] + bytes.fromhex(self.junk) + answer[place:])
+
+
+class Split(LinkFault):
+    """The answer comes in two pieces, `gap_s` of wall time apart."""
+
+    kind: Literal["split"] = "split"
+    gap_s: Positive = 0.02
+
+    def act(self, exchange: Exchange) -> Answer:
+        """The two halves."""
+        answer = exchange.carry_out()
+        middle = len(answer) // 2
+        return Answer(pieces=(Piece(data=answer[:middle]), Piece(data=answer[middle:], after_s=self.gap_s)))
+
+
+class Cut(LinkFault):
+    """The answer breaks off in its middle; a TCP connection ends there."""
+
+    kind: Literal["cut"] = "cut"
+
+    def act(self, exchange: Exchange) -> Answer:
+        """Half of the answer, and no more."""
+        answer = exchange.carry_out()
+        return Answer(pieces=(Piece(data=answer[: len(answer) // 2]),), cut=True)
+
+
+class PulledCable(LinkFault):
+    """For `for_s` of wall time nothing gets through: not this request, and no other, on whatever connection."""
+
+    kind: Literal["pulled_cable"] = "pulled_cable"
+    for_s: Positive = 0.5
+
+    def act(self, exchange: Exchange) -> Answer:
+        """Nothing is done, nothing leaves."""
+        return Answer(deaf_s=self.for_s)
+
+
+class Restart(LinkFault):
+    """The instrument starts anew: for `for_s` of wall time it is not there, then it is, as it is after power-on.
+
+    Its connections end, and new ones are refused meanwhile; a serial line is silent. What an instrument forgets when it
+    restarts is its twin's business.
+    """
+
+    kind: Literal["restart"] = "restart"
+    for_s: Positive = 0.3
+
+    def act(self, exchange: Exchange) -> Answer:
+        """Nothing is done, nothing leaves, and what was in the instrument's memory is gone."""
+        exchange.happen("restart")
+        return Answer(deaf_s=self.for_s, gone=True)
+
+
+class TableTrips(LinkFault):
+    """Before the request is carried out the table is tripped: by hand at its interlock, or by its following error."""
+
+    places: ClassVar[tuple[Place, ...]] = ("rate_table",)
+
+    kind: Literal["interlock_opened", "following_error"]
+
+    def act(self, exchange: Exchange) -> Answer:
+        """The true answer of a table that has just tripped."""
+        exchange.happen({"interlock_opened": "open_interlock", "following_error": "trip"}[self.kind])
+        return at_once(exchange.carry_out())
+
+
+AnyLinkFault = (
+    Silence
+    | LostRequest
+    | Late
+    | Slow
+    | OtherUnit
+    | BadChecksum
+    | HalfFloat
+    | Refusal
+    | Junk
+    | Split
+    | Cut
+    | PulledCable
+    | Restart
+    | TableTrips
+)
