@@ -1,23 +1,38 @@
 import inspect
+from pathlib import Path
 
 import pytest
 
-from instruments.catalog import driver, models, twin
+from instruments.catalog import Kind, driver, models, twin
 from instruments.errors import UsageError
+from tests.instruments.chambers.lab_controllers import BRAND
+
+OURS: dict[Kind, tuple[str, ...]] = {
+    "rate_table": ("acutrol3000", "aerotech_ensemble", "newport_esp301"),
+    "chamber": (
+        "binder_mb2",
+        "csz_ezt430i",
+        "espec_p300",
+        "eurotherm_2400",
+        "eurotherm_3500",
+        "watlow_f4",
+        "watlow_f4t",
+    ),
+    "digitizer": ("labjack_t7",),
+    "gyro": ("kvh_dsp1760", "sensonor_stim300"),
+}
 
 
-def test_every_model_of_ours_has_a_driver_and_a_simulated_twin() -> None:
-    assert models("rate_table") == ("acutrol3000",)
-    assert models("chamber") == ("watlow_f4", "watlow_f4t")
-    assert models("digitizer") == ("labjack_t7",)
-    for kind in ("rate_table", "chamber", "digitizer"):
-        for model in models(kind):
-            assert isinstance(driver(kind, model), type)
-            assert isinstance(twin(kind, model), type)
+@pytest.mark.parametrize("kind", OURS)
+def test_every_model_of_ours_has_a_driver_and_a_simulated_twin(kind: Kind) -> None:
+    assert models(kind) == OURS[kind]
+    for model in models(kind):
+        assert isinstance(driver(kind, model), type)
+        assert isinstance(twin(kind, model), type)
 
 
 def test_every_driver_says_that_it_was_not_tried_on_hardware() -> None:
-    for kind in ("rate_table", "chamber", "digitizer"):
+    for kind in ("rate_table", "chamber", "digitizer", "gyro"):
         for model in models(kind):
             found = driver(kind, model)
             text = f"{inspect.getmodule(found).__doc__} {found.__doc__}"
@@ -29,10 +44,50 @@ def test_every_driver_says_that_it_was_not_tried_on_hardware() -> None:
     [
         ("watlow_f5", "did you mean watlow_f4"),
         ("quantities", "there is no 'quantities'"),
-        ("../etc", "there are watlow_f4, watlow_f4t"),
-        ("", "there are watlow_f4, watlow_f4t"),
+        ("../etc", "there are binder_mb2, csz_ezt430i, .*watlow_f4t"),
+        ("", "there are binder_mb2, csz_ezt430i, .*watlow_f4t"),
     ],
 )
 def test_a_model_that_is_none_is_named_with_those_there_are(model: str, says: str) -> None:
     with pytest.raises(UsageError, match=says):
         driver("chamber", model)
+
+
+def test_a_profile_that_is_not_there_is_told_with_those_beside_it(tmp_path: Path) -> None:
+    (tmp_path / "brand_x.toml").write_text(BRAND, encoding="utf-8")
+    for find in (driver, twin):
+        with pytest.raises(
+            UsageError, match=r"chamber.model: there is no profile '.*brand-x.toml': did you mean brand_x"
+        ):
+            find("chamber", f"{tmp_path}/brand-x.toml")
+        with pytest.raises(UsageError, match=r"there is no profile '.*zz.toml': that folder has brand_x.toml"):
+            find("chamber", f"{tmp_path}/zz.toml")
+        with pytest.raises(UsageError, match="a path is looked up from the present folder"):
+            find("chamber", f"{tmp_path}/nowhere/zz.toml")
+
+
+def test_a_path_is_looked_up_from_the_present_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "brand_x.toml").write_text(BRAND, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    assert callable(driver("chamber", "brand_x.toml"))
+    assert callable(twin("chamber", "brand_x.toml"))
+
+
+def test_a_profile_that_is_wrong_is_named_with_its_field(tmp_path: Path) -> None:
+    (tmp_path / "brand_x.toml").write_text(BRAND.replace("[air]", "[aire]"), encoding="utf-8")
+    for find in (driver, twin):
+        with pytest.raises(UsageError, match=r"chamber profile .*brand_x.toml, air: this field is needed"):
+            find("chamber", f"{tmp_path}/brand_x.toml")
+
+
+@pytest.mark.parametrize("name", ["long" * 100 + ".toml", "nul\0.toml", ".toml"])
+def test_a_name_that_no_profile_can_have_is_told(name: str) -> None:
+    with pytest.raises(UsageError):
+        driver("chamber", name)
+
+
+def test_only_chambers_have_profiles(tmp_path: Path) -> None:
+    with pytest.raises(
+        UsageError, match=r"rate_table\.model: .* is a profile, and only chambers have such; there are acu"
+    ):
+        driver("rate_table", f"{tmp_path}/brand_x.toml")

@@ -1,0 +1,23 @@
+"""A chamber with a CSZ EZT-430i controller over Modbus RTU, as `profiles/csz_ezt430i.toml` says.
+
+Not tried on hardware. Registers: EZT-430i Communications Manual, revision C, pages 4.8 to 5.7. Codes of register 39,
+bit of register 12 and the pause of 0.5 s: O. Hartbrich, csz_ezt430i. Where a chamber has another bit or decimal point:
+`changes = {"switch": {"bit": 1}, "decimals": 2}`. Whether it is set to degrees Celsius, no register tells.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from instruments.chambers.profile_file import shipped_profile
+from instruments.chambers.profiled import ProfiledChamber
+
+
+class CszEzt430i(ProfiledChamber):
+    """A chamber behind a CSZ EZT-430i. Not tried on hardware; parameters as for `ProfiledChamber`."""
+
+    def __init__(self, address: str, **options: Any) -> None:
+        super().__init__(address, profile=shipped_profile("csz_ezt430i"), **options)
+
+
+Driver = CszEzt430i

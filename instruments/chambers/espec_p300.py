@@ -1,0 +1,258 @@
+"""A chamber with an ESPEC P-300 or SCP-220 controller: lines of ASCII over RS-232, RS-485 or a serial-to-Ethernet box.
+
+Not tried on hardware. Commands, answers and refusals: EspecNorthAmerica/ChamberConnectLibrary (p300.py) and
+akaeba/ATWG, see `instruments.protocols.p300`. Numbers have one decimal.
+
+Only temperature is touched: a chamber with humidity control keeps it as its panel set it. The set point has an effect
+in mode CONSTANT only; it is accepted in STANDBY, and waits there. The low and high alarms are the limits of the set
+point at the same time: `set_limits` sets them, and air beyond them is an alarm.
+
+What it does about faults: what is not answered in time, or cannot be read, is said once more on a new connection, as
+`instruments.links.lines` says, since a command states a value and not a change. CHB NOT READY is waited out, any other
+NA and a set point that is not kept is an `InstrumentError`, alarms come with every reading. Air that is stuck or stalls
+short is not seen in a reading; a soak that does not end shows it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import Self, TypeVar
+
+from instruments.errors import BenchError, InstrumentError, UsageError
+from instruments.interfaces import ChamberReading, Clock, Identity
+from instruments.links.byte_link import byte_link
+from instruments.links.lines import LineDialogue, Manners
+from instruments.links.recovered import note_recovered
+from instruments.links.tcp import Reconnect
+from instruments.links.wirelog import WireLog
+from instruments.protocols import p300
+from instruments.protocols.p300 import Temperatures, UnreadableError
+
+BAUD = 9600
+CONFIRM_S, LOOK_AGAIN_S = 2.0, 0.1
+ASK_READY_S = 0.5
+WORDS = {"setpoint_c": "set point", "high_c": "high alarm", "low_c": "low alarm"}
+
+Answer = TypeVar("Answer")
+
+
+class EspecP300:
+    """A chamber behind an ESPEC P-300 or SCP-220. Not tried on hardware. Safe to call from several threads.
+
+    Power is the heater's alone: these controllers do not say how much the refrigerator takes away.
+
+    Parameters
+    ----------
+    address
+        `serial://DEVICE?baud=9600` (or as set on the controller), `tcp://HOST:10001` or `socket://HOST:PORT`.
+    clock
+        Where waiting takes place.
+    rs485_address
+        The chamber's number on RS-485, put before every request; None on RS-232 and through the box.
+    timeout_s
+        How long to wait for a connection and for an answer; wall time.
+    pause_s
+        Quiet time between two exchanges; one open driver leaves 0.3 s, the maker's library none.
+    ready_s
+        How long to go on asking where the chamber says that it, or its data, is not ready.
+    alarm_words
+        What the codes of alarms mean, `{"12": "…"}`, from the chamber's manual: they have no public list.
+    reconnect, wire_log
+        See `byte_link`.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        *,
+        clock: Clock,
+        rs485_address: int | None = None,
+        timeout_s: float = 3.0,
+        pause_s: float = 0.0,
+        ready_s: float = 5.0,
+        alarm_words: Mapping[str, str] | None = None,
+        reconnect: Reconnect | None = None,
+        wire_log: WireLog | None = None,
+    ) -> None:
+        if rs485_address is not None and rs485_address < 1:
+            raise UsageError(f"rs485_address = {rs485_address}: give the chamber's number, 1 or more")
+        self._lines = LineDialogue(
+            "ESPEC P300" if rs485_address is None else f"ESPEC P300, number {rs485_address},",
+            byte_link(address, default_baud=BAUD, reconnect=reconnect, wire_log=wire_log),
+            manners=Manners(timeout_s=timeout_s, pause_s=pause_s),
+            clock=clock,
+        )
+        self._who = self._lines.who
+        self._clock = clock
+        self._rs485_address = rs485_address
+        self._ready_s = ready_s
+        self._alarm_words = dict(alarm_words or {})
+
+    def open(self) -> None:
+        """Connect and make sure that the right controller answers."""
+        self._lines.open()
+        try:
+            self._ask(p300.TYPE_QUERY, p300.read_type)
+            now = self._temperatures()
+            if now.low_c >= now.high_c:
+                raise InstrumentError(
+                    f"{self._who}: its alarms read {now.low_c:g} and {now.high_c:g} °C, low not below high;"
+                    " check that it is the right model"
+                )
+        except BenchError:
+            self._lines.close()
+            raise
+
+    def close(self) -> None:
+        """Let go of the link; safe to call twice, and never raises."""
+        self._lines.close()
+
+    def identify(self) -> Identity:
+        """The controller's name and the version of its program."""
+        controller = self._ask(p300.TYPE_QUERY, p300.read_type).controller
+        return Identity(manufacturer="ESPEC", model=controller, firmware=self._ask(p300.ROM_QUERY, str))
+
+    def set_limits(self, low_c: float, high_c: float) -> None:
+        """Program the low and high alarms, which are the limits of the set point too.
+
+        They go there in one line together with the present set point, or with the nearest one within them: the
+        controller takes no set point beyond its alarms, and no alarms that leave the set point outside.
+        """
+        if not p300.tenths(low_c) < p300.tenths(high_c):
+            raise UsageError(
+                f"{self._who}: set point limits {low_c:g} to {high_c:g} °C: low must be below high, by 0.1 °C at least"
+            )
+        setpoint_c = min(max(self._setpoint_c(self._temperatures()), low_c), high_c)
+        self._put(setpoint_c=setpoint_c, high_c=high_c, low_c=low_c)
+
+    def start(self) -> None:
+        """Conditioning on: mode CONSTANT. A program that runs is not ended: `InstrumentError`."""
+        if p300.RUN in (mode := self._mode()):
+            raise InstrumentError(
+                f"{self._who}: it runs a program and would not keep our set point; end the program on its panel"
+            )
+        self._enter(p300.CONSTANT, mode)
+
+    def stop(self) -> None:
+        """Conditioning off: mode STANDBY, or OFF where its panel is switched off. The set point stays as it is."""
+        if (mode := self._mode()) != p300.OFF:
+            self._enter(p300.STANDBY, mode)
+
+    def go_to(self, setpoint_c: float) -> None:
+        """A new set point between the alarms, confirmed; the air follows within the chamber's ramp."""
+        now = self._temperatures()
+        if not (math.isfinite(setpoint_c) and now.low_c <= p300.tenths(setpoint_c) <= now.high_c):
+            raise UsageError(
+                f"{self._who}: set point {setpoint_c:g} °C lies outside"
+                f" the controller's limits {now.low_c:g} to {now.high_c:g} °C"
+            )
+        self._put(setpoint_c=setpoint_c)
+
+    def read(self) -> ChamberReading:
+        """Air, set point, heater, alarms now."""
+        now = self._temperatures()
+        return ChamberReading(
+            temperature_c=now.air_c,
+            setpoint_c=self._setpoint_c(now),
+            power_percent=self._ask(p300.HEATER_QUERY, p300.read_heaters).heater_percent,
+            alarms=tuple(map(self._alarm, self._ask(p300.ALARM_QUERY, p300.read_alarms))),
+        )
+
+    def __enter__(self) -> Self:
+        self.open()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()
+
+    # What is read and written -----------------------------------------------------------------------------------------
+
+    def _temperatures(self) -> Temperatures:
+        return self._ask(p300.TEMP_QUERY, p300.read_temperatures)
+
+    def _setpoint_c(self, temperatures: Temperatures) -> float:
+        if temperatures.setpoint_c is None:
+            raise InstrumentError(f"{self._who}: its set point is switched off; switch temperature control on")
+        return temperatures.setpoint_c
+
+    def _mode(self) -> str:
+        return self._ask(p300.MODE_QUERY, p300.read_mode)
+
+    def _alarm(self, code: int) -> str:
+        words = self._alarm_words.get(str(code), "see the chamber's manual")
+        return f"alarm {code} ({words})"
+
+    def _put(self, **wanted_c: float) -> None:
+        """Send temperatures and read them back."""
+        self._tell(p300.set_temperatures(**wanted_c))
+        wanted = _listed({name: p300.tenths(value_c) for name, value_c in wanted_c.items()})
+        self._confirm(wanted, lambda: _listed(_chosen(self._temperatures(), wanted_c)))
+
+    def _enter(self, mode: str, present: str) -> None:
+        if mode != present:
+            self._tell(p300.set_mode(mode))
+        self._confirm(mode, self._mode)
+
+    def _confirm(self, wanted: str, look: Callable[[], str]) -> None:
+        """Wait a little, in bench time, until a look shows what is wanted; else say what it shows instead."""
+        started_s = self._clock.now()
+        while (shown := look()) != wanted:
+            if self._clock.now() - started_s >= CONFIRM_S:
+                raise InstrumentError(
+                    f"{self._who}: it was told {wanted}, said OK, and still reads {shown} after {CONFIRM_S:g} s;"
+                    " check that no program or other computer sets it"
+                )
+            self._clock.sleep(LOOK_AGAIN_S)
+
+    # One exchange -----------------------------------------------------------------------------------------------------
+
+    def _ask(self, query: str, read: Callable[[str], Answer]) -> Answer:
+        return self._exchange(query, lambda text: self._lines.ask(text, skip=p300.is_accepted), read)
+
+    def _tell(self, command: str) -> None:
+        self._exchange(command, lambda text: self._lines.tell(text, repeatable=True), p300.read_accepted)
+
+    def _exchange(self, request: str, send: Callable[[str], str], read: Callable[[str], Answer]) -> Answer:
+        """What the answer says. One that cannot be read is asked for once more: lines have no checksum."""
+        try:
+            return read(self._until_ready(request, send))
+        except UnreadableError as err:
+            garbled = str(err)
+        try:
+            answer = read(self._until_ready(request, send))
+        except UnreadableError as err:
+            raise InstrumentError(
+                f"{self._who}: sent {request!r}, {err}; check the cable, and that it is an ESPEC P-300 or SCP-220"
+            ) from err
+        note_recovered(f"{self._who}: sent {request!r}, {garbled}")
+        return answer
+
+    def _until_ready(self, request: str, send: Callable[[str], str]) -> str:
+        """The answer, once it is something else than that the chamber is not ready."""
+        started_s = self._clock.now()
+        while True:
+            line = send(p300.addressed(request, self._rs485_address))
+            reason = p300.refusal(line)
+            if reason is None:
+                return line
+            waited_s = self._clock.now() - started_s
+            if reason not in p300.PASSING_REFUSALS or waited_s >= self._ready_s:
+                asked_for = f" for {waited_s:.1f} s" if waited_s > 0 else ""
+                raise InstrumentError(
+                    f"{self._who}: {request!r} was refused{asked_for} with {line!r}: {p300.refusal_words(reason)}"
+                )
+            self._clock.sleep(ASK_READY_S)
+
+
+def _chosen(temperatures: Temperatures, names: Iterable[str]) -> dict[str, float | None]:
+    return {name: getattr(temperatures, name) for name in names}
+
+
+def _listed(temperatures_c: Mapping[str, float | None]) -> str:
+    return ", ".join(
+        f"{WORDS[name]} {'off' if value_c is None else f'{value_c:g} °C'}" for name, value_c in temperatures_c.items()
+    )
+
+
+Driver = EspecP300

@@ -1,0 +1,108 @@
+"""From a TOML file to a chamber profile, or to one line that names the file and the field that is wrong."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from instruments.chambers.profile import Profile
+from instruments.chambers.profile_rules import contradiction
+from instruments.errors import UsageError
+
+LONGEST_SHOWN = 60
+
+
+def load_profile(path: str | Path) -> Profile:
+    """The profile in a file.
+
+    Raises
+    ------
+    UsageError
+        Where it cannot be read, is not TOML, or declares what cannot be; names the file and the first wrong field.
+    """
+    name = _one_line(f"chamber profile {path}")
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except OSError as err:
+        raise UsageError(f"{name}: cannot be read: {err.strerror or err}") from err
+    except ValueError as err:  # not UTF-8, or a name that no file can have
+        raise UsageError(f"{name}: cannot be read as UTF-8 text: {_one_line(str(err))}") from err
+    return parse_profile(text, name)
+
+
+@cache
+def shipped_profile(name: str) -> Profile:
+    """One of the profiles that come with the drivers."""
+    text = files("instruments.chambers.profiles").joinpath(f"{name}.toml").read_text(encoding="utf-8")
+    return parse_profile(text, f"chamber profile {name}.toml")
+
+
+def parse_profile(text: str, name: str) -> Profile:
+    """The profile that a TOML text declares; `name` is what errors call the text."""
+    try:
+        document = tomllib.loads(text)
+    except (ValueError, RecursionError) as err:  # also numbers of thousands of digits, and nesting as deep
+        raise UsageError(f"{name}: not TOML: {_one_line(str(err))}") from err
+    return profile_of(document, name)
+
+
+def changed(profile: Profile, changes: Mapping[str, Any], name: str) -> Profile:
+    """A profile with some of its fields given anew, table by table; lists are replaced as a whole."""
+    if not isinstance(changes, Mapping):
+        raise UsageError(f"{name}: expected a table with fields of the profile, got {_shown(changes)}")
+    document = profile.model_dump(exclude_unset=True)
+    if isinstance(changes.get("switch"), Mapping) and "by" in changes["switch"]:
+        document.pop("switch", None)  # another kind of switch has other fields
+    return profile_of(_merged(document, changes), name)
+
+
+def profile_of(document: Mapping[str, Any], name: str) -> Profile:
+    """The profile that a document declares; `name` is what errors call it."""
+    try:
+        profile = Profile.model_validate(document)
+    except ValidationError as err:
+        raise UsageError(f"{name}, {_first_fault(err)}") from err
+    if says := contradiction(profile):
+        raise UsageError(f"{name}, {says}")
+    return profile
+
+
+def _merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+    merged = dict(below)
+    for key, value in above.items():
+        under = merged.get(key)
+        merged[key] = _merged(under, value) if isinstance(under, Mapping) and isinstance(value, Mapping) else value
+    return merged
+
+
+def _first_fault(err: ValidationError) -> str:
+    first, *more = err.errors(include_url=False, include_context=False)
+    field = _one_line(".".join(str(part) for part in first["loc"]))
+    rest = f" (and {len(more)} more)" if more else ""
+    if first["type"] == "value_error":
+        says = first["msg"].removeprefix("Value error, ")
+    elif first["type"] == "missing":
+        says = "this field is needed and is not there"
+    elif first["type"] == "extra_forbidden":
+        says = "there is no such field"
+    else:
+        says = f"{first['msg'][:1].lower()}{first['msg'][1:]}, got {_shown(first['input'])}"
+    return f"{field}: {_one_line(says)}{rest}"
+
+
+def _shown(value: object) -> str:
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError):  # a number of thousands of digits
+        return "a number that is far too long"
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
+
+
+def _one_line(text: str) -> str:
+    return "".join(character if character.isprintable() else " " for character in text)

@@ -1,0 +1,189 @@
+"""The registers of a controller that a profile declares: read in its runs, written with its functions.
+
+What `QuantityTable` does for the drivers written in Python, and beside it what profiles can declare: unsigned numbers
+with an implied decimal point, codes that stand where there is no temperature, registers that wear out or cannot be read
+back, and limits for which the controller has no registers, which then live here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from instruments.chambers.profile import AirTemperature, Number, Profile, Setpoint, number_of
+from instruments.chambers.quantities import WORDS, Quantity, QuantityTable
+from instruments.errors import InstrumentError, UsageError
+from instruments.interfaces import Clock
+from instruments.links.modbus import ModbusLink
+
+WRITE_ONE = 6
+NOWHERE = -1
+"""The address of what lives in the table itself."""
+
+ADVICE = "check the chamber's sensor and its wiring"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProfiledQuantity(Quantity):
+    """A row of the table as a profile declares it.
+
+    A "code" with `decimals` is an unsigned number; of a code only the bits of `mask` count. `invalid` are the numbers,
+    as the register holds them, that are no temperature, and `valid` the range outside which there is none; with
+    `wears` only a change is written, without `readable` nothing is read back.
+    """
+
+    mask: int = 0xFFFF
+    readable: bool = True
+    wears: bool = False
+    invalid: Mapping[float, str] = field(default_factory=dict)
+    valid: tuple[float, float] | None = None
+
+
+def quantity_of(number: Number, name: str, unit: str, *, profile: Profile, writable: bool = False) -> ProfiledQuantity:
+    """A number of a profile as a row of the table; it has the controller's decimal point where it states none."""
+    air = number if isinstance(number, AirTemperature) else None
+    setpoint = number if isinstance(number, Setpoint) else None
+    decimals = number.decimals
+    if decimals is None and profile.decimals_register is None:
+        decimals = profile.decimals
+    return ProfiledQuantity(
+        name=name,
+        address=number.address,
+        kind="code" if number.kind == "u16" else number.kind,
+        unit=unit,
+        decimals=decimals,
+        writable=writable,
+        readable=setpoint is None or setpoint.readable,
+        wears=setpoint is not None and setpoint.wears,
+        invalid={} if air is None else {number_of(key): text for key, text in air.invalid.items()},
+        valid=None if air is None else air.valid_c,
+    )
+
+
+class ProfiledTable(QuantityTable):
+    """A `QuantityTable` that keeps to a profile.
+
+    Parameters
+    ----------
+    link
+        The controller.
+    clock
+        Where waiting for a confirmation takes place.
+    profile
+        How it wants to be talked to.
+    kept
+        Quantities that live here and in no register, by name, with the values that they have at first.
+    """
+
+    def __init__(self, link: ModbusLink, *, clock: Clock, profile: Profile, kept: Mapping[str, float]) -> None:
+        super().__init__(link, clock=clock, word_order=profile.transport.word_order)
+        self._transport = profile.transport
+        self._kept = dict(kept)
+        self.decimals = profile.decimals
+
+    def read(self, quantity: Quantity) -> float:
+        """One quantity, in its unit."""
+        return self.read_together((quantity,))[quantity.name]
+
+    def read_together(self, quantities: Iterable[Quantity]) -> dict[str, float]:
+        """Several quantities by name, with as few requests as the controller allows."""
+        wanted = list(quantities)
+        words = self.read_words(wanted)
+        return {quantity.name: self.value_of(quantity, words) for quantity in wanted}
+
+    def read_words(self, quantities: Iterable[Quantity]) -> dict[int, int]:
+        """The registers of several quantities, and of the runs that they lie in, by address."""
+        words: dict[int, int] = {}
+        for first, count in self._requests(quantities):
+            words |= zip(range(first, first + count), self._link.read(first, count), strict=True)
+        return words
+
+    def value_of(self, quantity: Quantity, words: Mapping[int, int]) -> float:
+        """A quantity, in its unit, from registers that were read before."""
+        if quantity.name in self._kept:  # as the register would hold it, were there one
+            return self.kept(quantity, self._kept[quantity.name])
+        return self._value(quantity, [words[quantity.address + place] for place in range(WORDS[quantity.kind])])
+
+    def write(self, quantity: Quantity, value: float, *, once: bool = False) -> None:
+        """Write, without looking whether it had any effect."""
+        if quantity.name in self._kept:
+            self._kept[quantity.name] = value
+            return
+        words = self._words(quantity, value)
+        several = WRITE_ONE not in self._transport.functions
+        self._link.write(quantity.address, words, several=several, once=once)
+
+    def put(self, quantity: Quantity, value: float) -> None:
+        """Write, then read back until it is there; what wears out is not written again where it is there already."""
+        kept = self.kept(quantity, value)
+        if isinstance(quantity, ProfiledQuantity):
+            if quantity.wears and self.read(quantity) == kept:
+                return
+            if not quantity.readable:
+                self.write(quantity, value)
+                return
+        self.write(quantity, value)
+        self.confirm(quantity, kept)
+
+    def _requests(self, quantities: Iterable[Quantity]) -> list[tuple[int, int]]:
+        """First register and number of registers of each request: declared runs, and neighbours joined."""
+        runs: set[tuple[int, int]] = set()
+        joined: list[tuple[int, int]] = []
+        spans = {(quantity.address, WORDS[quantity.kind]) for quantity in quantities if quantity.name not in self._kept}
+        for first, count in sorted(spans):
+            if declared := self._declared(first, count):
+                runs.add(declared)
+                continue
+            before, length = joined[-1] if joined else (NOWHERE, 0)
+            reach = max(length, first + count - before)
+            if joined and first <= before + length and reach <= self._transport.most_registers:
+                joined[-1] = before, reach
+            else:
+                joined.append((first, count))
+        return sorted([*runs, *joined])
+
+    def _declared(self, first: int, count: int) -> tuple[int, int] | None:
+        """The run that some registers lie in."""
+        for run in self._transport.runs:
+            if run.first <= first and first + count <= run.first + run.count:
+                return run.first, run.count
+        return None
+
+    def _words(self, quantity: Quantity, value: float) -> list[int]:
+        if quantity.kind != "code" or not math.isfinite(value):
+            return super()._words(quantity, value)
+        word = round(value * 10.0 ** self._digits(quantity))
+        if not 0 <= word <= 0xFFFF:
+            raise UsageError(
+                f"{self._link.who}: {quantity.name} cannot be set to {value:g} {quantity.unit}".rstrip()
+                + ": its register (u16) does not reach so far"
+            )
+        return [word]
+
+    def _value(self, quantity: Quantity, words: list[int]) -> float:
+        if isinstance(quantity, ProfiledQuantity) and (says := self._no_temperature(quantity, words)):
+            raise InstrumentError(
+                f"{self._link.who}: no valid temperature, {quantity.name} (register {quantity.address}) {says};"
+                f" {ADVICE}"
+            )
+        return super()._value(quantity, words)
+
+    def _no_temperature(self, quantity: ProfiledQuantity, words: list[int]) -> str:
+        """What is wrong with a number that is none, or no temperature; empty where nothing is."""
+        value = self._decoded(quantity, words)
+        if math.isnan(value) and quantity.unit == "°C":
+            return "reads no number (NaN)"
+        held = value * 10.0 ** self._digits(quantity) if quantity.kind != "f32" else value
+        for code, text in quantity.invalid.items():
+            if math.isclose(held, code, rel_tol=1e-6):
+                return f"reads {code:g} ({text})"
+        if quantity.valid is not None and not quantity.valid[0] <= value <= quantity.valid[1]:
+            return f"reads {value:g} {quantity.unit}, expected {quantity.valid[0]:g} to {quantity.valid[1]:g}"
+        return ""
+
+    def _decoded(self, quantity: Quantity, words: list[int]) -> float:
+        if quantity.kind != "code":
+            return super()._decoded(quantity, words)
+        mask = quantity.mask if isinstance(quantity, ProfiledQuantity) else 0xFFFF
+        return (words[0] & mask) / 10.0 ** self._digits(quantity)

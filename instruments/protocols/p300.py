@@ -1,0 +1,311 @@
+r"""The command language of ESPEC's P-300 and SCP-220 chamber controllers. Texts in, values out; no I/O here.
+
+Sources: EspecNorthAmerica/ChamberConnectLibrary (p300.py, especinteract.py), akaeba/ATWG (ESPEC SH-641), and answers of
+an MC-811P (SCP-220) that its owner recorded in the tests of an open driver. Not tried on hardware.
+
+A request is a line of ASCII with CR LF, and every line gets one line back::
+
+    TEMP? CR LF                        a query: its name ends with a question mark
+    MODE?,DETAIL CR LF                 parameters follow after commas
+    3,TEMP? CR LF                      on RS-485: the chamber's address before it, none before the answer
+    TEMP, S25.0 H130.0 L-45.0 CR LF    a command: set point, high and low alarm, each of them optional
+
+    27.0,50.0,185.0,-90.0 CR LF        data; blanks after the commas on some chambers
+    OK:TEMP, S25.0 CR LF               a command was accepted; what follows the OK is not looked at
+    NA:DATA OUT OF RANGE CR LF         it was not, and why: see `REFUSALS`
+
+| query          | answer                                                          | reader              |
+|----------------|-----------------------------------------------------------------|---------------------|
+| `TEMP?`        | air, set point (a word where it is off), high, low alarm, in °C | `read_temperatures` |
+| `MON?`         | air, humidity (empty or left out without), mode, alarms' number | `read_monitor`      |
+| `MODE?`        | a word of `MODES`; with `,DETAIL` one of `DETAILED_MODES`       | `read_mode`         |
+| `ALARM?`       | how many, and their codes                                       | `read_alarms`       |
+| `TYPE?`        | sensors, controller, highest set point                          | `read_type`         |
+| `ROM?`         | version, a text                                                 | (itself)            |
+| `SRQ?`         | eight digits, 0 or 1                                            | `read_srq`          |
+| `%?`           | how many, heater [%], humidifier [%]                            | `read_heaters`      |
+| `RELAY?`       | how many, and the numbers of the time signals that are on       | `read_relays`       |
+
+Some chambers can be set to answer a query with two lines, an OK with its echo and then the data: `is_accepted` tells
+the first one. A set point beyond the alarms is refused. The alarm codes have no public list.
+
+Survived: what `instruments.protocols.lines` survives; whatever the text, a reader returns or raises `UnreadableError`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from instruments.errors import InstrumentError, UsageError
+
+REFUSALS: Mapping[str, str] = {
+    "CMD ERR": "it does not know the command",
+    "ADDR ERR": "the command takes no address, or another one",
+    "CONT NOT READY-1": "it has no humidity control and no product temperature control",
+    "CONT NOT READY-2": "it runs no program",
+    "CONT NOT READY-3": "this controller does not have the command",
+    "CONT NOT READY-4": "the keys cannot be locked while it is off",
+    "CONT NOT READY-5": "that time signal is not enabled",
+    "DATA NOT READY": "what was asked for is not there, or not there yet",
+    "PARA ERR": "a parameter is missing or cannot be read",
+    "DATA OUT OF RANGE": "the value lies outside its range; a set point must lie between the low and the high alarm",
+    "PROTECT ON": "settings are protected at its panel; lift the protection there",
+    "INVALID REQ": "it does not have that function",
+    "CHB NOT READY": "it cannot do that in its present state: switched off at the panel, or a program runs",
+}
+PROGRAM_REFUSAL = "a program cannot be written in that way"  # PRGM WRITE ERR-1 to -15
+PASSING_REFUSALS = ("CHB NOT READY", "DATA NOT READY")
+
+OFF, STANDBY, CONSTANT, RUN = MODES = ("OFF", "STANDBY", "CONSTANT", "RUN")
+DETAILED_MODES = (*MODES, "RUN PAUSE", "RUN END HOLD", "RMT RUN", "RMT RUN PAUSE", "RMT RUN END HOLD")
+
+TYPE_QUERY, ROM_QUERY, MODE_QUERY = "TYPE?", "ROM?", "MODE?"
+TEMP_QUERY, ALARM_QUERY, HEATER_QUERY = "TEMP?", "ALARM?", "%?"
+
+_NUMBER = re.compile(r"[+-]?[0-9]{1,9}(\.[0-9]{0,9})?")
+_SETTING = re.compile(r"([SHL])\s*([+-]?[0-9]{1,9}(?:\.[0-9]{0,9})?)(?:[\s,]+|$)")
+
+
+class UnreadableError(InstrumentError):
+    """An answer is not what the question makes one expect: garbled on the wire, or another instrument's."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Temperatures:
+    """Air, set point and the alarms between which it must lie, all in °C; no set point where it is switched off."""
+
+    air_c: float
+    setpoint_c: float | None
+    high_c: float
+    low_c: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Monitor:
+    """Air in °C, relative humidity in percent where there is such a control, mode, and how many alarms are active."""
+
+    air_c: float
+    humidity_percent: float | None
+    mode: str
+    alarms: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ControllerType:
+    """Sensors (T: thermocouple; no wet bulb without humidity), controller, and its highest set point in °C."""
+
+    dry_bulb: str
+    wet_bulb: str | None
+    controller: str
+    highest_c: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Heaters:
+    """What heater and humidifier put out, in percent."""
+
+    heater_percent: float
+    humidifier_percent: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServiceRequest:
+    """Why the controller wants attention."""
+
+    alarm: bool
+    single_step_done: bool
+    state_changed: bool
+    gpib: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Request:
+    """A line as the controller understands it: names and parameters in capitals, without the blanks around them."""
+
+    address: int | None
+    name: str
+    query: bool
+    parameters: tuple[str, ...]
+
+
+# What is sent ---------------------------------------------------------------------------------------------------------
+
+
+def tenths(value: float) -> float:
+    """The nearest number that the wire can carry: it has one decimal, and no negative zero."""
+    return round(value, 1) + 0.0
+
+
+def set_temperatures(*, setpoint_c: float, high_c: float | None = None, low_c: float | None = None) -> str:
+    """The command for a set point and, in the same line, for the alarms; `UsageError` where a number is not finite."""
+    settings = {"S": setpoint_c, "H": high_c, "L": low_c}
+    stated = {letter: value for letter, value in settings.items() if value is not None}
+    if not all(map(math.isfinite, stated.values())):
+        raise UsageError(f"temperatures {', '.join(f'{value:g}' for value in stated.values())} °C: give finite numbers")
+    return "TEMP, " + " ".join(f"{letter}{tenths(value):.1f}" for letter, value in stated.items())
+
+
+def set_mode(mode: str) -> str:
+    """The command for a mode of `MODES` but RUN, which wants a program's number."""
+    return f"MODE,{mode}"
+
+
+def addressed(request: str, address: int | None) -> str:
+    """A request as it goes over RS-485, or as it is where there is no address."""
+    return request if address is None else f"{address},{request}"
+
+
+def data_line(*values: float | int | str | None) -> str:
+    """An answer as the controller sends it: numbers with one decimal, counts and words as they are, None empty."""
+    return ",".join(
+        "" if value is None else f"{tenths(value):.1f}" if isinstance(value, float) else str(value) for value in values
+    )
+
+
+# What is understood ---------------------------------------------------------------------------------------------------
+
+
+def is_accepted(line: str) -> bool:
+    """Whether a line says OK."""
+    return line.upper().startswith("OK")
+
+
+def read_accepted(line: str) -> None:
+    """The answer to a command that was not refused."""
+    if not is_accepted(line):
+        raise _unreadable(line, "OK")
+
+
+def refusal(line: str) -> str | None:
+    """The reason of a refusal, as the controller words it ("" where it gives none); None where it is no refusal."""
+    found = re.fullmatch(r"NA(?::\s*(.*))?", line.strip().upper())
+    return None if found is None else " ".join((found[1] or "").replace("_", " ").split())
+
+
+def refusal_words(reason: str) -> str:
+    """What a reason means."""
+    return PROGRAM_REFUSAL if reason.startswith("PRGM WRITE ERR") else REFUSALS.get(reason, "see the chamber's manual")
+
+
+def read_temperatures(line: str) -> Temperatures:
+    """The answer to TEMP?."""
+    what = "air, set point, high and low alarm"
+    air, setpoint, high, low = _fields(line, what, 4)
+    return Temperatures(
+        air_c=_number(air, line, what),
+        setpoint_c=None if setpoint.isalpha() else _number(setpoint, line, what),
+        high_c=_number(high, line, what),
+        low_c=_number(low, line, what),
+    )
+
+
+def read_monitor(line: str) -> Monitor:
+    """The answer to MON? or MON?,DETAIL."""
+    what = "air, humidity, mode and number of alarms"
+    air, *humidity, mode, alarms = _fields(line, what, 3, 4)
+    return Monitor(
+        air_c=_number(air, line, what),
+        humidity_percent=_number(humidity[0], line, what) if any(humidity) else None,
+        mode=read_mode(mode),
+        alarms=_count(alarms, line, what),
+    )
+
+
+def read_mode(line: str) -> str:
+    """The answer to MODE? or MODE?,DETAIL, in the spelling of `DETAILED_MODES`."""
+    mode = " ".join(line.upper().split())
+    if mode not in DETAILED_MODES:
+        raise _unreadable(line, "a mode")
+    return mode
+
+
+def read_alarms(line: str) -> tuple[int, ...]:
+    """The answer to ALARM?: the codes of the active alarms."""
+    return _counted(line, "the number of alarms and their codes")
+
+
+def read_relays(line: str) -> tuple[int, ...]:
+    """The answer to RELAY?: the numbers of the time signals that are on."""
+    return _counted(line, "the number of time signals and their numbers")
+
+
+def read_type(line: str) -> ControllerType:
+    """The answer to TYPE?."""
+    what = "sensors, controller and highest set point"
+    dry_bulb, *wet_bulb, controller, highest = _fields(line, what, 3, 4)
+    return ControllerType(
+        dry_bulb=dry_bulb,
+        wet_bulb=wet_bulb[0] if wet_bulb else None,
+        controller=controller,
+        highest_c=_number(highest, line, what),
+    )
+
+
+def read_heaters(line: str) -> Heaters:
+    """The answer to %?."""
+    what = "the number of outputs and what they put out"
+    count, *outputs = _fields(line, what, 2, 3)
+    if _count(count, line, what) != len(outputs):
+        raise _unreadable(line, what)
+    heater, *humidifier = (_number(output, line, what) for output in outputs)
+    return Heaters(heater_percent=heater, humidifier_percent=humidifier[0] if humidifier else None)
+
+
+def read_srq(line: str) -> ServiceRequest:
+    """The answer to SRQ?."""
+    digits = line.strip()
+    if re.fullmatch("[01]{8}", digits) is None:
+        raise _unreadable(line, "eight digits of 0 and 1")
+    return ServiceRequest(
+        alarm=digits[1] == "1", single_step_done=digits[2] == "1", state_changed=digits[3] == "1", gpib=digits[6] == "1"
+    )
+
+
+def parse_request(line: str) -> Request:
+    """A line as the controller understands it; whether there is such a command is the controller's business."""
+    first, *rest = (" ".join(part.upper().split()) for part in line.split(","))
+    address = int(first) if rest and re.fullmatch("[0-9]{1,3}", first) else None
+    name, *parameters = rest if address is not None else (first, *rest)
+    return Request(address=address, name=name.removesuffix("?"), query=name.endswith("?"), parameters=tuple(parameters))
+
+
+def parse_settings(parameters: Sequence[str]) -> dict[str, float] | None:
+    """The numbers behind the letters S, H and L of a TEMP command; None where they cannot be read."""
+    text = ",".join(parameters)
+    found = _SETTING.findall(text)
+    whole = _SETTING.sub("", text) == ""
+    settings = {letter: float(number) for letter, number in found}
+    return settings if found and whole and len(settings) == len(found) else None
+
+
+def _fields(line: str, what: str, *counts: int) -> list[str]:
+    fields = [field.strip() for field in line.split(",")]
+    if len(fields) not in counts:
+        raise _unreadable(line, what)
+    return fields
+
+
+def _number(field: str, line: str, what: str) -> float:
+    if _NUMBER.fullmatch(field) is None:
+        raise _unreadable(line, what)
+    return float(field)
+
+
+def _count(field: str, line: str, what: str) -> int:
+    if re.fullmatch("[0-9]{1,9}", field) is None:
+        raise _unreadable(line, what)
+    return int(field)
+
+
+def _counted(line: str, what: str) -> tuple[int, ...]:
+    count, *numbers = (_count(field.strip(), line, what) for field in line.split(","))
+    if count != len(numbers):
+        raise _unreadable(line, what)
+    return tuple(numbers)
+
+
+def _unreadable(line: str, what: str) -> UnreadableError:
+    return UnreadableError(f"expected {what}, got {line[:64]!r}")

@@ -1,0 +1,304 @@
+"""A simulated chamber with an ESPEC P-300 controller, on the wire. It shares only the command language with the driver.
+
+How it decides where no source says how the real one does: while a program runs, or the panel is off, settings are
+refused with CHB NOT READY, except that MODE,STANDBY and MODE,OFF end a program and POWER,ON switches the panel on.
+Alarms that would leave the set point outside are refused, and so are alarms beyond the chamber's own range. Air found
+beyond an alarm while the chamber conditions is latched under a code of our own, and conditioning goes on. There is no
+humidity control, and no program but the one that is started by hand at the panel.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Self
+
+from instruments.errors import InstrumentError
+from instruments.protocols import p300
+from instruments.protocols.lines import LineCutter, encode_line
+from instruments.protocols.p300 import data_line
+from instruments.simulated.faults.link_faults import LinkFaults
+from instruments.simulated.faults.wires import Lines, Wire
+from instruments.simulated.machines import ChamberMachine
+from instruments.simulated.serial_line import SerialLine
+from instruments.simulated.tcp_server import TcpServer
+
+BAUD = 9600
+LOWEST_C, HIGHEST_C = -75.0, 180.0
+BEYOND_HIGH, BEYOND_LOW = 1, 2  # codes of our own: the real ones have no public list
+RELAYS = 12
+
+
+class RefusedError(Exception):
+    """What goes behind the NA."""
+
+
+class P300Controller:
+    """The controller's states over a `ChamberMachine`, without I/O; safe to call from any thread.
+
+    Parameters
+    ----------
+    chamber
+        What it controls.
+    rs485_address
+        Its number on RS-485, where it answers only lines that begin with it; None: it is not on RS-485.
+
+    `protected` is a switch at its panel.
+    """
+
+    def __init__(self, chamber: ChamberMachine, *, rs485_address: int | None = None) -> None:
+        self._chamber = chamber
+        self._rs485_address = rs485_address
+        self._lock = threading.Lock()
+        self._mode = p300.CONSTANT if chamber.running() else p300.STANDBY
+        self._low_c, self._high_c = LOWEST_C, HIGHEST_C
+        self._alarms: list[int] = []
+        self._relays: set[int] = set()
+        self.protected = False
+        self._queries: dict[str, Callable[[], str]] = {
+            "TEMP": lambda: data_line(chamber.air_c(), chamber.setpoint_c(), self._high_c, self._low_c),
+            "HUMI": self._no_humidity,
+            "MON": lambda: data_line(chamber.air_c(), None, self._short_mode(), len(self._alarms)),
+            "MON,DETAIL": lambda: data_line(chamber.air_c(), None, self._mode, len(self._alarms)),
+            "MODE": self._short_mode,
+            "MODE,DETAIL": lambda: self._mode,
+            "ALARM": lambda: data_line(len(self._alarms), *self._alarms),
+            "TYPE": lambda: data_line("T", "P300", HIGHEST_C),
+            "ROM": lambda: "SIMULATED 1.00",
+            "SRQ": lambda: f"0{int(bool(self._alarms))}000000",
+            "%": lambda: data_line(1, max(0.0, chamber.power_percent())),
+            "RELAY": lambda: data_line(len(self._relays), *sorted(self._relays)),
+        }
+        self._commands: dict[str, Callable[[tuple[str, ...]], object]] = {
+            "TEMP": self._set_temperatures,
+            "HUMI": lambda _: self._no_humidity(),
+            "MODE": self._set_mode,
+            "POWER": self._set_power,
+            "RELAY": self._set_relays,
+            "PRGM": self._program,
+        }
+
+    def run_program(self, mode: str = p300.RUN) -> None:
+        """Start a program by hand, at the panel; `mode` is one of `DETAILED_MODES` with RUN in it."""
+        with self._lock:
+            self._enter(mode)
+
+    def raise_alarm(self, code: int) -> None:
+        """An alarm of the chamber's own, latched."""
+        with self._lock:
+            self._latch(code)
+
+    def clear_alarms(self) -> None:
+        """Clear all alarms by hand, at the panel; those whose reason lasts come back."""
+        with self._lock:
+            self._alarms.clear()
+
+    def execute(self, line: str) -> str | None:
+        """Obey one line; the line that answers it, None where it is for another chamber on the bus."""
+        request = p300.parse_request(line)
+        if self._rs485_address is not None and request.address != self._rs485_address:
+            return None
+        with self._lock:
+            self._look_at_air()
+            try:
+                if self._rs485_address is None and request.address is not None:
+                    raise RefusedError("ADDR ERR")
+                if request.query:
+                    return self._answer(request.name, request.parameters)
+                self._obey(request.name, request.parameters)
+            except RefusedError as refused:
+                return f"NA:{refused}"
+        return f"OK:{','.join((request.name, *request.parameters))}"
+
+    # Queries and commands ---------------------------------------------------------------------------------------------
+
+    def _answer(self, name: str, parameters: tuple[str, ...]) -> str:
+        if name not in self._queries:
+            raise RefusedError("CMD ERR")
+        answer = self._queries.get(",".join((name, *parameters)))
+        if answer is None:
+            raise RefusedError("PARA ERR")
+        return answer()
+
+    def _obey(self, name: str, parameters: tuple[str, ...]) -> None:
+        if name not in self._commands:
+            raise RefusedError("CMD ERR")
+        if self.protected:
+            raise RefusedError("PROTECT ON")
+        self._commands[name](parameters)
+
+    def _set_temperatures(self, parameters: tuple[str, ...]) -> None:
+        settings = p300.parse_settings(parameters)
+        if settings is None:
+            raise RefusedError("PARA ERR")
+        self._refuse_unless_ready()
+        setpoint_c = settings.get("S", p300.tenths(self._chamber.setpoint_c()))
+        high_c, low_c = settings.get("H", self._high_c), settings.get("L", self._low_c)
+        if not LOWEST_C <= low_c <= setpoint_c <= high_c <= HIGHEST_C or low_c == high_c:
+            raise RefusedError("DATA OUT OF RANGE")
+        self._high_c, self._low_c = p300.tenths(high_c), p300.tenths(low_c)
+        if "S" in settings:
+            self._chamber.set_setpoint(p300.tenths(setpoint_c))
+
+    def _set_mode(self, parameters: tuple[str, ...]) -> None:
+        match parameters:
+            case (p300.OFF | p300.STANDBY as mode,):
+                if self._mode == p300.OFF:
+                    raise RefusedError("CHB NOT READY")
+                self._enter(mode)
+            case (p300.CONSTANT,):
+                self._refuse_unless_ready()
+                self._enter(p300.CONSTANT)
+            case (str(program),) if program.startswith(p300.RUN):
+                raise RefusedError("DATA NOT READY")
+            case _:
+                raise RefusedError("PARA ERR")
+
+    def _set_power(self, parameters: tuple[str, ...]) -> None:
+        if parameters not in (("ON",), ("OFF",)):
+            raise RefusedError("PARA ERR")
+        if parameters == ("OFF",):
+            self._enter(p300.OFF)
+        elif p300.RUN not in self._mode:
+            self._enter(p300.CONSTANT)
+
+    def _set_relays(self, parameters: tuple[str, ...]) -> None:
+        switch, numbers = parameters[:1], parameters[1:]
+        known = {str(number): number for number in range(1, RELAYS + 1)}
+        if switch not in (("ON",), ("OFF",)) or not numbers or not known.keys() >= set(numbers):
+            raise RefusedError("PARA ERR")
+        self._refuse_unless_ready()
+        chosen = {known[number] for number in numbers}
+        self._relays = self._relays | chosen if switch == ("ON",) else self._relays - chosen
+
+    def _program(self, parameters: tuple[str, ...]) -> None:
+        ends = {"HOLD": p300.CONSTANT, "CONST": p300.CONSTANT, "STANDBY": p300.STANDBY, "OFF": p300.OFF}
+        match parameters:
+            case ("RUN", _, _):
+                raise RefusedError("DATA NOT READY")
+            case ("END", end) if end in ends:
+                if p300.RUN not in self._mode:
+                    raise RefusedError("CONT NOT READY-2")
+                self._enter(ends[end])
+            case _:
+                raise RefusedError("PARA ERR")
+
+    def _no_humidity(self) -> str:
+        raise RefusedError("CONT NOT READY-1")
+
+    # States -----------------------------------------------------------------------------------------------------------
+
+    def _short_mode(self) -> str:
+        return p300.RUN if p300.RUN in self._mode else self._mode
+
+    def _conditions(self) -> bool:
+        return self._mode not in (p300.OFF, p300.STANDBY)
+
+    def _refuse_unless_ready(self) -> None:
+        if self._mode not in (p300.STANDBY, p300.CONSTANT):
+            raise RefusedError("CHB NOT READY")
+
+    def _enter(self, mode: str) -> None:
+        self._mode = mode
+        if self._chamber.running() is not self._conditions():
+            self._chamber.run(self._conditions())
+
+    def _look_at_air(self) -> None:
+        air_c = p300.tenths(self._chamber.air_c())
+        if self._conditions() and air_c > self._high_c:
+            self._latch(BEYOND_HIGH)
+        if self._conditions() and air_c < self._low_c:
+            self._latch(BEYOND_LOW)
+
+    def _latch(self, code: int) -> None:
+        if code not in self._alarms:
+            self._alarms.append(code)
+
+
+class SimulatedEspecP300:
+    """A chamber with a P-300 at `tcp://host:port`, or on a serial line; a driver takes its `address`.
+
+    Parameters
+    ----------
+    chamber
+        What it controls.
+    rs485_address
+        Its number on RS-485; None: it is not on RS-485.
+    serial
+        A serial line at 9600 baud (a pseudo-terminal where the system has them) instead of TCP.
+    host, port
+        Where to listen, without `serial`; several clients may talk to it at once.
+    pace_baud
+        Bytes move as a line at this speed would let them; None: at once.
+
+    `controller` is for what a hand does at the panel.
+    """
+
+    wire: Wire = Lines(refusal_line=encode_line("NA:CHB NOT READY"))
+
+    def __init__(
+        self,
+        chamber: ChamberMachine,
+        *,
+        rs485_address: int | None = None,
+        serial: bool = False,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        pace_baud: int | None = None,
+    ) -> None:
+        self.controller = P300Controller(chamber, rs485_address=rs485_address)
+        self._server: TcpServer | SerialLine
+        if serial:
+            self._server = SerialLine(self._connect, baud=BAUD, pace_baud=pace_baud)
+        else:
+            self._server = TcpServer(self._connect, host=host, port=port, pace_baud=pace_baud)
+
+    @property
+    def address(self) -> str:
+        """Where it answers, once it is started."""
+        return self._server.address
+
+    @property
+    def faults(self) -> LinkFaults | None:
+        """What befalls the requests; to be set before the start."""
+        return self._server.faults
+
+    @faults.setter
+    def faults(self, faults: LinkFaults | None) -> None:
+        self._server.faults = faults
+
+    def start(self) -> None:
+        """Serve; when it returns, a client can connect."""
+        self._server.start()
+
+    def stop(self) -> None:
+        """Stop serving; the chamber goes on with what it was doing."""
+        self._server.stop()
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.stop()
+
+    def _connect(self) -> _Conversation:
+        return _Conversation(self.controller.execute)
+
+
+class _Conversation:
+    """One client's connection: lines in, lines out. A line ends with CR, LF or both, as terminals send it."""
+
+    def __init__(self, execute: Callable[[str], str | None]) -> None:
+        self._execute = execute
+        self._lines = LineCutter()
+
+    def feed(self, data: bytes) -> bytes:
+        try:
+            lines = self._lines.feed(data.replace(b"\r", b"\n"))
+        except InstrumentError:
+            lines = ["(a line that was too long)"]  # is answered as any other that cannot be understood
+        return b"".join(encode_line(answer) for line in lines if (answer := self._execute(line)) is not None)
+
+
+Twin = SimulatedEspecP300

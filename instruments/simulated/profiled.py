@@ -1,0 +1,207 @@
+"""A simulated chamber made from a lab's own profile, served as Modbus RTU.
+
+It only proves that the profile is consistent in itself, and lets a campaign be rehearsed: it takes every register for
+what the profile says that it is, so a wrong number in the profile is wrong here in the same way.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from instruments.chambers.profile import (
+    BitSwitch,
+    Condition,
+    KeySwitch,
+    NothingWired,
+    Number,
+    Profile,
+    RegisterSwitch,
+    Switch,
+)
+from instruments.chambers.profile_rules import words
+from instruments.protocols.modbus import ILLEGAL_VALUE, ModbusRefusal
+from instruments.simulated.machines import ChamberMachine
+from instruments.simulated.modbus_server import ModbusRtuServer
+from instruments.simulated.registers import Register, RegisterTable, f32, signed_word, word
+
+LOW_C, HIGH_C = -70.0, 180.0
+
+
+class SimulatedProfiled(ModbusRtuServer):
+    """A controller as a profile describes it, from `start()` to `stop()` or in a `with`; a driver takes its `address`.
+
+    Parameters
+    ----------
+    chamber
+        What it controls.
+    profile
+        The controller.
+    unit_id
+        Its Modbus address, by default the profile's.
+    pace_baud, over_tcp
+        See `ModbusRtuServer`.
+
+    `words` holds the registers that are no numbers, by address, and may be changed by hand: conditions, modes, busy.
+    """
+
+    def __init__(
+        self,
+        chamber: ChamberMachine,
+        *,
+        profile: Profile,
+        unit_id: int | None = None,
+        pace_baud: int | None = None,
+        over_tcp: bool = False,
+    ) -> None:
+        self._chamber = chamber
+        self._profile = profile
+        self._pending_c = chamber.setpoint_c()
+        self._limits_c = dict(zip(("low", "high"), profile.kept_limits_c or (LOW_C, HIGH_C), strict=True))
+        self._outputs: dict[int, float] = {}  # what was written there since it is off
+        self.words = {address: 0 for _, address in words(profile)} | self._first_words()
+        self._declared: list[Register] = []
+        self._declare()
+        super().__init__(
+            RegisterTable(self._declared),
+            unit_id=profile.transport.unit_id if unit_id is None else unit_id,
+            baud=profile.transport.baud or 19200,
+            pace_baud=pace_baud,
+            over_tcp=over_tcp,
+        )
+
+    def _first_words(self) -> dict[int, int]:
+        """A controller in which all is well."""
+        profile = self._profile
+        found = {
+            condition.address: condition.fine[0]
+            for condition in (*profile.input_errors, *profile.alarms, *profile.modes)
+            if not condition.bits
+        }
+        found |= {check.address: check.expected[0] for check in profile.checks}
+        if profile.busy is not None:
+            found[profile.busy.address] = profile.busy.free[0]
+        if profile.decimals_register is not None:
+            found[profile.decimals_register] = profile.decimals
+        return found
+
+    def _declare(self) -> None:
+        """Every register; of two that the profile puts at one address the first stands."""
+        profile, chamber, limits = self._profile, self._chamber, self._limits_c
+        self._number(profile.air, chamber.air_c)
+        for address in (profile.setpoint.address, *profile.setpoint.also):
+            register = profile.setpoint.model_copy(update={"address": address})
+            self._number(register, lambda: self._pending_c, self._set_setpoint)
+        self._number(profile.setpoint.taken, chamber.setpoint_c)
+        self._number(profile.low_limit, lambda: limits["low"], lambda value: self._set_limits(value, limits["high"]))
+        self._number(profile.high_limit, lambda: limits["high"], lambda value: self._set_limits(limits["low"], value))
+        self._declare_switch(profile.switch)
+        self._number(profile.power, chamber.power_percent)
+        self._number(profile.heating, lambda: max(0.0, chamber.power_percent()))
+        self._number(profile.cooling, lambda: max(0.0, -chamber.power_percent()))
+        if profile.setpoint.run is not None:
+            self._add(word(profile.setpoint.run.address, lambda: 0, self._run))
+        for alarm in profile.alarms:
+            if alarm.clear is not None:
+                self._add(word(alarm.clear.address, lambda: 0, self._cleared(alarm)))
+        for run in profile.transport.runs:
+            self.words = dict.fromkeys(range(run.first, run.first + run.count), 0) | self.words
+        for address in self.words:
+            self._add(word(address, self._word_at(address)))
+
+    def _declare_switch(self, switch: Switch) -> None:
+        if isinstance(switch, NothingWired):
+            self._chamber.run(True)  # it has power
+            return
+        shown = switch.address if switch.shown is None else switch.shown
+        if isinstance(switch, BitSwitch):
+            self.words[shown] = (switch.on if self._chamber.running() else 1 - switch.on) << switch.bit
+            state, put = self._word_at(shown), self._set_bits(switch, shown)
+        else:
+            state, put = self._code_of(switch), self._set_code(switch)
+        self._add(word(switch.address, state if shown == switch.address else lambda: 0, put))
+        self._add(word(shown, state))
+        if isinstance(switch, RegisterSwitch):
+            for setting in switch.after_off:
+                self._number(setting, self._output(setting.address), self._set_output(setting.address))
+
+    def _number(
+        self, number: Number | None, get: Callable[[], float], put: Callable[[float], None] | None = None
+    ) -> None:
+        if number is None:
+            return
+        if number.kind == "f32":
+            self._add(f32(number.address, get, put, word_order=self._profile.transport.word_order))
+            return
+        step = 10 ** (self._profile.decimals if number.decimals is None else number.decimals)
+        low, high, make = (0, 0xFFFF, word) if number.kind == "u16" else (-0x8000, 0x7FFF, signed_word)
+        scaled = None if put is None else lambda value: put(value / step)
+        self._add(make(number.address, lambda: max(low, min(high, round(get() * step))), scaled))
+
+    def _add(self, register: Register) -> None:
+        claimed = {address for other in self._declared for address in range(other.address, other.address + other.words)}
+        if not claimed & set(range(register.address, register.address + register.words)):
+            self._declared.append(register)
+
+    def _set_setpoint(self, value_c: float) -> None:
+        if not (math.isfinite(value_c) and self._limits_c["low"] <= value_c <= self._limits_c["high"]):
+            raise ModbusRefusal(ILLEGAL_VALUE)
+        self._pending_c = value_c
+        if self._profile.setpoint.run is None:
+            self._chamber.set_setpoint(value_c)
+
+    def _run(self, value: int) -> None:
+        if self._profile.setpoint.run is None or value != self._profile.setpoint.run.value:
+            raise ModbusRefusal(ILLEGAL_VALUE)
+        self._chamber.set_setpoint(self._pending_c)
+
+    def _set_limits(self, low_c: float, high_c: float) -> None:
+        if not low_c < high_c:  # nor where one of them is no number
+            raise ModbusRefusal(ILLEGAL_VALUE)
+        self._limits_c.update(low=low_c, high=high_c)
+
+    def _cleared(self, alarm: Condition) -> Callable[[int], None]:
+        def put(value: int) -> None:
+            if alarm.clear is None or value != alarm.clear.value:
+                raise ModbusRefusal(ILLEGAL_VALUE)
+            self.words[alarm.address] = 0 if alarm.bits else alarm.fine[0]
+
+        return put
+
+    def _code_of(self, switch: RegisterSwitch | KeySwitch) -> Callable[[], int]:
+        return lambda: switch.on if self._chamber.running() else switch.off
+
+    def _set_code(self, switch: RegisterSwitch | KeySwitch) -> Callable[[int], None]:
+        def put(value: int) -> None:
+            known = (
+                {switch.press: not self._chamber.running()}
+                if isinstance(switch, KeySwitch)
+                else {switch.on: True, switch.off: False}
+            )
+            if value not in known:
+                raise ModbusRefusal(ILLEGAL_VALUE)
+            self._chamber.run(known[value])
+            self._outputs.clear()
+
+        return put
+
+    def _set_bits(self, switch: BitSwitch, shown: int) -> Callable[[int], None]:
+        def put(value: int) -> None:
+            self.words[shown] = value
+            self._chamber.run((value >> switch.bit & 1) == switch.on)
+
+        return put
+
+    def _output(self, address: int) -> Callable[[], float]:
+        return lambda: self._outputs.get(address, self._chamber.power_percent())
+
+    def _set_output(self, address: int) -> Callable[[float], None]:
+        def put(value: float) -> None:
+            if self._chamber.running():
+                raise ModbusRefusal(ILLEGAL_VALUE)
+            self._outputs[address] = value
+
+        return put
+
+    def _word_at(self, address: int) -> Callable[[], int]:
+        return lambda: self.words[address]
