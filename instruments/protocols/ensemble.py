@@ -1,0 +1,165 @@
+r"""The ASCII interface of Aerotech's Ensemble, as it goes over TCP port 8000. Lines in, replies out; no I/O here.
+
+Source: openly published driver code (epics-motor/motorAerotech drvEnsembleAsyn.cc; robmarkcole/aerotech), and the
+numbers of bits and parameters as the maker's published headers have them (EnsembleCommonStructures.h,
+EnsembleParameterId.h). Not tried on hardware.
+
+A command is a line of ASCII in the controller's own language, and every line gets a line back::
+
+    FREERUN @0 50.000000 LF            axis 0 turns at 50 units/s, until ABORT @0
+    RAMP RATE @0 500.000000 LF         its acceleration
+    AXISSTATUS(@0) LF                  a query; AXISSTATUS @0 means the same
+
+    %-2147483641 LF                    reply: one character, then data where there are any
+    \_________/
+     |  data
+     % done   ! not understood   # refused, or a fault   $ not done in time
+
+The four characters are those of a controller as delivered; they are parameters of it. Words are case-insensitive, an
+axis is `@` and its number or its name. Numbers of 32 bits are written as signed ones: a status is usually negative,
+since its highest bit is the emergency stop's input.
+
+Assumed, because no source says so: the data of `!`, `#` and `$`, if there are any, are words about what is wrong.
+
+Survived: a bare `%` line, once or several times, before the reply to a query. What else can go wrong with lines is a
+matter of `instruments.protocols.lines`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum, IntFlag
+
+from instruments.errors import InstrumentError, UsageError
+
+END = b"\n"
+
+
+class Outcome(Enum):
+    """What the first character of a reply says."""
+
+    DONE = "%"
+    NOT_UNDERSTOOD = "!"
+    REFUSED = "#"
+    NOT_IN_TIME = "$"
+
+
+class AxisStatus(IntFlag):
+    """The bits of AXISSTATUS that matter here; `EMERGENCY_STOP_INPUT` is the level of that input."""
+
+    ENABLED = 1 << 0
+    HOMED = 1 << 1
+    IN_POSITION = 1 << 2
+    MOVE_ACTIVE = 1 << 3
+    COUNTER_CLOCKWISE = 1 << 9
+    EMERGENCY_STOP_INPUT = 1 << 31
+
+
+PLANE_MOVES = 1
+"""The bit of PLANESTATUS that is on while a coordinated motion, such as LINEAR, goes on; AXISSTATUS does not tell."""
+
+FAULTS: Mapping[int, str] = {
+    0: "position error",
+    1: "over-current",
+    2: "clockwise end of travel",
+    3: "counter-clockwise end of travel",
+    4: "clockwise software limit",
+    5: "counter-clockwise software limit",
+    6: "amplifier",
+    7: "position feedback",
+    8: "velocity feedback",
+    9: "Hall sensor",
+    10: "commanded velocity above its threshold",
+    11: "emergency stop",
+    12: "velocity error",
+    15: "external fault",
+    17: "motor temperature",
+    18: "amplifier temperature",
+    19: "encoder",
+    20: "communication lost",
+    23: "feedback scaling",
+    24: "marker search",
+}
+"""The bits of AXISFAULT by their numbers."""
+
+ABORT_DECELERATION = 73
+"""The number of the parameter that says how fast ABORT stops an axis."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reply:
+    """One line from the controller: what became of the command, and the data behind that."""
+
+    outcome: Outcome
+    data: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Command:
+    """One command: its name in capitals, of one word or two, and its arguments as they were written."""
+
+    name: str
+    arguments: tuple[str, ...] = ()
+
+
+def parse_reply(line: str) -> Reply:
+    """A reply from its line; `InstrumentError` where it begins with none of the four characters."""
+    if not is_reply(line):
+        raise InstrumentError(f"expected a line that begins with %, !, # or $, got {line!r}")
+    return Reply(outcome=Outcome(line[0]), data=line[1:].strip())
+
+
+def is_reply(line: str) -> bool:
+    """Whether it begins with one of the four characters."""
+    return line[:1] in {outcome.value for outcome in Outcome}
+
+
+def is_bare(line: str) -> bool:
+    """Whether it is a `%` without data: before the reply to a query it means nothing."""
+    return line == Outcome.DONE.value
+
+
+def encode_reply(reply: Reply) -> bytes:
+    """A reply as the controller sends it."""
+    return f"{reply.outcome.value}{reply.data}".encode("ascii", "backslashreplace") + END
+
+
+def parse_number(data: str) -> float:
+    """A finite number; `InstrumentError` for what is none."""
+    try:
+        number = float(data)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise InstrumentError(f"expected a number, got {data!r}")
+    return number
+
+
+def parse_bits(data: str) -> int:
+    """A word of 32 bits, 0 or above, from its signed or unsigned spelling; `InstrumentError` for what is none."""
+    if not re.fullmatch(r"[+-]?[0-9]{1,10}", data) or not -(2**31) <= int(data) < 2**32:
+        raise InstrumentError(f"expected a whole number of 32 bits, got {data!r}")
+    return int(data) & 0xFFFFFFFF
+
+
+def written_bits(word: int) -> str:
+    """A word of 32 bits as the controller writes it: signed."""
+    return str(word - 2**32 if word & 2**31 else word)
+
+
+def fault_names(word: int) -> tuple[str, ...]:
+    """The faults of an AXISFAULT word in words, lowest bit first; an unnamed bit by its number."""
+    return tuple(FAULTS.get(bit, f"bit {bit}") for bit in range(32) if word >> bit & 1)
+
+
+def parse_command(line: str) -> Command:
+    """A command from its line; `UsageError` for a line without a name."""
+    name, *words = re.split(r"[\s(),]+", line.strip())
+    if not name.isalpha():
+        raise UsageError(f"{line!r} is no command")
+    if name.upper() in ("RAMP", "WAIT") and words:
+        name = f"{name} {words.pop(0)}"
+    return Command(name=name.upper(), arguments=tuple(word for word in words if word))

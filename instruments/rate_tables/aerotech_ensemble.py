@@ -1,0 +1,306 @@
+"""Rotary stage on an Aerotech Ensemble controller, by its ASCII interface over TCP. Not tried on hardware.
+
+Source: published driver code, see `instruments.protocols.ensemble`. The axis must count in degrees, and the ASCII
+interface must be switched on as a TCP server; the port as delivered is 8000. What follows from the sources, and is done
+here:
+
+- A rate is a FREERUN, an angle a LINEAR by an increment, which goes the short way however the axis counts its turns.
+  One does not follow the other in motion: the table is brought to rest between them, and the call returns after that.
+- Every stop is an ABORT: it ends either motion, and how fast it does so is a parameter that can be read back. The
+  acceleration of a FREERUN is a RAMP RATE, which cannot.
+- A bare `%` can precede the answer to a query and is left out. Since one could precede a refusal too, no
+  acknowledgement is believed: behind every command the status or the parameter is asked for.
+- The controller is not asked for a limit on the rate: the driver keeps it and refuses what lies beyond.
+- No public source describes a sinusoid: `oscillate` is refused.
+
+What it does about faults: what is not answered, or not so that it can be read, is said once more on a new connection,
+but for a move by an angle and the acknowledgement of faults. A refused command is an `InstrumentError` with the faults
+that the drive states. An emergency stop, a position error and a velocity trip make `state` FAULT, a restart makes it
+DISABLED, and nothing moves until the table is enabled again.
+
+The maker calls the positive end of travel the clockwise one, so a positive rate of the controller is taken for
+clockwise seen from above. `clockwise=False` where the stage is mounted or set up otherwise: compare with the gyro
+before trusting either.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from typing import Self
+
+from instruments.errors import InstrumentError, LinkError, UsageError
+from instruments.interfaces import Clock, Identity, TableLimits, TableReading, TableState
+from instruments.links.byte_link import byte_link
+from instruments.links.tcp import Reconnect
+from instruments.links.wirelog import WireLog
+from instruments.protocols.ensemble import (
+    ABORT_DECELERATION,
+    PLANE_MOVES,
+    AxisStatus,
+    fault_names,
+    parse_bits,
+    parse_number,
+)
+from instruments.rate_tables.ensemble_dialogue import EnsembleDialogue
+from instruments.rate_tables.kept_limits import (
+    KeptLimits,
+    check_finite,
+    refuse_to_oscillate,
+    short_way_deg,
+    wait_until,
+)
+
+ASK_STATUS = "AXISSTATUS(@{axis})"
+ASK_FAULT = "AXISFAULT(@{axis})"
+ASK_PLANE = "PLANESTATUS(0)"
+ASK_ANGLE = "PFBKPROG(@{axis})"  # deg
+ASK_RATE = "VFBK(@{axis})"  # deg/s
+ASK_ABORT_DECELERATION = f"GETPARM(@{{axis}}, {ABORT_DECELERATION})"
+
+ENABLE = "ENABLE @{axis}"
+DISABLE = "DISABLE @{axis}"
+ACKNOWLEDGE_FAULTS = "FAULTACK @{axis}"
+RAMPS_ARE_RATES = "RAMP MODE @{axis} RATE"
+ACCELERATION = ("RAMP RATE @{axis} {}", "RAMP RATE {}", f"SETPARM @{{axis}}, {ABORT_DECELERATION}, {{}}")
+TURN = "FREERUN @{axis} {}"
+BEFORE_A_MOVE = ("WAIT MODE NOWAIT", "INC")  # its reply does not wait for its end; it goes by increments
+MOVE_BY = "LINEAR @{axis} {} F{}"
+ABORT = "ABORT @{axis}"
+
+CONFIRM_S = 0.5  # bench time that a status is given to follow its command
+LEAST = 1e-6  # deg, deg/s: less than this is written as nothing
+
+
+class Ensemble:
+    """One axis of an Ensemble; an `instruments.interfaces.RateTable`. Safe to call from several threads.
+
+    Parameters
+    ----------
+    address
+        `tcp://HOST:PORT`.
+    axis
+        The controller's number of the axis, from 0.
+    clockwise
+        Whether the controller counts clockwise, seen from above.
+    timeout_s
+        How long to wait for a connection, and for a reply; wall time.
+    rest_rate_dps
+        Up to this rate the table counts as at rest.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        *,
+        clock: Clock,
+        axis: int = 0,
+        clockwise: bool = True,
+        timeout_s: float = 2.0,
+        rest_rate_dps: float = 0.05,
+        reconnect: Reconnect | None = None,
+        wire_log: WireLog | None = None,
+    ) -> None:
+        self._line = EnsembleDialogue(
+            byte_link(address, reconnect=reconnect, wire_log=wire_log),
+            axis=axis,
+            timeout_s=timeout_s,
+            clock=clock,
+            explain=self._explained_refusal,
+        )
+        self._name = self._line.who
+        self._limits = KeptLimits(self._name)
+        self._clock = clock
+        self._sign = -1.0 if clockwise else 1.0
+        self._rest_rate_dps = rest_rate_dps
+        self._lock = threading.RLock()  # a method's commands and their confirmation belong together
+
+    # What every instrument does ---------------------------------------------------------------------------------------
+
+    def open(self) -> None:
+        """Connect; whoever answers with the status of the axis is taken for an Ensemble."""
+        self._line.open()
+        try:
+            self._status()
+        except (LinkError, InstrumentError):
+            self._line.close()
+            raise
+
+    def close(self) -> None:
+        """Let go of the link; the table goes on with what it was doing."""
+        self._line.close()
+
+    def identify(self) -> Identity:
+        """Nothing: no public source describes a question for it."""
+        return Identity()
+
+    def __enter__(self) -> Self:
+        self.open()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()
+
+    # What a rate table does -------------------------------------------------------------------------------------------
+
+    def set_limits(self, limits: TableLimits) -> None:
+        """Program the acceleration, of rates, angles and ABORT; keep the limit on the rate."""
+        with self._lock:
+            self._limits.keep(limits)
+            self._line.tell(RAMPS_ARE_RATES)
+            for command in ACCELERATION:
+                self._line.tell(command, limits.acceleration_dps2)
+            actual = self._line.ask(ASK_ABORT_DECELERATION, parse_number)
+            if not math.isclose(actual, limits.acceleration_dps2, rel_tol=1e-3):
+                raise InstrumentError(
+                    f"{self._name}: the deceleration of ABORT should be {limits.acceleration_dps2:g} deg/s², it was"
+                    f" acknowledged and reads back {actual:g}; check the controller's parameters"
+                )
+
+    def enable(self) -> None:
+        """Acknowledge faults, enable the axis, hold still."""
+        with self._lock:
+            if self._found_faults():
+                self._line.tell(ACKNOWLEDGE_FAULTS, once=True)
+                self._fail_on_fault("its faults were acknowledged and are back")
+            self._line.tell(ENABLE)
+            self._stop("enabling")
+
+    def disable(self) -> None:
+        """Disable the axis; `UsageError` while the table moves."""
+        with self._lock:
+            rate_dps = self._rate_dps()
+            if abs(rate_dps) > self._rest_rate_dps:
+                raise UsageError(f"{self._name}: it turns at {rate_dps:.3f} deg/s, stop it before it is disabled")
+            self._line.tell(DISABLE)
+            if not wait_until(self._clock, lambda: not self._status() & AxisStatus.ENABLED, CONFIRM_S):
+                raise InstrumentError(f"{self._name}: it was told to disable its axis, and the axis is still enabled")
+
+    def go_to_rate(self, rate_dps: float) -> None:
+        """Turn at a constant rate; returns at once, but a table on its way to an angle is brought to rest first."""
+        self._limits.check_rate(rate_dps)
+        with self._lock:
+            if abs(rate_dps) < LEAST:
+                self._stop("a rate of 0 deg/s")
+                return
+            self._fail_on_fault(f"a rate of {rate_dps:g} deg/s is asked for")
+            if self._goes_to_angle():
+                self._come_to_rest()
+            self._line.tell(TURN, self._sign * rate_dps)
+            self._confirm(f"a rate of {rate_dps:g} deg/s", AxisStatus.ENABLED | AxisStatus.MOVE_ACTIVE)
+
+    def go_to_angle(self, angle_deg: float) -> None:
+        """Turn to an angle the short way round; returns at once, but a table that moves is brought to rest first."""
+        check_finite(self._name, "angle", angle_deg)
+        with self._lock:
+            rate_dps = self._limits.known().rate_dps
+            self._fail_on_fault(f"an angle of {angle_deg:g} deg is asked for")
+            self._come_to_rest()
+            by_deg = short_way_deg(self._angle_deg(), angle_deg)
+            if abs(by_deg) >= LEAST:
+                for command in BEFORE_A_MOVE:
+                    self._line.tell(command)
+                self._line.tell(MOVE_BY, self._sign * by_deg, rate_dps, once=True)
+            self._confirm(f"an angle of {angle_deg:g} deg", AxisStatus.ENABLED)
+
+    def oscillate(self, amplitude_dps: float, frequency_hz: float) -> None:
+        """Always `UsageError`: nobody has published how to ask for it."""
+        refuse_to_oscillate(self._name, "Ensemble's ASCII interface")
+
+    def stop(self) -> None:
+        """Stop as fast as ABORT does; a disabled table without a fault is left alone."""
+        with self._lock:
+            refusal: InstrumentError | None = None
+            try:
+                self._line.tell(ABORT)  # before anything is asked
+            except InstrumentError as err:
+                refusal = err
+            self._fail_on_fault("it was told to stop")
+            if refusal is not None and self._status() & AxisStatus.ENABLED:
+                raise refusal
+
+    def read(self) -> TableReading:
+        """Angle and rate, by two queries; the controller does not say the acceleration: not a number."""
+        with self._lock:
+            return TableReading(
+                angle_deg=self._angle_deg() % 360.0, rate_dps=self._rate_dps(), acceleration_dps2=math.nan
+            )
+
+    def state(self) -> TableState:
+        """A fault before disabled before moving."""
+        with self._lock:
+            if self._found_faults():
+                return TableState.FAULT
+            if not self._status() & AxisStatus.ENABLED:
+                return TableState.DISABLED
+            return TableState.MOVING if self._moves() else TableState.AT_REST
+
+    # Hooks ------------------------------------------------------------------------------------------------------------
+
+    def _stop(self, what: str) -> None:
+        self._line.tell(ABORT)
+        self._confirm(what, AxisStatus.ENABLED)
+
+    def _come_to_rest(self) -> None:
+        if not self._moves():
+            return
+        self._stop("a stop before the next motion")
+        if not wait_until(self._clock, lambda: not self._moves(), self._limits.longest_stop_s()):
+            raise InstrumentError(
+                f"{self._name}: it was told to stop before its next motion, and still moves, at"
+                f" {self._rate_dps():.3f} deg/s; look at the controller"
+            )
+
+    def _moves(self) -> bool:
+        return (
+            self._goes_to_angle()
+            or bool(self._status() & AxisStatus.MOVE_ACTIVE)
+            or abs(self._rate_dps()) > self._rest_rate_dps
+        )
+
+    def _goes_to_angle(self) -> bool:
+        return bool(self._line.ask(ASK_PLANE, parse_bits) & PLANE_MOVES)
+
+    def _angle_deg(self) -> float:
+        return self._sign * self._line.ask(ASK_ANGLE, parse_number)
+
+    def _rate_dps(self) -> float:
+        return self._sign * self._line.ask(ASK_RATE, parse_number) + 0.0  # which makes 0 of -0
+
+    def _status(self) -> int:
+        return self._line.ask(ASK_STATUS, parse_bits)
+
+    def _found_faults(self) -> int:
+        """The word of faults. Whatever the controller is set up to do at one, no motion goes on in a fault."""
+        word = self._line.ask(ASK_FAULT, parse_bits)
+        if word and self._status() & AxisStatus.ENABLED:
+            self._line.say(ABORT)
+        return word
+
+    def _confirm(self, what: str, wanted: AxisStatus) -> None:
+        """Wait for bits of the status; nothing may have tripped meanwhile."""
+        shown = wait_until(self._clock, lambda: self._status() & wanted == wanted, CONFIRM_S)
+        self._fail_on_fault(f"{what} was asked for")
+        if not shown:
+            raise InstrumentError(
+                f"{self._name}: {what} was asked for and acknowledged, its status should show {wanted!r} and is"
+                f" 0x{self._status():08X}; check that nothing else commands the axis"
+            )
+
+    def _fail_on_fault(self, what: str) -> None:
+        if word := self._found_faults():
+            raise InstrumentError(f"{self._name}: {what}: {_explained(word)}")
+
+    def _explained_refusal(self) -> str:
+        word = self._line.ask(ASK_FAULT, parse_bits)
+        return _explained(word) if word else "no fault is reported; check that the axis is enabled and at rest"
+
+
+def _explained(word: int) -> str:
+    return (
+        f"fault 0x{word:X} ({', '.join(fault_names(word))}); remove the cause, then acknowledge it by enabling the"
+        " table again"
+    )
+
+
+Driver = Ensemble

@@ -1,0 +1,97 @@
+"""A dialogue with one axis of an Ensemble: what it says to a line, taken apart. What the lines mean is the driver's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+from instruments.errors import InstrumentError
+from instruments.interfaces import Clock
+from instruments.links.byte_link import ByteLink
+from instruments.links.lines import LineDialogue, Manners
+from instruments.links.recovered import note_recovered
+from instruments.protocols.ensemble import END, Outcome, is_bare, is_reply, parse_reply
+
+Parsed = TypeVar("Parsed")
+
+
+class EnsembleDialogue:
+    """Queries and commands in which `{axis}` stands for the axis; every exchange is safe from several threads.
+
+    Junk in place of an answer is asked for once more, as silence is: `instruments.links.lines` says how. A command is
+    said again too, since it sets something and does not change it by some amount: all but those told `once`.
+
+    Parameters
+    ----------
+    link
+        The link; the dialogue opens and closes it.
+    axis
+        The controller's number of the axis.
+    timeout_s
+        How long to wait for a connection, and for a reply; wall time.
+    explain
+        Asked after a refusal: why, in words.
+    """
+
+    def __init__(
+        self, link: ByteLink, *, axis: int, timeout_s: float, clock: Clock, explain: Callable[[], str]
+    ) -> None:
+        manners = Manners(sent_end=END, answer_end=END, timeout_s=timeout_s)
+        self._line = LineDialogue("rate table", link, manners=manners, clock=clock)
+        self._axis = axis
+        self._explain = explain
+        self.who = self._line.who
+
+    def open(self) -> None:
+        """Connect; whether an Ensemble answers shows with the first question."""
+        self._line.open()
+
+    def close(self) -> None:
+        """Let go of the link; safe to call twice, and never raises."""
+        self._line.close()
+
+    def ask(self, query: str, parse: Callable[[str], Parsed]) -> Parsed:
+        """What `parse` makes of the data that answer a query; it raises `InstrumentError` for what they cannot be."""
+        text = query.format(axis=self._axis)
+        try:
+            return self._ask_once(text, parse)
+        except InstrumentError as err:
+            value = self._ask_once(text, parse)
+            note_recovered(str(err))
+            return value
+
+    def say(self, command: str) -> None:
+        """Send a command, whatever comes of it."""
+        self._line.tell(command.format(axis=self._axis), repeatable=True)
+
+    def tell(self, command: str, *values: float, once: bool = False) -> None:
+        """Send a command, its `{}` filled with values; it must be acknowledged."""
+        text = command.format(*(f"{value:.6f}" for value in values), axis=self._axis)
+        line = self._line.tell(text, repeatable=not once)
+        if not (once or is_reply(line)):
+            line = self._line.tell(text)
+        try:
+            outcome = parse_reply(line).outcome
+        except InstrumentError as err:
+            raise InstrumentError(f"{self.who}: sent {text!r}, {err}; check that the address is an Ensemble's") from err
+        if outcome is not Outcome.DONE:
+            raise InstrumentError(f"{self.who}: sent {text!r}, expected %, got {line!r}; {self._reason(outcome)}")
+
+    def _ask_once(self, text: str, parse: Callable[[str], Parsed]) -> Parsed:
+        line = self._line.ask(text, skip=is_bare)
+        try:
+            reply = parse_reply(line)
+            if reply.outcome is not Outcome.DONE:
+                raise InstrumentError(f"expected % and data, got {line!r}")
+            return parse(reply.data)
+        except InstrumentError as err:
+            raise InstrumentError(
+                f"{self.who}: asked {text!r}, {err}; check that the address is an Ensemble's, and the axis"
+            ) from err
+
+    def _reason(self, outcome: Outcome) -> str:
+        if outcome is Outcome.NOT_UNDERSTOOD:
+            return "it does not understand that: check the axis, the limits and the controller's version"
+        if outcome is Outcome.NOT_IN_TIME:
+            return "it did not finish in time; look at the controller, and begin again by enabling the table"
+        return self._explain()

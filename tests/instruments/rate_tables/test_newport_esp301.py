@@ -1,0 +1,305 @@
+"""The driver against the simulated controller, over a pseudo-terminal and over TCP."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from instruments.errors import InstrumentError, UsageError
+from instruments.interfaces import Identity, RateTable, TableLimits, TableState
+from instruments.links.byte_link import byte_link
+from instruments.links.wirelog import WireLog
+from instruments.rate_tables.newport_esp301 import Esp301
+from instruments.simulated.newport_esp301 import SimulatedEsp301
+from tests.instruments.table_machine import CountedClock, InstantTable
+
+LIMITS = TableLimits(rate_dps=300.0, acceleration_dps2=500.0)
+
+
+@pytest.fixture
+def table() -> InstantTable:
+    return InstantTable(angle_deg=350.0)
+
+
+@pytest.fixture(params=["pty", "tcp"])
+def server(request: pytest.FixtureRequest, table: InstantTable) -> Iterator[SimulatedEsp301]:
+    if request.param == "pty" and sys.platform == "win32":
+        pytest.skip("Windows has no pseudo-terminals")
+    with SimulatedEsp301(table, over_tcp=request.param == "tcp") as running:
+        yield running
+
+
+@pytest.fixture
+def log() -> WireLog:
+    return WireLog(size=1000)
+
+
+@pytest.fixture
+def driver(server: SimulatedEsp301, log: WireLog) -> Iterator[Esp301]:
+    with Esp301(server.address, clock=CountedClock(), wire_log=log) as driver:
+        yield driver
+
+
+@pytest.fixture
+def enabled(driver: Esp301, table: InstantTable) -> Esp301:
+    driver.set_limits(LIMITS)
+    driver.enable()
+    table.demands.clear()
+    return driver
+
+
+def sent(log: WireLog) -> list[str]:
+    """The commands that went over the wire, without queries."""
+    lines = [entry.data.decode().rstrip("\r") for entry in log.last(1000) if entry.direction == "sent"]
+    return [line for line in lines if "?" not in line]
+
+
+def test_it_is_a_rate_table_and_says_who_it_is(driver: Esp301) -> None:
+    as_interface: RateTable = driver
+    assert as_interface.identify() == Identity(model="ESP301", firmware="Version 3.0.1 simulated")
+
+
+def test_it_starts_disabled_and_enabling_holds_it_still(driver: Esp301, table: InstantTable) -> None:
+    assert driver.state() is TableState.DISABLED
+    driver.enable()
+    assert driver.state() is TableState.AT_REST
+    assert table.demands == [("close",), ("rate", 0.0)]
+
+
+def test_everything_it_commands_byte_for_byte(driver: Esp301, log: WireLog) -> None:
+    driver.set_limits(LIMITS)
+    driver.enable()
+    driver.go_to_rate(20.0)
+    driver.go_to_rate(30.0)
+    driver.go_to_rate(-30.0)
+    driver.go_to_angle(10.0)
+    driver.stop()
+    driver.disable()
+    assert sent(log) == [
+        "1AC500.000000",
+        "1AG500.000000",
+        "1MO",
+        "1ST",
+        "1VA20.000000",
+        "1MV+",
+        "1VA30.000000",
+        "1ST",
+        "1VA30.000000",
+        "1MV-",
+        "1ST",
+        "1VA300.000000",
+        "1PA370.000000",
+        "1ST",
+        "1ST",
+        "1MF",
+    ]
+
+
+def test_errors_are_asked_for_after_every_command(driver: Esp301, log: WireLog) -> None:
+    driver.enable()
+    lines = [entry.data for entry in log.last(1000) if entry.direction == "sent"]
+    for command in (b"1MO\r", b"1ST\r"):
+        assert lines[lines.index(command) + 1] == b"TE?\r"
+
+
+def test_a_rate_is_reached_and_read_back(enabled: Esp301, table: InstantTable) -> None:
+    enabled.go_to_rate(-123.456)
+    assert table.rate_dps == pytest.approx(-123.456)
+    reading = enabled.read()
+    assert (reading.angle_deg, reading.rate_dps) == (350.0, -123.456)
+    assert math.isnan(reading.acceleration_dps2)
+    assert enabled.state() is TableState.MOVING
+
+
+def test_a_stage_that_counts_clockwise_is_driven_the_other_way(server: SimulatedEsp301, table: InstantTable) -> None:
+    with Esp301(server.address, clock=CountedClock(), clockwise=True) as driver:
+        driver.set_limits(LIMITS)
+        driver.enable()
+        driver.go_to_rate(10.0)
+        assert table.rate_dps == -10.0
+        assert driver.read().rate_dps == 10.0
+        driver.go_to_angle(20.0)  # it stands at -350 deg, which is 10
+        assert table.angle_deg == pytest.approx(340.0)
+
+
+def test_the_same_direction_needs_no_stop_and_the_other_one_does(enabled: Esp301, table: InstantTable) -> None:
+    enabled.go_to_rate(100.0)
+    enabled.go_to_rate(50.0)
+    assert table.demands == [("rate", 100.0), ("rate", 50.0)]
+    table.demands.clear()
+    enabled.go_to_rate(-50.0)
+    enabled.go_to_rate(0.0)
+    assert table.demands == [("rate", 0.0), ("rate", -50.0), ("rate", 0.0)]
+    assert enabled.state() is TableState.AT_REST
+
+
+def test_a_table_that_turns_already_when_the_driver_comes_is_stopped_first(
+    server: SimulatedEsp301, enabled: Esp301, table: InstantTable
+) -> None:
+    enabled.go_to_rate(100.0)
+    enabled.close()
+    table.demands.clear()
+    with Esp301(server.address, clock=CountedClock()) as second:
+        assert second.state() is TableState.MOVING
+        second.set_limits(LIMITS)
+        second.go_to_rate(10.0)
+    assert table.demands == [("rate", 0.0), ("rate", 10.0)]
+
+
+@pytest.mark.parametrize(("angle_deg", "reached_deg"), [(10.0, 370.0), (300.0, 300.0), (-20.0, 340.0), (1085.0, 365.0)])
+def test_an_angle_is_reached_the_short_way_round(
+    enabled: Esp301, table: InstantTable, angle_deg: float, reached_deg: float
+) -> None:
+    enabled.go_to_angle(angle_deg)
+    assert table.demands[-1][1] == pytest.approx(reached_deg)
+    assert enabled.state() is TableState.AT_REST
+
+
+def test_limits_are_programmed_and_the_rate_s_is_kept_by_the_driver(enabled: Esp301, table: InstantTable) -> None:
+    enabled.go_to_rate(100.0)
+    assert table.limits() == (1000.0, 500.0)
+    enabled.go_to_angle(0.0)
+    assert table.limits() == (300.0, 500.0)
+    table.demands.clear()
+    with pytest.raises(UsageError, match=r"asked for 301 deg/s, the limit that was set is 300 deg/s"):
+        enabled.go_to_rate(301.0)
+    assert table.demands == []
+
+
+def test_what_the_controller_does_not_take_is_named(driver: Esp301, table: InstantTable) -> None:
+    with pytest.raises(
+        InstrumentError, match=r"sent '1AC9000.000000', it reports 111 \(axis 1: maximum acceleration exceeded\)"
+    ):
+        driver.set_limits(TableLimits(rate_dps=300.0, acceleration_dps2=9000.0))
+    driver.set_limits(TableLimits(rate_dps=2000.0, acceleration_dps2=500.0))
+    driver.enable()
+    with pytest.raises(
+        InstrumentError, match=r"sent '1VA1500.000000', it reports 110 \(axis 1: maximum velocity exceeded\)"
+    ):
+        driver.go_to_rate(1500.0)
+    assert table.rate_dps == 0.0
+    assert driver.state() is TableState.AT_REST
+
+
+def test_nothing_moves_before_limits_are_set(driver: Esp301, table: InstantTable) -> None:
+    driver.enable()
+    table.demands.clear()
+    moves: list[Callable[[], None]] = [lambda: driver.go_to_rate(1.0), lambda: driver.go_to_angle(1.0)]
+    for move in moves:
+        with pytest.raises(UsageError, match=r"before its limits were set"):
+            move()
+    assert table.demands == []
+
+
+def test_an_oscillation_is_refused_with_what_can_run_instead(enabled: Esp301, table: InstantTable) -> None:
+    with pytest.raises(UsageError, match=r"no public source describes one.*sine_sweep.*take one of constant rates"):
+        enabled.oscillate(10.0, 1.0)
+    assert table.demands == []
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_numbers_that_mean_nothing_never_reach_the_wire(enabled: Esp301, log: WireLog, bad: float) -> None:
+    before = len(log.last(1000))
+    calls: list[Callable[[], None]] = [
+        lambda: enabled.go_to_rate(bad),
+        lambda: enabled.go_to_angle(bad),
+        lambda: enabled.set_limits(TableLimits(rate_dps=bad, acceleration_dps2=1.0)),
+        lambda: enabled.set_limits(TableLimits(rate_dps=1.0, acceleration_dps2=0.0)),
+    ]
+    for call in calls:
+        with pytest.raises(UsageError, match="expected a finite number"):
+            call()
+    assert len(log.last(1000)) == before
+
+
+def test_a_moving_table_is_not_disabled(enabled: Esp301, table: InstantTable) -> None:
+    enabled.go_to_rate(5.0)
+    with pytest.raises(UsageError, match=r"turns at 5.000 deg/s, stop it before"):
+        enabled.disable()
+    assert enabled.state() is TableState.MOVING
+    enabled.stop()
+    enabled.disable()
+    assert enabled.state() is TableState.DISABLED
+    assert table.demands[-1] == ("open",)
+
+
+def test_a_disabled_table_does_not_move_and_can_be_stopped(driver: Esp301, table: InstantTable) -> None:
+    driver.set_limits(LIMITS)
+    driver.stop()
+    with pytest.raises(InstrumentError, match=r"sent '1MV\+', it reports 113 \(axis 1: motor not enabled\)"):
+        driver.go_to_rate(1.0)
+    with pytest.raises(InstrumentError, match=r"its motor is off: enable the table first"):
+        driver.go_to_rate(0.0)
+    assert table.demands == []
+    assert driver.state() is TableState.DISABLED
+
+
+def test_an_emergency_stop_is_explained_and_cleared_by_enabling(enabled: Esp301, server: SimulatedEsp301) -> None:
+    enabled.go_to_rate(20.0)
+    server.open_interlock()
+    assert enabled.state() is TableState.FAULT
+    moves: list[Callable[[], None]] = [
+        enabled.stop,
+        lambda: enabled.go_to_rate(1.0),
+        lambda: enabled.go_to_angle(1.0),
+    ]
+    for move in moves:
+        with pytest.raises(InstrumentError, match=r"in fault: 4 \(emergency stop\); remove the cause") as caught:
+            move()
+        assert "\n" not in str(caught.value)
+    with pytest.raises(InstrumentError, match=r"sent '1MO', it reports 129 \(axis 1: interlock"):
+        enabled.enable()
+    assert enabled.state() is TableState.FAULT
+    assert enabled.read().rate_dps == 0.0
+
+    server.close_interlock()
+    assert enabled.state() is TableState.FAULT
+    enabled.enable()
+    assert enabled.state() is TableState.AT_REST
+
+
+def test_a_rate_that_runs_away_is_seen(enabled: Esp301, table: InstantTable) -> None:
+    enabled.go_to_rate(100.0)
+    table.rate_dps = 1200.0
+    assert enabled.state() is TableState.FAULT
+    with pytest.raises(InstrumentError, match=r"103 \(axis 1: following error\)"):
+        enabled.stop()
+
+
+def test_a_software_limit_that_a_turning_table_meets_is_a_fault(
+    server: SimulatedEsp301, enabled: Esp301, table: InstantTable
+) -> None:
+    enabled.go_to_rate(10.0)
+    enabled.close()
+    operator = byte_link(server.address)
+    operator.open(2.0)
+    operator.send(b"1SR360\r1SR?\r")
+    assert operator.receive(64, 2.0).startswith(b"3")
+    operator.close()
+    enabled.open()
+    assert enabled.state() is TableState.MOVING
+    table.angle_deg = 361.0
+    assert enabled.state() is TableState.FAULT
+    assert table.rate_dps == 0.0
+    with pytest.raises(InstrumentError, match=r"106 \(axis 1: positive software limit\)"):
+        enabled.go_to_rate(10.0)
+    enabled.enable()
+    enabled.go_to_rate(-10.0)
+    assert enabled.state() is TableState.MOVING
+
+
+def test_a_line_at_its_real_speed_carries_the_dialogue(table: InstantTable) -> None:
+    with (
+        SimulatedEsp301(table, pace_baud=19200, over_tcp=sys.platform == "win32") as server,
+        Esp301(server.address, clock=CountedClock()) as driver,
+    ):
+        driver.set_limits(LIMITS)
+        driver.enable()
+        driver.go_to_rate(-10.0)
+        assert driver.state() is TableState.MOVING
+        driver.stop()
+        assert driver.state() is TableState.AT_REST
+    assert table.demands == [("close",), ("rate", 0.0), ("rate", -10.0), ("rate", 0.0), ("rate", 0.0)]
