@@ -78,10 +78,11 @@ class Lines:
     def feed(self, data: bytes) -> list[str]:
         """The lines that are complete now, empty ones left out; bytes that are not ASCII show as escapes."""
         *complete, self._pending = (self._pending + data).split(self._terminator)
-        if len(self._pending) > MAX_LINE:
-            beginning, self._pending = self._pending[:32], b""
+        longest = max((*complete, self._pending), key=len)
+        if len(longest) > MAX_LINE:
+            self._pending = b""
             raise InstrumentError(
-                f"more than {MAX_LINE} bytes without an end of line, beginning {beginning!r}: this is not ACL"
+                f"more than {MAX_LINE} bytes without an end of line, beginning {longest[:32]!r}: this is not ACL"
             )
         texts = (line.strip(b"\r\n").decode("ascii", "backslashreplace") for line in complete)
         return [text for text in texts if text.strip()]
@@ -141,7 +142,7 @@ def parse_commands(line: str) -> Iterator[Command]:
 
 def _common(names: str, text: str) -> tuple[str, ...]:
     if names not in COMMON:
-        raise UsageError(f"unknown command {text!r}")
+        raise UsageError(f"unknown command {text[:64]!r}")
     return (names,)
 
 
@@ -155,13 +156,13 @@ def _full(name: str, candidates: tuple[str, ...], text: str) -> str:
     for candidate in candidates:
         if name and candidate.startswith(name):
             return candidate
-    raise UsageError(f"unknown command {text!r}")
+    raise UsageError(f"unknown command {text[:64]!r}")
 
 
 def _usual_spelling(command: Command, text: str) -> Command:
     if command.path != ("mode",) or command.query:
         return command
     if len(command.arguments) != 2:
-        raise UsageError(f"{text!r}: expected an axis and a mode")
+        raise UsageError(f"{text[:64]!r}: expected an axis and a mode")
     axis, mode = command.arguments
     return Command(path=("mode", _full(mode.lower(), TREE["mode"], text)), query=False, arguments=(axis,))

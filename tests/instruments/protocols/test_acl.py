@@ -156,3 +156,10 @@ def test_no_line_breaks_the_parser(text: str) -> None:
 def test_a_header_of_another_length_is_never_sent() -> None:
     with pytest.raises(UsageError, match="8 characters"):
         encode_reply("1", "OK")
+
+
+def test_a_line_beyond_the_longest_is_no_reply_even_with_its_end() -> None:
+    reader = ReplyReader()
+    with pytest.raises(InstrumentError, match="more than 4096 bytes without an end of line"):
+        reader.feed(b"hhhhhhhh" + b"1" * 5000 + b"\r\n")
+    assert [reply.data for reply in reader.feed(b"hhhhhhhhOK\r\n")] == ["OK"]

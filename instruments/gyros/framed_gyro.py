@@ -1,0 +1,169 @@
+"""What all gyros that send frames by themselves do alike.
+
+| hook                | default   | a gyro's driver overrides it to                                                  |
+|---------------------|-----------|----------------------------------------------------------------------------------|
+| `_check()`          | (must)    | make sure, once connected, that the right gyro answers, and keep who it is        |
+| `_begin(rate_hz)`   | (must)    | have it send frames; the rate, a queue, and what has come of the stream already   |
+| `_end()`            | nothing   | have it send no more                                                              |
+
+What is done about faults: a frame that is lost, cut short, spoilt or torn by junk is a gap at its place, told with the
+block; junk beside frames is left out; both are counted. A line that is silent is a `LinkError` that says how many
+samples came, which are kept. A gyro that doubts a sample says so in `valid` and `faults`.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Self, TypeVar
+
+from instruments.errors import BenchError, LinkError, UsageError
+from instruments.gyros.sample_queue import SampleQueue
+from instruments.interfaces import Clock, GyroBlock, Identity
+from instruments.links.byte_link import byte_link
+from instruments.links.wirelog import WireLog
+
+LARGEST_RECEIVE = 1 << 16
+WIRE_LATENCY_S = 0.02
+"""How long a byte may be under way; serial converters on USB keep bytes for up to 16 ms."""
+
+Answer = TypeVar("Answer")
+
+
+class FramedGyro(ABC):
+    """A gyro at the end of a line; satisfies `instruments.interfaces.Gyro`.
+
+    Times are the gyro's own: the number of a sample over the rate. The clock only tells whether the line was deaf for
+    so long that the numbers may have wrapped.
+
+    Parameters
+    ----------
+    address
+        `serial://DEVICE?baud=N`, or `socket://HOST:PORT` behind a serial-to-Ethernet box.
+    name
+        The model, for messages.
+    clock
+        What tells how long the line was deaf.
+    default_baud
+        Where the address does not say.
+    timeout_s
+        Wall time to wait for an answer and for a connection.
+    wire_log
+        Where to note what goes over the wire.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        *,
+        name: str,
+        clock: Clock,
+        default_baud: int,
+        timeout_s: float,
+        wire_log: WireLog | None,
+    ) -> None:
+        self._link = byte_link(address, default_baud=default_baud, wire_log=wire_log)
+        self._who = f"{name} at {self._link.address}"
+        self._clock = clock
+        self._timeout_s = timeout_s
+        self._identity = Identity()
+        self._queue: SampleQueue | None = None  # while a stream runs
+        self._all_read_s = 0.0  # by the clock: whatever had come until then was read
+
+    def open(self) -> None:
+        """Connect and make sure that the right gyro answers."""
+        self._link.open(self._timeout_s)
+        try:
+            self._check()
+        except BenchError:
+            self._link.close()
+            raise
+
+    def close(self) -> None:
+        """Let go of the link; safe to call twice, and never raises."""
+        self._queue = None
+        self._link.close()
+
+    def __enter__(self) -> Self:
+        self.open()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()
+
+    def identify(self) -> Identity:
+        """Who it said that it is when it was opened."""
+        return self._identity
+
+    def start_stream(self, rate_hz: float) -> float:
+        """Have it send samples; the rate [Hz] at which it does."""
+        if self._queue is not None:
+            raise UsageError(f"{self._who}: start_stream while the stream runs: call stop_stream first")
+        if not 0.0 < rate_hz < math.inf:
+            raise UsageError(f"{self._who}: a rate of {rate_hz} samples a second: give a finite one above 0")
+        actual_hz, queue, come = self._begin(rate_hz)
+        self._all_read_s = self._clock.now()
+        queue.feed(come, unheard_s=0.0)
+        self._queue = queue
+        return actual_hz
+
+    def read_stream(self, samples: int, timeout_s: float) -> GyroBlock:
+        """At least `samples` samples and whatever came with them; see `instruments.interfaces.Gyro`."""
+        if self._queue is None:
+            raise UsageError(f"{self._who}: read_stream while no stream runs: call start_stream first")
+        wanted = max(samples, 1)
+        give_up_s = time.monotonic() + timeout_s
+        try:
+            while self._queue.waiting < wanted:
+                self._receive(self._queue, give_up_s)
+        except LinkError as err:
+            raise LinkError(
+                f"{self._who}: expected {wanted} samples within {timeout_s:g} s, {self._queue.waiting} came; in this"
+                f" stream {self._queue.junk_bytes} bytes were no sample: {err}"
+            ) from err
+        return self._queue.take()
+
+    def stop_stream(self) -> None:
+        """Stop; what was not read is discarded. Safe to call where no stream runs."""
+        self._queue = None
+        self._end()
+
+    @abstractmethod
+    def _check(self) -> None: ...
+
+    @abstractmethod
+    def _begin(self, rate_hz: float) -> tuple[float, SampleQueue, bytes]: ...
+
+    def _end(self) -> None:
+        return
+
+    def _ask(self, question: bytes, answer: Callable[[bytes], Answer | None], expected: str) -> Answer:
+        """Send a question and listen until the answer is among what has come, which is given whole each time."""
+        give_up_s = time.monotonic() + self._timeout_s
+        self._link.send(question)
+        heard = b""
+        while (found := answer(heard)) is None:
+            try:
+                heard += self._link.receive(LARGEST_RECEIVE, self._left_s(give_up_s))
+            except LinkError as err:
+                raise LinkError(
+                    f"{self._who}: sent {question!r}, expected {expected} within {self._timeout_s:g} s, got"
+                    f" {len(heard)} bytes without it: {err}; check the line to the gyro and its baud"
+                ) from err
+        return found
+
+    def _receive(self, queue: SampleQueue, give_up_s: float) -> None:
+        """Take what has come."""
+        looked_s = self._clock.now()
+        data = self._link.receive(LARGEST_RECEIVE, self._left_s(give_up_s))
+        queue.feed(data, unheard_s=self._clock.now() - self._all_read_s + WIRE_LATENCY_S)
+        if len(data) < LARGEST_RECEIVE:
+            self._all_read_s = looked_s
+
+    def _left_s(self, give_up_s: float) -> float:
+        left_s = give_up_s - time.monotonic()
+        if left_s <= 0.0:
+            raise LinkError("the time is over")
+        return left_s

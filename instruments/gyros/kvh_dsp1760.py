@@ -1,0 +1,98 @@
+"""KVH DSP-1760: a fibre-optic gyro of one to three axes on RS-422.
+
+Not tried on hardware. Settings and frame: `instruments.protocols.kvh1760`. Every setting is confirmed by the gyro's
+answer to it, so the line to the gyro must be connected, too. While no stream runs the gyro is left where it takes
+settings and sends no frames. Its number wraps after 128 samples: at 1000 Hz a line that was deaf for longer than
+0.1 s leaves a gap that is not exact.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from instruments.errors import UsageError
+from instruments.gyros.framed_gyro import FramedGyro
+from instruments.gyros.sample_queue import SampleQueue, Samples
+from instruments.interfaces import Clock, Identity
+from instruments.links.wirelog import WireLog
+from instruments.protocols import kvh1760 as kvh
+from instruments.protocols.crc32_mpeg2 import ByteArray
+from instruments.protocols.sequence_numbers import SequenceNumbers
+
+ROTATION_UNIT, TEMPERATURE_UNIT = "deg", "c_100"
+
+
+class KvhDsp1760(FramedGyro):
+    """A DSP-1760, one axis of which is read; satisfies `instruments.interfaces.Gyro`.
+
+    Parameters
+    ----------
+    address
+        `serial://DEVICE?baud=N`, 921600 baud where it does not say, or `socket://HOST:PORT`.
+    clock
+        What tells how long the line was deaf.
+    axis
+        "x", "y" or "z".
+    timeout_s
+        Wall time to wait for an answer and for a connection.
+    wire_log
+        Where to note what goes over the wire.
+    """
+
+    def __init__(
+        self, address: str, *, clock: Clock, axis: str = "z", timeout_s: float = 2.0, wire_log: WireLog | None = None
+    ) -> None:
+        if axis not in kvh.AXES or len(axis) != 1:
+            raise UsageError(f"axis {axis!r}: a KVH DSP-1760 has x, y and z")
+        self._axis = kvh.AXES.index(axis)
+        super().__init__(
+            address,
+            name="KVH DSP-1760",
+            clock=clock,
+            default_baud=kvh.DEFAULT_BAUD,
+            timeout_s=timeout_s,
+            wire_log=wire_log,
+        )
+
+    def _check(self) -> None:
+        self._set("config", 1)
+        self._identity = Identity(manufacturer="KVH", model="DSP-1760")
+
+    def _begin(self, rate_hz: float) -> tuple[float, SampleQueue, bytes]:
+        if not rate_hz.is_integer():
+            raise UsageError(f"{self._who}: a rate of {rate_hz:g} Hz: it takes whole numbers")
+        self._set("config", 1)
+        self._set("rotfmt", "rate")
+        self._set("rotunits", ROTATION_UNIT)
+        self._set("tempunits", TEMPERATURE_UNIT)
+        self._set("dr", int(rate_hz))
+        come = self._set("config", 0)
+        words = partial(kvh.status_words, channels=1 << self._axis)
+        numbers = SequenceNumbers(kvh.SEQUENCE_NUMBERS)
+        return rate_hz, SampleQueue(kvh.FORMAT, numbers, decode=self._decode, words=words, rate_hz=rate_hz), come
+
+    def _end(self) -> None:
+        self._set("config", 1)
+
+    def _set(self, name: str, value: str | int) -> bytes:
+        """Change a setting; what came after the gyro's answer."""
+        return self._ask(
+            kvh.encode_setting(name, value),
+            lambda heard: kvh.after_echo(heard, name, value),
+            f"the answer {kvh.encode_echo(name, value)!r}",
+        )
+
+    def _decode(self, rows: ByteArray) -> Samples:
+        frames = kvh.decode_frames(rows)
+        return Samples(
+            number=frames.sequence,
+            rate_dps=frames.rotation[:, self._axis] * kvh.ROTATION_DEGREES[ROTATION_UNIT],
+            temperature_c=frames.temperature.astype(np.float64) * kvh.TEMPERATURE_STEP_C[TEMPERATURE_UNIT],
+            status=frames.status,
+            valid=(frames.status >> self._axis & 1).astype(bool),
+        )
+
+
+Driver = KvhDsp1760

@@ -1,0 +1,160 @@
+"""Sensonor STIM300: three gyros, and what else was ordered with them, on RS-422.
+
+Not tried on hardware. Datagrams: `instruments.protocols.stim300`, answers: `instruments.protocols.stim300_answers`. The
+driver changes nothing: it asks how the STIM300 is configured, and reads that. It sends without end, so a stream
+begins after the answer to a question, and stopping one only stops reading.
+
+Sources do not agree on what the counter goes up by, so it is taken from the first datagrams that follow each other.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from functools import partial
+from typing import TypeAlias
+
+import numpy as np
+
+from instruments.errors import InstrumentError, LinkError, UsageError
+from instruments.gyros.framed_gyro import LARGEST_RECEIVE, FramedGyro
+from instruments.gyros.sample_queue import SampleQueue, Samples
+from instruments.interfaces import Clock, Identity
+from instruments.links.wirelog import WireLog
+from instruments.protocols import stim300 as stim
+from instruments.protocols import stim300_answers as answers
+from instruments.protocols.crc32_mpeg2 import ByteArray
+from instruments.protocols.frames import FrameFormat, FrameReader
+from instruments.protocols.sequence_numbers import SequenceNumbers, commonest_step
+from instruments.protocols.stim300_answers import StimConfiguration
+
+FIRST_DATAGRAMS = 9
+READABLE = ("angular rate", "average angular rate", "incremental angle")
+
+Found: TypeAlias = tuple[ByteArray, bytes]
+"""A whole answer and the bytes after it."""
+
+
+class SensonorStim300(FramedGyro):
+    """A STIM300, one gyro of which is read; satisfies `instruments.interfaces.Gyro`.
+
+    Parameters
+    ----------
+    address
+        `serial://DEVICE?baud=N`, 921600 baud where it does not say, or `socket://HOST:PORT`.
+    clock
+        What tells how long the line was deaf.
+    axis
+        "x", "y" or "z".
+    timeout_s
+        Wall time to wait for an answer and for a connection.
+    wire_log
+        Where to note what goes over the wire.
+    """
+
+    def __init__(
+        self, address: str, *, clock: Clock, axis: str = "z", timeout_s: float = 2.0, wire_log: WireLog | None = None
+    ) -> None:
+        if axis not in stim.AXES or len(axis) != 1:
+            raise UsageError(f"axis {axis!r}: a Sensonor STIM300 has x, y and z")
+        self._axis = stim.AXES.index(axis)
+        super().__init__(
+            address,
+            name="Sensonor STIM300",
+            clock=clock,
+            default_baud=stim.DEFAULT_BAUD,
+            timeout_s=timeout_s,
+            wire_log=wire_log,
+        )
+
+    def _check(self) -> None:
+        configuration, _ = self._configuration()
+        serial, _ = self._answer(answers.ASK_SERIAL, answers.SERIAL_FORMATS)
+        self._identity = Identity(
+            manufacturer="Sensonor",
+            model="STIM300",
+            serial=answers.decode_serial(serial),
+            firmware=f"{configuration.revision}{configuration.firmware}",
+        )
+
+    def _begin(self, rate_hz: float) -> tuple[float, SampleQueue, bytes]:
+        configuration, come = self._configuration()
+        actual_hz = self._check_readable(configuration, rate_hz)
+        datagram = stim.frame_format(configuration.datagram_id, crlf=configuration.crlf)
+        self._clock.sleep((FIRST_DATAGRAMS + 1) / actual_hz)
+        come, step = self._counter_step(configuration, datagram, come)
+        incremental = configuration.gyro_unit == "incremental angle"
+        step_dps = stim.ANGLE_STEP_DEG * actual_hz if incremental else stim.RATE_STEP_DPS
+        queue = SampleQueue(
+            datagram,
+            SequenceNumbers(stim.COUNTERS, step=step),
+            decode=partial(self._decode, configuration.datagram_id, step_dps),
+            words=stim.status_words,
+            rate_hz=actual_hz,
+        )
+        return actual_hz, queue, come
+
+    def _check_readable(self, configuration: StimConfiguration, rate_hz: float) -> float:
+        """The rate at which it sends, if it is the wanted one."""
+        if configuration.rate_hz is None:
+            raise InstrumentError(
+                f"{self._who}: it samples at an external trigger, so its counter tells no time:"
+                " have it set to a rate of its own"
+            )
+        if configuration.rate_hz != rate_hz:
+            raise InstrumentError(
+                f"{self._who}: {rate_hz:g} samples a second were asked for, it is set to {configuration.rate_hz:g}:"
+                " ask for that, or change it in its service mode"
+            )
+        if configuration.gyro_unit not in READABLE:
+            raise InstrumentError(
+                f"{self._who}: its gyros put out {configuration.gyro_unit}, expected one of {', '.join(READABLE)}:"
+                " change it in its service mode"
+            )
+        return configuration.rate_hz
+
+    def _counter_step(self, configuration: StimConfiguration, datagram: FrameFormat, come: bytes) -> tuple[bytes, int]:
+        """Wait for some datagrams; all that has come, and what the counter goes up by."""
+        give_up_s = time.monotonic() + self._timeout_s
+        reader = FrameReader([datagram])
+        runs = reader.feed(come)
+        while reader.kept < FIRST_DATAGRAMS:
+            try:
+                data = self._link.receive(LARGEST_RECEIVE, self._left_s(give_up_s))
+            except LinkError as err:
+                raise LinkError(
+                    f"{self._who}: expected {FIRST_DATAGRAMS} datagrams {datagram.name[-3:]} as it is configured,"
+                    f" {reader.kept} came and {reader.junk_bytes} bytes that are none: {err}; check its baud"
+                ) from err
+            come += data
+            runs += reader.feed(data)
+        rows = np.concatenate([run.rows for run in runs])
+        return come, commonest_step(stim.decode_frames(configuration.datagram_id, rows).counter, stim.COUNTERS)
+
+    def _configuration(self) -> tuple[StimConfiguration, bytes]:
+        row, rest = self._answer(answers.ASK_CONFIGURATION, answers.CONFIGURATION_FORMATS)
+        try:
+            return answers.decode_configuration(row), rest
+        except InstrumentError as err:
+            raise InstrumentError(f"{self._who}: {err}") from err
+
+    def _answer(self, question: bytes, formats: Sequence[FrameFormat]) -> Found:
+        def find(heard: bytes) -> Found | None:
+            for run in FrameReader(formats).feed(heard):
+                return run.rows[0], heard[int(run.first_byte[0]) + run.format.length :]
+            return None
+
+        return self._ask(question, find, f"a datagram {formats[0].name}")
+
+    def _decode(self, datagram_id: int, step_dps: float, rows: ByteArray) -> Samples:
+        frames = stim.decode_frames(datagram_id, rows)
+        return Samples(
+            number=frames.counter,
+            rate_dps=frames.gyro[:, self._axis].astype(np.float64) * step_dps,
+            temperature_c=frames.temperature_c[:, self._axis],
+            status=frames.status,
+            valid=frames.status == 0,
+        )
+
+
+Driver = SensonorStim300

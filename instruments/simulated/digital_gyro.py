@@ -1,0 +1,148 @@
+"""A digital gyro on the simulated bench: the bench's analog gyro with a converter of its own, which sends samples.
+
+    rate = (U - U0) / K0,    temperature = (thermistor volts - offset) / slope
+
+so its rate is that of the simulated sensor, with all its physics and noise, scaled as it leaves the factory at T0. What
+this leaves out: compensation inside the gyro, so it errs as an analog one does; axes across the table's; filters of
+its own; a clock of its own, its rate is exact. It samples the same inputs as a digitizer does: if both run at once,
+each is right, but which noise falls to whom is chance.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from typing import Self
+
+import numpy as np
+
+from instruments.errors import UsageError
+from instruments.interfaces import FloatArray
+from instruments.simulated.machines import AnalogInputs
+from instruments.simulated.push_line import PushLine
+from instruments.simulated.settings import WorldSettings
+
+BITS_PER_BYTE = 10  # 8N1
+LARGEST_BATCH = 4096  # frames that are made at once
+ROUNDING = 1e-6  # of a sample interval: how long after its instant a frame counts as due
+
+
+class DigitalGyro(ABC):
+    """A gyro at `address` that sends frames, from `start()` to `stop()`, or in a `with`.
+
+    A frame is due when a line of `baud` would have carried its last byte. Its instants are even on the bench's clock;
+    what is late is sent late, and what the line does not take is lost.
+
+    Parameters
+    ----------
+    inputs
+        What the sensor puts out.
+    settings
+        The bench that `inputs` belong to.
+    baud
+        The line's speed.
+    over_tcp
+        Serial over TCP instead of a pseudo-terminal.
+
+    Attributes
+    ----------
+    line
+        What the frames go out on; it counts what it dropped, and can be disturbed.
+    sent
+        How many frames were made.
+    """
+
+    frame_bytes: int
+
+    def __init__(self, inputs: AnalogInputs, settings: WorldSettings, *, baud: int, over_tcp: bool) -> None:
+        sensor = settings.response or settings.gyro
+        self._K0_v_per_dps, self._U0_v = sensor.K0_v_per_dps, sensor.U0_v
+        self._slope_v_per_c, self._offset_v = settings.thermistor_v_per_c, settings.thermistor_offset_v
+        self._inputs = inputs
+        self._baud = baud
+        self._first_s = math.nan  # of the stream; nan while none runs
+        self._rate_hz = math.nan
+        self._made = 0  # in this stream
+        self.sent = 0
+        self.line = PushLine(self, baud=baud, over_tcp=over_tcp)
+
+    @property
+    def address(self) -> str:
+        """Where it is, known once it is started."""
+        return self.line.address
+
+    def start(self) -> None:
+        """Switch it on; when it returns, a driver can connect."""
+        self.line.start()
+
+    def stop(self) -> None:
+        """Switch it off; safe to call twice."""
+        self.line.stop()
+        self._end_stream()
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.stop()
+
+    @abstractmethod
+    def feed(self, data: bytes) -> bytes:
+        """Take what the host said, and answer what is complete."""
+
+    @abstractmethod
+    def _frames(self, rate_dps: FloatArray, temperature_c: FloatArray) -> bytes:
+        """Frames of samples, each of shape (n,), about the table's axis."""
+
+    def due(self) -> bytes:
+        """The frames that should have left by now, at most a batch."""
+        if math.isnan(self._first_s):
+            return b""
+        late_s = self._inputs.now() - self._first_s - self._wire_s
+        samples = min(math.floor(late_s * self._rate_hz - ROUNDING) + 1 - self._made, LARGEST_BATCH)
+        if samples < 1:
+            return b""
+        interval_s = 1.0 / self._rate_hz
+        _, gyro_v, thermistor_v = self._inputs.sample(self._first_s + self._made * interval_s, interval_s, samples)
+        self._made += samples
+        self.sent += samples
+        self._inputs.hold_history(self._first_s + self._made * interval_s)
+        return self._frames(
+            (gyro_v - self._U0_v) / self._K0_v_per_dps, (thermistor_v - self._offset_v) / self._slope_v_per_c
+        )
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait for the next frame; at once false while no stream runs."""
+        if math.isnan(self._first_s):
+            return False
+        next_s = self._first_s + (self._made + 2.0 * ROUNDING) / self._rate_hz + self._wire_s
+        self._inputs.wait_until(next_s, timeout_s)
+        return True
+
+    @property
+    def _wire_s(self) -> float:
+        return self.frame_bytes * BITS_PER_BYTE / self._baud
+
+    def _refuse_rate(self, rate_hz: float) -> None:
+        if not 0.0 < rate_hz * self._wire_s <= 1.0:
+            raise UsageError(
+                f"{rate_hz:g} frames of {self.frame_bytes} bytes a second do not fit through {self._baud} baud:"
+                f" at most {1.0 / self._wire_s:.0f} do"
+            )
+
+    def _begin_stream(self, rate_hz: float) -> None:
+        self._refuse_rate(rate_hz)
+        self._first_s, self._rate_hz, self._made = self._inputs.now(), rate_hz, 0
+        self._inputs.hold_history(self._first_s)
+
+    def _end_stream(self) -> None:
+        self._first_s = math.nan
+        self._inputs.hold_history(None)
+
+
+def on_axis(values: FloatArray, axis: int) -> FloatArray:
+    """Three axes, shape (n, 3), of which only one turns."""
+    three = np.zeros((values.size, 3))
+    three[:, axis] = values
+    return three

@@ -1,0 +1,214 @@
+"""A line at whose end a simulated device talks by itself, and may be talked to: a pseudo-terminal, or TCP."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable
+from typing import Protocol, Self
+
+from instruments.simulated.listening import Where, address_of, listen
+
+PIECE_S = 0.004
+"""Wall time between two looks at what is due: as coarse as a good serial converter hands it on."""
+
+PATIENCE_S = 0.02
+"""Wall time between two looks at what the client says, and for which a full line may hold up the device."""
+
+MOST_BYTES = 4096
+
+
+class Talker(Protocol):
+    """A device that sends by itself; the line calls it from one thread."""
+
+    def feed(self, data: bytes) -> bytes:
+        """Take what the client said, and answer what is complete."""
+
+    def due(self) -> bytes:
+        """What should have been sent by now and was not; b"" where nothing."""
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until something is due, at most `timeout_s` of wall time; at once false where nothing will ever be."""
+
+
+class PushLine:
+    """A device's line from `start()` to `stop()`, or in a `with`; `address` is what a driver is given.
+
+    A client that does not take what is sent holds up the device for 20 ms, then the rest of what was due is dropped, as
+    a receiver that overruns does. TCP has one client, the one that connected last; without one, all is dropped.
+
+    Parameters
+    ----------
+    device
+        What talks.
+    baud
+        The speed that the address names; the line itself has none.
+    over_tcp
+        TCP also where pseudo-terminals exist.
+
+    Attributes
+    ----------
+    dropped_bytes
+        How many bytes no client took.
+    disturb
+        What the line does to the bytes that go to the client; to be set by hand.
+    """
+
+    def __init__(self, device: Talker, *, baud: int, over_tcp: bool) -> None:
+        self.dropped_bytes = 0
+        self.disturb: Callable[[bytes], bytes] = lambda data: data
+        self._device = device
+        self._baud = baud
+        self._end: _TcpEnd | _PtyEnd = _TcpEnd() if over_tcp or sys.platform == "win32" else _PtyEnd()
+        self._thread: threading.Thread | None = None
+        self._stopping = threading.Event()
+
+    @property
+    def address(self) -> str:
+        """`serial://DEVICE?baud=N` or `socket://HOST:PORT`, known once it is started."""
+        return self._end.address(self._baud)
+
+    def start(self) -> None:
+        """Open the line; when it returns, a client can connect."""
+        if self._thread is not None:
+            return
+        self._end.open()
+        self._stopping.clear()
+        self._thread = threading.Thread(target=self._serve, name=f"push {self.address}", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Close the line and join the thread; safe to call twice."""
+        self._stopping.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+            self._end.close()
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.stop()
+
+    def _serve(self) -> None:
+        while not self._stopping.is_set():
+            self._send(self._device.feed(self._end.receive(0.0)))
+            if data := self._device.due():
+                self._send(data)
+                time.sleep(PIECE_S)
+            elif not self._device.wait(PATIENCE_S):
+                self._send(self._device.feed(self._end.receive(PATIENCE_S)))
+
+    def _send(self, data: bytes) -> None:
+        left = memoryview(self.disturb(data)) if data else memoryview(b"")
+        give_up_s = time.monotonic() + PATIENCE_S
+        while left:
+            sent = self._end.send(left[:MOST_BYTES], max(0.0, give_up_s - time.monotonic()))
+            if not sent:
+                self.dropped_bytes += len(left)
+                return
+            left = left[sent:]
+            give_up_s = time.monotonic() + PATIENCE_S
+
+
+class _PtyEnd:
+    """The master's side of a pseudo-terminal."""
+
+    def __init__(self) -> None:
+        self._port = ""
+
+    def address(self, baud: int) -> str:
+        return f"serial://{self._port}?baud={baud}"
+
+    def open(self) -> None:
+        import tty  # not on Windows
+
+        # The slave stays open here: without it the master would see an I/O error each time the client closes the port.
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        self._port = os.ttyname(self._slave)
+
+    def close(self) -> None:
+        os.close(self._master)
+        os.close(self._slave)
+
+    def receive(self, timeout_s: float) -> bytes:
+        """What the client has sent, b"" where nothing comes in time."""
+        ready, _, _ = select.select([self._master], [], [], timeout_s)
+        return os.read(self._master, MOST_BYTES) if ready else b""
+
+    def send(self, data: memoryview, timeout_s: float) -> int:
+        """How many bytes the line has taken within the time."""
+        _, ready, _ = select.select([], [self._master], [], timeout_s)
+        if not ready:
+            return 0
+        try:
+            return os.write(self._master, data)
+        except BlockingIOError:
+            return 0
+
+
+class _TcpEnd:
+    """A listener and the client that connected last."""
+
+    def __init__(self) -> None:
+        self._where: Where = ("127.0.0.1", 0)
+        self._client: socket.socket | None = None
+
+    def address(self, baud: int) -> str:
+        return address_of(self._where).replace("tcp://", "socket://")
+
+    def open(self) -> None:
+        self._listener, self._where = listen(self._where)
+
+    def close(self) -> None:
+        self._drop()
+        self._listener.close()
+
+    def receive(self, timeout_s: float) -> bytes:
+        """What the client has sent, b"" where nothing comes in time, or somebody else."""
+        sources = [self._listener] + ([self._client] if self._client else [])
+        ready, _, _ = select.select(sources, [], [], timeout_s)
+        if self._listener in ready:
+            with contextlib.suppress(OSError):  # it is gone already
+                client, _ = self._listener.accept()
+                client.setblocking(False)
+                client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                self._drop()
+                self._client = client
+            return b""
+        if self._client is None or self._client not in ready:
+            return b""
+        try:
+            data = self._client.recv(MOST_BYTES)
+        except OSError:
+            data = b""
+        if not data:
+            self._drop()
+        return data
+
+    def send(self, data: memoryview, timeout_s: float) -> int:
+        """How many bytes the client has taken within the time."""
+        if self._client is None:
+            return 0
+        _, ready, _ = select.select([], [self._client], [], timeout_s)
+        try:
+            return self._client.send(data) if ready else 0
+        except BlockingIOError:
+            return 0
+        except OSError:  # it went away
+            self._drop()
+            return 0
+
+    def _drop(self) -> None:
+        if self._client is not None:
+            self._client.close()
+            self._client = None

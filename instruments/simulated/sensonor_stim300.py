@@ -1,0 +1,122 @@
+"""A simulated Sensonor STIM300 on the wire. It shares only the protocol with the driver."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from instruments.errors import UsageError
+from instruments.interfaces import FloatArray
+from instruments.protocols import stim300 as stim
+from instruments.protocols import stim300_answers as answers
+from instruments.protocols.stim300_answers import StimConfiguration
+from instruments.simulated.digital_gyro import DigitalGyro, on_axis
+from instruments.simulated.machines import AnalogInputs
+from instruments.simulated.settings import WorldSettings
+
+RANGE_DPS = 400.0
+OVERLOAD = 1 << 4 | 1 << stim.AXES.index("z")
+LATENCY_US = 500
+GYRO_UNITS = ("angular rate", "average angular rate", "incremental angle")
+
+
+class SimulatedStim300(DigitalGyro):
+    """A STIM300 with its Z axis along the table's; it sends without end. It has no service mode.
+
+    Parameters
+    ----------
+    inputs, settings
+        The bench: as of `DigitalGyro`.
+    rate_hz
+        125, 250, 500, 1000 or 2000, if the line can carry it.
+    datagram_id
+        What it sends: `instruments.protocols.stim300.PARTS`.
+    crlf
+        Whether CR LF ends a datagram.
+    gyro_unit
+        "angular rate", "average angular rate" or "incremental angle"; the first two are alike here.
+    counter_step
+        What the counter goes up by from one datagram to the next.
+    serial
+        14 digits.
+    baud
+        The line's speed.
+    over_tcp
+        Serial over TCP instead of a pseudo-terminal.
+
+    Attributes
+    ----------
+    status
+        What every part of a datagram states, beside an overload; to be set by hand.
+    """
+
+    def __init__(
+        self,
+        inputs: AnalogInputs,
+        settings: WorldSettings | None = None,
+        *,
+        rate_hz: float = 1000.0,
+        datagram_id: int = 0xA7,
+        crlf: bool = False,
+        gyro_unit: str = "angular rate",
+        counter_step: int = 1,
+        serial: str = "25582112345678",
+        baud: int = stim.DEFAULT_BAUD,
+        over_tcp: bool = False,
+    ) -> None:
+        for name, value, known in (
+            ("rate_hz", rate_hz, answers.RATES_HZ),
+            ("datagram_id", datagram_id, tuple(stim.PARTS)),
+            ("gyro_unit", gyro_unit, GYRO_UNITS),
+        ):
+            if value not in known:
+                raise UsageError(f"{name} {value!r}: a simulated STIM300 has one of {', '.join(map(str, known))}")
+        self.frame_bytes = stim.frame_format(datagram_id, crlf=crlf).length
+        super().__init__(inputs, settings or WorldSettings(), baud=baud, over_tcp=over_tcp)
+        self._refuse_rate(rate_hz)
+        self.status = 0
+        self._configuration = StimConfiguration(
+            datagram_id=datagram_id, crlf=crlf, rate_hz=rate_hz, gyro_unit=gyro_unit, revision="F", firmware=31
+        )
+        self._serial = serial
+        self._counter, self._counter_step = 0, counter_step
+        self._heard = b""
+
+    def start(self) -> None:
+        """Switch it on; it sends from the beginning."""
+        self._begin_stream(self._configuration.rate_hz or 0.0)
+        super().start()
+
+    def feed(self, data: bytes) -> bytes:
+        """Answer what is asked."""
+        *questions, self._heard = (self._heard + data).split(b"\r")
+        self._heard = self._heard[-len(answers.ASK_SERIAL) :]
+        return b"".join(self._answer(question + b"\r") for question in questions)
+
+    def _answer(self, question: bytes) -> bytes:
+        if question == answers.ASK_CONFIGURATION:
+            return answers.encode_configuration(self._configuration)
+        if question == answers.ASK_SERIAL:
+            return answers.encode_serial(self._serial, crlf=self._configuration.crlf)
+        return b""
+
+    def _frames(self, rate_dps: FloatArray, temperature_c: FloatArray) -> bytes:
+        overload = np.abs(rate_dps) > RANGE_DPS
+        measured_dps = np.clip(rate_dps, -RANGE_DPS, RANGE_DPS)
+        if self._configuration.gyro_unit == "incremental angle":
+            steps = measured_dps / self._rate_hz / stim.ANGLE_STEP_DEG
+        else:
+            steps = measured_dps / stim.RATE_STEP_DPS
+        counter = self._counter + self._counter_step * np.arange(rate_dps.size)
+        self._counter += self._counter_step * rate_dps.size
+        return stim.encode_frames(
+            self._configuration.datagram_id,
+            on_axis(np.rint(steps), stim.AXES.index("z")),
+            counter=counter,
+            temperature_c=temperature_c,
+            status=np.where(overload, self.status | OVERLOAD, self.status),
+            latency_us=LATENCY_US,
+            crlf=self._configuration.crlf,
+        )
+
+
+Twin = SimulatedStim300

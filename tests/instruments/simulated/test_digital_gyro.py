@@ -1,0 +1,166 @@
+"""The simulated gyros themselves, without a driver."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from instruments.errors import UsageError
+from instruments.physics.response_gyro import ResponseParameters
+from instruments.protocols import kvh1760 as kvh
+from instruments.protocols import stim300 as stim
+from instruments.protocols.frames import FrameReader
+from instruments.simulated.clock import VirtualClock
+from instruments.simulated.kvh_dsp1760 import SimulatedKvhDsp1760
+from instruments.simulated.sensonor_stim300 import SimulatedStim300
+from instruments.simulated.settings import WorldSettings
+from instruments.simulated.world import World
+from tests.instruments.gyros.gyro_inputs import SETTINGS, RampInputs
+from tests.instruments.simulated.quiet import quiet
+
+
+@pytest.fixture
+def clock() -> VirtualClock:
+    return VirtualClock()
+
+
+@pytest.fixture
+def inputs(clock: VirtualClock) -> RampInputs:
+    return RampInputs(clock, rate_dps=10.0)
+
+
+@pytest.fixture
+def gyro(inputs: RampInputs) -> SimulatedKvhDsp1760:
+    return SimulatedKvhDsp1760(inputs, SETTINGS)
+
+
+def said(gyro: SimulatedKvhDsp1760, *lines: str) -> bytes:
+    return gyro.feed("".join(f"{line}\r\n" for line in lines).encode())
+
+
+def read(data: bytes) -> kvh.KvhFrames:
+    runs = FrameReader([kvh.FORMAT]).feed(data)
+    return kvh.decode_frames(np.concatenate([run.rows for run in runs]))
+
+
+def test_a_setting_is_answered_once_settings_may_be_changed(gyro: SimulatedKvhDsp1760) -> None:
+    assert said(gyro, "=dr,100") == b""
+    assert said(gyro, "=config,1", "=DR,100", "=rotfmt,rate") == b"CONFIG,1\r\nDR,100\r\nROTFMT,RATE\r\n"
+    assert said(gyro, "=dr,many", "=dr,0", "=dr,2561", "=rotfmt,sideways", "=gain,2", "hello") == b""
+    assert said(gyro, "=config,0", "=dr,10") == b"CONFIG,0\r\n"
+
+
+@pytest.mark.parametrize(
+    ("settings", "rotation", "temperature"),
+    [
+        (("=rotfmt,rate", "=rotunits,deg", "=tempunits,c_100"), 10.0, 2175),
+        (("=rotfmt,rate", "=rotunits,rad", "=tempunits,c"), np.radians(10.0), 22),
+        (("=rotfmt,delta", "=rotunits,deg", "=tempunits,c"), 0.1, 22),
+    ],
+)
+def test_frames_are_in_the_units_that_were_set(
+    gyro: SimulatedKvhDsp1760, clock: VirtualClock, settings: tuple[str, ...], rotation: float, temperature: int
+) -> None:
+    said(gyro, "=config,1", *settings, "=dr,100", "=config,0")
+    clock.sleep(0.1)
+    frames = read(gyro.due())
+    np.testing.assert_allclose(frames.rotation[:, 2], rotation, rtol=1e-6)
+    assert (frames.rotation[:, :2] == 0.0).all()
+    assert set(frames.temperature) == {temperature}
+
+
+def test_a_frame_is_due_when_the_line_would_have_carried_it(gyro: SimulatedKvhDsp1760, clock: VirtualClock) -> None:
+    said(gyro, "=config,1", "=dr,100", "=config,0")
+    wire_s = 360 / 921_600
+    clock.sleep(0.9 * wire_s)
+    assert gyro.due() == b""
+    clock.sleep(0.2 * wire_s)
+    assert len(gyro.due()) == 36
+    assert gyro.due() == b""
+    clock.sleep(0.03)
+    assert len(gyro.due()) == 3 * 36
+    assert gyro.sent == 4
+
+
+def test_numbers_go_on_over_batches_and_no_frame_is_made_twice(gyro: SimulatedKvhDsp1760, clock: VirtualClock) -> None:
+    said(gyro, "=config,1", "=dr,1000", "=config,0")
+    clock.sleep(5.0)
+    batches = []
+    while data := gyro.due():
+        batches.append(read(data).sequence)
+    sequence = np.concatenate(batches)
+    assert len(batches) > 1
+    assert sequence.tolist() == [place % 128 for place in range(5000)]
+
+
+def test_history_is_held_for_what_is_still_to_be_sampled(
+    gyro: SimulatedKvhDsp1760, inputs: RampInputs, clock: VirtualClock
+) -> None:
+    clock.sleep(3.0)
+    said(gyro, "=config,1", "=dr,100", "=config,0")
+    assert inputs.held_since_s == 3.0
+    clock.sleep(1.0)
+    gyro.due()
+    assert inputs.held_since_s == pytest.approx(4.0)
+    said(gyro, "=config,1")
+    assert inputs.held_since_s is None
+    clock.sleep(1.0)
+    assert gyro.due() == b""
+    assert gyro.wait(0.0) is False
+
+
+def test_more_frames_than_the_line_can_carry_are_refused(inputs: RampInputs) -> None:
+    with pytest.raises(
+        UsageError, match=r"2000 frames of 59 bytes a second do not fit through 921600 baud: at most 1562"
+    ):
+        SimulatedStim300(inputs, rate_hz=2000.0)
+
+
+@pytest.mark.parametrize(
+    "options", [{"rate_hz": 100.0}, {"datagram_id": 0x95}, {"gyro_unit": "integrated angle"}, {"gyro_unit": "furlongs"}]
+)
+def test_a_stim300_that_is_not_made_is_refused_with_those_that_are(
+    inputs: RampInputs, options: dict[str, float | int | str]
+) -> None:
+    (name,) = options
+    with pytest.raises(UsageError, match=f"{name} .*a simulated STIM300 has one of "):
+        SimulatedStim300(inputs, **options)  # type: ignore[arg-type]
+
+
+def test_rates_beyond_the_range_stop_there_and_state_an_overload(inputs: RampInputs, clock: VirtualClock) -> None:
+    gyro = SimulatedStim300(inputs, SETTINGS)
+    inputs.rate_dps = -450.0
+    gyro._begin_stream(1000.0)
+    clock.sleep(0.01)
+    (run,) = FrameReader([stim.frame_format(0xA7)]).feed(gyro.due())
+    frames = stim.decode_frames(0xA7, run.rows)
+    assert set(frames.gyro[:, 2] * stim.RATE_STEP_DPS) == {-400.0}
+    assert stim.status_words(int(frames.status[0])) == ("overload (Z)",)
+
+
+def test_on_the_whole_bench_the_gyro_feels_the_table_and_the_earth(clock: VirtualClock) -> None:
+    settings = quiet(latitude_deg=90.0)
+    world = World(clock, settings)
+    world.table.close_loop()
+    gyro = SimulatedKvhDsp1760(world.inputs, settings)
+    said(gyro, "=config,1", "=rotfmt,rate", "=rotunits,deg", "=tempunits,c_100", "=dr,100", "=config,0")
+    clock.sleep(1.0)
+    at_rest = read(gyro.due())
+    world.table.demand_rate(5.0)
+    clock.sleep(2.0)
+    turning = read(gyro.due())
+    assert at_rest.rotation[-1, 2] == pytest.approx(15.041 / 3600.0, abs=1e-6)
+    assert turning.rotation[-1, 2] - at_rest.rotation[-1, 2] == pytest.approx(5.0, abs=1e-3)
+    assert turning.temperature[-1] == 2000
+
+
+def test_a_gyro_of_a_stated_response_is_scaled_by_that(clock: VirtualClock) -> None:
+    response = ResponseParameters(
+        K0_v_per_dps=0.02, U0_v=0.3, T0_c=20.0, k_T=(), k_omega=(), noise_v_rms=0.0, output_limit_v=10.0
+    )
+    settings = WorldSettings(response=response)
+    world = World(clock, settings)
+    gyro = SimulatedKvhDsp1760(world.inputs, settings)
+    said(gyro, "=config,1", "=rotfmt,rate", "=rotunits,deg", "=dr,100", "=config,0")
+    clock.sleep(1.0)
+    np.testing.assert_allclose(read(gyro.due()).rotation[:, 2], 0.0, atol=1e-6)
