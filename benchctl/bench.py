@@ -9,12 +9,29 @@ from typing import Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
+from benchctl.limits import HIGHEST_RATE_HZ, MOST_COUNTS_PER_REV
 from benchctl.model_file import Model
 from benchctl.toml_file import parse_toml, read_text
 from instruments.errors import UsageError
 from instruments.interfaces import FloatArray
+from instruments.simulated.faults.bench import AnyFault
 
 Volts = TypeVar("Volts", float, FloatArray)
+
+Quantity = Literal[
+    "rate_dps",
+    "acceleration_dps2",
+    "angle_deg",
+    "air_c",
+    "setpoint_c",
+    "setpoint_error_c",
+    "power_percent",
+    "gyro_c",
+    "gyro_v",
+    "encoder_dps",
+]
+"""What is measured while a run goes on; `setpoint_error_c` is air less set point, `gyro_c` the gyro's thermistor,
+`encoder_dps` the table's rate by the digitizer's count, whatever its controller says."""
 
 SIMULATED = "simulated"
 """The name of the bench that needs no file and no hardware."""
@@ -50,9 +67,39 @@ class Limits(_Table):
 
 
 class Safe(_Table):
-    """Where the chamber goes whatever ends a run."""
+    """Where the chamber goes whatever ends a run, and how long the runner may be silent before its guard acts."""
 
     chamber_c: float = 23.0
+    hang_s: float = Field(default=60.0, gt=0)
+
+
+class Interlock(_Table):
+    """A limit on a measured quantity, and what happens where it is passed for `for_s`.
+
+    It has been passed until the value is back inside by `hysteresis`. "stop" ends the run at once; "hold" lets the step
+    come to its end, then waits with the table at rest, for `give_up_s` at most. Times in bench time.
+    """
+
+    quantity: Quantity
+    above: float | None = None
+    below: float | None = None
+    hysteresis: float = Field(default=0.0, ge=0)
+    for_s: float = Field(default=0.0, ge=0)
+    action: Literal["stop", "hold"] = "stop"
+    give_up_s: float | None = Field(default=None, gt=0)
+
+    @model_validator(mode="after")
+    def _makes_sense(self) -> Interlock:
+        if self.above is None and self.below is None:
+            raise ValueError(f"{self.quantity}: expected above, below or both")
+        if self.above is not None and self.below is not None and self.below + 2 * self.hysteresis >= self.above:
+            raise ValueError(
+                f"{self.quantity}: nothing is left between below ({self.below:g}) and above ({self.above:g}) "
+                f"once the hysteresis ({self.hysteresis:g}) is taken from both"
+            )
+        if (self.action == "hold") != (self.give_up_s is not None):
+            raise ValueError(f'{self.quantity}: action = "hold" needs give_up_s, and no other action has one')
+        return self
 
 
 class Site(_Table):
@@ -91,10 +138,10 @@ class DigitizerEntry(InstrumentEntry):
     """The digitizer, and what its terminals mean."""
 
     stream_address: str | None = None
-    sample_rate_hz: float = Field(default=500.0, gt=0)
+    sample_rate_hz: float = Field(default=500.0, gt=0, le=HIGHEST_RATE_HZ)
     adc_bits: int = Field(default=16, ge=8, le=32)
     adc_range_v: float = Field(default=10.0, gt=0)
-    encoder_counts_per_rev: int = Field(gt=0)
+    encoder_counts_per_rev: int = Field(gt=0, le=MOST_COUNTS_PER_REV)
     encoder_sign: Literal[1, -1] = 1
     encoder_accuracy_arcsec: float = Field(default=0.0, ge=0)
     thermistor_c_per_v: float
@@ -122,6 +169,7 @@ class Bench(_Table):
     unit: UnitUnderTest
     limits: Limits
     safe: Safe = Safe()
+    interlocks: tuple[Interlock, ...] = ()
     site: Site = Site()
     rate_table: InstrumentEntry
     chamber: InstrumentEntry
@@ -129,18 +177,26 @@ class Bench(_Table):
     simulation: Simulation | None = None
     physics: dict[str, Any] = Field(default_factory=dict)
     effects: dict[str, Any] = Field(default_factory=dict)
+    faults: tuple[AnyFault, ...] = ()
     text: str = ""
 
     @model_validator(mode="after")
     def _reachable(self) -> Bench:
         if not self.limits.coldest_c <= self.safe.chamber_c <= self.limits.hottest_c:
             raise ValueError(f"safe.chamber_c ({self.safe.chamber_c:g}) lies outside limits.coldest_c to hottest_c")
+        if self.safe.hang_s <= self.limits.silence_s:
+            raise ValueError(
+                f"safe.hang_s ({self.safe.hang_s:g}) must be longer than limits.silence_s ({self.limits.silence_s:g}), "
+                "for which a silent instrument is waited for"
+            )
         if not self.simulated:
             for name in ("rate_table", "chamber", "digitizer"):
                 if getattr(self, name).address is None:
                     raise ValueError(f"{name}.address is needed where simulated is not true")
             if self.effects:
                 raise ValueError("[effects] is played by simulated instruments only, and simulated is not true")
+            if self.faults:
+                raise ValueError("[[faults]] happen to simulated instruments only, and simulated is not true")
         return self
 
     def with_seed(self, seed: int | None) -> Bench:

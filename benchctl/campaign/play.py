@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchctl.campaign.opened import OpenBench
-from benchctl.campaign.safety import Supervisor, wait_for_rest
+from benchctl.campaign.rest import wait_for_rest
+from benchctl.campaign.safety import Supervisor, rest_s
 from benchctl.campaign.soak import SOAK_CHANNELS, SoakWatch
 from benchctl.campaign.stop import StopRequest
 from benchctl.campaign.stream import STREAM_CHANNELS, StreamRecorder
@@ -20,6 +21,9 @@ from instruments.errors import InstrumentError
 from instruments.interfaces import ChamberReading
 
 Notify = Callable[[str], None]
+
+CLOSING_S_PER_SCAN = 1e-5
+"""Wall time that a scan may take while its step's file is written once more: twenty times what was measured."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +60,7 @@ class StepPlayer:
             case Soak():
                 return self._record(index, step, SOAK_CHANNELS, lambda into: self._soak(step, into))
             case Static():
-                self._rest(step.settle_s)
+                self.rest(step.settle_s)
             case ConstantRate():
                 self._turn(step.rate_dps, step.settle_s)
             case Sine():
@@ -95,6 +99,8 @@ class StepPlayer:
         except BaseException:
             self._torn = into, replace(info, t_end=self._now_s(), gaps=self.gaps)
             raise
+        self.supervisor.guard.beat(more_s=self.streamed * CLOSING_S_PER_SCAN)
+        self.streamed = 0
         return into.close(replace(info, t_start=span.t_start, t_end=span.t_end, gaps=span.gaps, whole=True))
 
     def _describe(self, index: int, step: Step) -> StepInfo:
@@ -122,7 +128,7 @@ class StepPlayer:
         return self.opened.clock.now() - self.opened.epoch_s
 
     def _soak(self, step: Soak, into: StepWriter) -> Span:
-        self._rest(0.0)
+        self.rest(0.0)
         self.notify("going there")
         self.opened.chamber.go_to(step.setpoint_c)
         watch = SoakWatch(step, from_c=self.setpoint_c, begin_s=self._now_s(), limits=self.opened.bench.limits)
@@ -131,18 +137,18 @@ class StepPlayer:
             self.wait(6 * self.opened.clock.chunk_s)
             self.supervisor.check_state()
             air = self.supervisor.look_at_chamber()
-            scan = self.supervisor.ask("digitizer", self.opened.digitizer.read_once)
-            if air is None or scan is None:
+            gyro = self.supervisor.look_at_gyro()
+            if air is None or gyro is None:
                 continue
-            self.gyro_c = self.opened.bench.digitizer.gyro_celsius(scan.thermistor_v)
+            self.gyro_c, gyro_v = gyro
             watch.see(self._now_s(), air.temperature_c, self.gyro_c)
-            into.append(_one_poll(self._now_s(), air, {"poll_gyro_temp_c": self.gyro_c, "poll_gyro_v": scan.gyro_v}))
+            into.append(_one_poll(self._now_s(), air, {"poll_gyro_temp_c": self.gyro_c, "poll_gyro_v": gyro_v}))
             self.notify(watch.says)
         return Span(t_start=watch.begin_s, t_end=self._now_s())
 
     def _stream(self, step: Step, into: StepWriter) -> Span:
         self.notify("recording")
-        recorder = StreamRecorder(self.opened, self.writer.event, into, step.streamed_s)
+        recorder = StreamRecorder(self.opened, self.supervisor, into, step.streamed_s)
         begin_s = self.opened.clock.now()
         while recorder.wants_more:
             if isinstance(step, ThermalRamp):
@@ -158,7 +164,6 @@ class StepPlayer:
             self.notify("recording")
         # Where an error left the loop, the table comes before the stream: `bring_to_rest` stops both.
         self.opened.digitizer.stop_stream()
-        self.streamed = 0
         if isinstance(step, ThermalRamp):
             self.setpoint_c = step.to_c
         return Span(t_start=recorder.t_start, t_end=recorder.t_end, gaps=recorder.gaps)
@@ -169,10 +174,11 @@ class StepPlayer:
         # no controller has finer steps, and a sum that misses 0 by 1e-14 reads like words in the wrong order
         self.opened.chamber.go_to(step.to_c if arrived else round(step.from_c + moved_c, 3))
 
-    def _rest(self, settle_s: float) -> None:
+    def rest(self, settle_s: float) -> None:
+        """Stop the table, wait until it rests, and let it settle."""
         self.notify("coming to rest")
         self.opened.table.stop()
-        wait_for_rest(self.opened)
+        wait_for_rest(self.opened.table, self.opened.clock, rest_s(self.opened), self.supervisor.guard.beat)
         self.wait(settle_s)
 
     def _turn(self, rate_dps: float, settle_s: float) -> None:
@@ -192,7 +198,7 @@ class StepPlayer:
         self.wait(settle_s)
 
     def _swing(self, amplitude_dps: float, frequency_hz: float, settle_s: float) -> None:
-        self._rest(0.5)
+        self.rest(0.5)
         self.notify("swinging up")
         self.opened.table.oscillate(amplitude_dps, frequency_hz)
         self.wait(settle_s)

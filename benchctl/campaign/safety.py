@@ -6,7 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TypeVar
 
+from benchctl.campaign.guard.keeper import Guard, NoGuard
+from benchctl.campaign.interlocks import Interlocks, Range
 from benchctl.campaign.opened import OpenBench
+from benchctl.campaign.rest import rest_within_s, send_home, stop_table
 from instruments.errors import BenchError, LinkError, SafetyError
 from instruments.interfaces import ChamberReading, TableReading, TableState
 
@@ -16,22 +19,27 @@ RATE_MARGIN = 1.05
 AIR_MARGIN_C = 3.0
 """The air may pass the limits by this much: a chamber overshoots when it arrives."""
 
-AT_REST_DPS = 0.05
-"""A table slower than this is at rest: its controller's reading has noise."""
-
 Event = Callable[..., None]
 Answer = TypeVar("Answer")
 
 
 @dataclass(slots=True)
 class Supervisor:
-    """Looks at the table and the chamber, and raises `SafetyError` where a limit is passed or news stay out."""
+    """Looks at the table and the chamber, and raises `SafetyError` where a limit is passed or news stay out.
+
+    Whatever is seen goes to the interlocks, and each look tells the guard that all is well.
+    """
 
     opened: OpenBench
     event: Event
+    guard: Guard = field(default_factory=NoGuard)
     air: ChamberReading | None = None
     motion: TableReading | None = None
+    interlocks: Interlocks = field(init=False)
     _silent_since_s: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.interlocks = Interlocks(self.opened.bench.interlocks)
 
     def look_at_table(self) -> TableReading | None:
         """The motion now, or the last one known while the table is silent for a moment."""
@@ -49,6 +57,11 @@ class Supervisor:
                 f"the bench's limit is {limits.acceleration_dps2:g} deg/s²"
             )
         self.motion = reading
+        self.see(
+            rate_dps=_one(reading.rate_dps),
+            acceleration_dps2=_one(reading.acceleration_dps2),
+            angle_deg=_one(reading.angle_deg),
+        )
         return reading
 
     def look_at_chamber(self) -> ChamberReading | None:
@@ -65,7 +78,22 @@ class Supervisor:
                 f"the bench's limits are {limits.coldest_c:g} to {limits.hottest_c:g} °C"
             )
         self.air = reading
+        self.see(
+            air_c=_one(reading.temperature_c),
+            setpoint_c=_one(reading.setpoint_c),
+            setpoint_error_c=_one(reading.temperature_c - reading.setpoint_c),
+            power_percent=_one(reading.power_percent),
+        )
         return reading
+
+    def look_at_gyro(self) -> tuple[float, float] | None:
+        """The gyro's temperature [°C] and volts now; None while the digitizer is silent. Not while it streams."""
+        scan = self.ask("digitizer", self.opened.digitizer.read_once)
+        if scan is None:
+            return None
+        gyro_c = self.opened.bench.digitizer.gyro_celsius(scan.thermistor_v)
+        self.see(gyro_c=_one(gyro_c), gyro_v=_one(scan.gyro_v))
+        return gyro_c, scan.gyro_v
 
     def check_state(self) -> None:
         """Raise `SafetyError` where the table has faulted or its servo is off."""
@@ -75,6 +103,9 @@ class Supervisor:
 
     def ask(self, name: str, question: Callable[[], Answer]) -> Answer | None:
         """The answer, or None while an instrument is silent for a moment; after too long, a `SafetyError`."""
+        self.guard.beat()
+        if self.guard.lost:
+            raise SafetyError(self.guard.lost)
         now_s = self.opened.clock.now()
         try:
             answer = question()
@@ -87,6 +118,17 @@ class Supervisor:
         self._silent_since_s.pop(name, None)
         return answer
 
+    def see(self, **looks: Range) -> None:
+        """Hold quantities, by their names in bench.toml, against the interlocks; `SafetyError` where one says stop."""
+        changes = self.interlocks.see(self.opened.clock.now(), looks)
+        for change in changes:
+            self.event("interlock", says=change.says, on=change.on, value=change.value, action=change.interlock.action)
+        for change in changes:
+            if change.on and change.interlock.action == "stop":
+                raise SafetyError(
+                    f"interlock {change.says}: {change.value:.6g} was measured; find out why before the next run"
+                )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SafeState:
@@ -96,45 +138,33 @@ class SafeState:
     chamber_setpoint_c: float | None
     problems: tuple[str, ...]
 
+    @property
+    def confirmed(self) -> bool:
+        """Whether table and chamber were read back; a stream that could not be stopped moves nothing."""
+        return self.rate_dps is not None and self.chamber_setpoint_c is not None
 
-def bring_to_rest(opened: OpenBench) -> SafeState:
+
+def bring_to_rest(opened: OpenBench, beat: Callable[[], None] = lambda: None) -> SafeState:
     """Stop the stream and the table, send the chamber to its safe set point, and read both back; never raises.
 
-    One instrument's failure does not keep the others from being brought to rest.
+    One instrument's failure does not keep the others from being brought to rest. `beat` is called while it takes time.
     """
     problems: list[str] = []
-    rate_dps = _guarded(problems, "rate_table", lambda: _stop_table(opened))
-    setpoint_c = _guarded(problems, "chamber", lambda: _send_home(opened))
+    rate_dps = _guarded(problems, "rate_table", lambda: stop_table(opened.table, opened.clock, rest_s(opened), beat))
+    beat()
+    setpoint_c = _guarded(problems, "chamber", lambda: send_home(opened.chamber, opened.bench.safe.chamber_c))
+    beat()
     _guarded(problems, "digitizer", opened.digitizer.stop_stream)
     return SafeState(rate_dps=rate_dps, chamber_setpoint_c=setpoint_c, problems=tuple(problems))
 
 
-def wait_for_rest(opened: OpenBench) -> float:
-    """Wait until the table has come to rest, and return the rate that was read.
-
-    Raises
-    ------
-    SafetyError
-        Where it still turns long after it should have stopped.
-    """
-    limits = opened.bench.limits
-    deadline_s = opened.clock.now() + 5.0 + 4 * limits.rate_dps / limits.acceleration_dps2
-    while abs(rate_dps := opened.table.read().rate_dps) > AT_REST_DPS:
-        if opened.clock.now() > deadline_s:
-            raise SafetyError(f"rate_table: should have come to rest, but still turns at {rate_dps:+.3f} deg/s")
-        opened.clock.sleep(0.05)
-    return rate_dps
+def rest_s(opened: OpenBench) -> float:
+    """Bench time [s] within which this bench's table comes to rest from any rate that it may have."""
+    return rest_within_s(opened.bench.limits.rate_dps, opened.bench.limits.acceleration_dps2)
 
 
-def _stop_table(opened: OpenBench) -> float:
-    if opened.table.state() not in (TableState.DISABLED, TableState.FAULT):
-        opened.table.stop()
-    return wait_for_rest(opened)  # a table whose servo is off is stopped by its controller, or runs out
-
-
-def _send_home(opened: OpenBench) -> float:
-    opened.chamber.go_to(opened.bench.safe.chamber_c)
-    return opened.chamber.read().setpoint_c
+def _one(value: float) -> Range:
+    return value, value
 
 
 def _guarded(problems: list[str], name: str, act: Callable[[], Answer]) -> Answer | None:

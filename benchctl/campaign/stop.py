@@ -39,7 +39,9 @@ class StopRequest:
 def stop_on_signals() -> Iterator[StopRequest]:
     """A `StopRequest` that Ctrl-C, SIGTERM, SIGHUP and Windows' Ctrl-Break set while the block runs.
 
-    Outside the main thread, where Python takes no signals, it can only be set by hand.
+    Whoever has asked once need not ask again: from then on these signals change nothing any more, so that neither
+    coming to rest nor the end of the program is cut short. A SIGHUP that is ignored, as under nohup, stays ignored.
+    Outside the main thread, where Python takes no signals, the request can only be set by hand.
     """
     request = StopRequest()
     if threading.current_thread() is not threading.main_thread():
@@ -51,9 +53,11 @@ def stop_on_signals() -> Iterator[StopRequest]:
 
     names = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
     numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
+    if getattr(signal, "SIGHUP", None) in numbers and signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+        numbers.remove(signal.SIGHUP)
     before = {number: signal.signal(number, note) for number in numbers}
     try:
         yield request
     finally:
         for number, handler in before.items():
-            signal.signal(number, handler)
+            signal.signal(number, signal.SIG_IGN if request.reason else handler)

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from benchctl.bench import load_bench, template
+from benchctl.bench import Interlock, load_bench, template
 from instruments.errors import UsageError
 
 
@@ -23,15 +23,23 @@ def test_the_template_is_the_simulated_bench() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "line", "says"),
     [
-        ("latitude_deg = 58.5", "lattitude_deg = 58.5", 30, "site.lattitude_deg: there is no such field"),
+        ("latitude_deg = 58.5", "lattitude_deg = 58.5", 42, "site.lattitude_deg: there is no such field"),
         ("range_dps = 175.0", "range_dps = 'fast'", 14, "unit.range_dps: input should be a valid number"),
         ("ramp_c_per_min = 2.0", "# gone", 17, "limits.ramp_c_per_min: this field is needed and is not there"),
         ("coldest_c = -55.0", "coldest_c = 90.0", 17, "coldest_c (90) must be below hottest_c (85)"),
         ("chamber_c = 23.0", "chamber_c = 99.0", 1, "safe.chamber_c (99) lies outside"),
         ("simulated = true", "simulated = false", 1, "rate_table.address is needed where simulated is not true"),
-        ("encoder_sign = 1 ", "encoder_sign = 2 ", 54, "digitizer.encoder_sign: input should be 1 or -1, got 2"),
-        ("thermistor_c_per_v = 20.0", "thermistor_c_per_v = 0.0", 56, "thermistor_c_per_v: expected another number"),
+        ("encoder_sign = 1 ", "encoder_sign = 2 ", 66, "digitizer.encoder_sign: input should be 1 or -1, got 2"),
+        ("thermistor_c_per_v = 20.0", "thermistor_c_per_v = 0.0", 68, "thermistor_c_per_v: expected another number"),
         ("rate_dps = 300.0", "rate_dps = nan", 18, "limits.rate_dps: input should be"),
+        ("hang_s = 60.0", "hang_s = 10.0", 1, "safe.hang_s (10) must be longer than limits.silence_s (10)"),
+        (
+            "[site]",
+            "[[interlocks]]\nquantity = 'air_k'\nabove = 1\n[site]",
+            42,
+            "should be 'rate_dps', 'acceleration_dps2'",
+        ),
+        ("[site]", "[[interlocks]]\nquantity = 'air_c'\n[site]", 41, "air_c: expected above, below or both"),
     ],
 )
 def test_a_wrong_field_is_named_with_its_file_and_line(
@@ -70,6 +78,25 @@ def test_a_folder_is_no_bench(tmp_path: Path) -> None:
 def test_a_seed_replaces_that_of_the_file() -> None:
     assert load_bench("simulated").with_seed(7).physics["seed"] == 7
     assert load_bench("simulated").with_seed(None).physics["seed"] == 1
+
+
+def test_the_interlocks_of_a_bench_are_those_of_its_file_in_order(tmp_path: Path) -> None:
+    tables = (
+        "[[interlocks]]\nquantity = 'gyro_c'\nabove = 70.0\nhysteresis = 2\nfor_s = 30\naction = 'hold'\n"
+        "give_up_s = 3600.0\n[[interlocks]]\nquantity = 'rate_dps'\nabove = 200\nbelow = -200\n[site]"
+    )
+    hold, stop = load_bench(_written(tmp_path, "[site]", tables)).interlocks
+    assert hold == Interlock(quantity="gyro_c", above=70.0, hysteresis=2.0, for_s=30.0, action="hold", give_up_s=3600.0)
+    assert stop == Interlock(quantity="rate_dps", above=200.0, below=-200.0)
+    assert stop.action == "stop"
+
+
+def test_the_example_of_an_interlock_in_the_template_can_be_used_as_it_stands(tmp_path: Path) -> None:
+    begin = template().index("# [[interlocks]]")
+    lines = template()[begin : template().index("[site]")].strip()
+    path = _written(tmp_path, lines, lines.replace("# ", "", 1).replace("\n# ", "\n"))
+    (interlock,) = load_bench(path).interlocks
+    assert (interlock.quantity, interlock.action, interlock.give_up_s) == ("gyro_c", "hold", 3600.0)
 
 
 def test_effects_of_a_bench_are_checked_when_it_is_read(tmp_path: Path) -> None:

@@ -1,93 +1,76 @@
-"""Ctrl-C and SIGTERM in the middle of a sine at temperature, over real wires, the bench asked by somebody else."""
+"""Ctrl-C, SIGTERM, SIGHUP while table and chamber are under way, over real wires, the bench asked by somebody else."""
 
 import json
 import signal
-import socket
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Self
-from urllib.parse import urlsplit
 
 import pytest
-from pymodbus.client import ModbusTcpClient
 
 from benchctl.recordings.reader import open_recording
+from tests.benchctl.cli.foreign_eyes import ForeignEyes
 from tests.benchctl.cli.processes import simulated_servers, started
 
 PROCEDURE = """
-from benchctl.plan import Sine, Soak, procedure
+from benchctl.plan import Static, ThermalRamp, procedure
 
 @procedure()
 def swing():
-    '''A long sine at temperature.'''
-    yield Soak(setpoint_c=26.0, hold_s=30.0, tolerance_c=0.5, drift_c_per_min=5.0)
-    yield Sine(amplitude_dps=150.0, frequency_hz=0.5, cycles=100000)
+    '''A swing while the chamber ramps.'''
+    yield Static(duration_s=5.0)
+    yield ThermalRamp(from_c=23.0, to_c=80.0, ramp_c_per_min=2.0, swing_dps=150.0, swing_hz=0.5, settle_s=4.0)
 """
-SPEED = "200"
-F4T_SET_POINT = 2782
+SPEED = "50"
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGTERM to send to another process")
 
 
-class ForeignEyes:
-    """Asks the simulated instruments over connections of its own, with nothing of ours but the addresses."""
-
-    def __init__(self, addresses: dict[str, str]) -> None:
-        table, chamber = urlsplit(addresses["rate_table"]), urlsplit(addresses["chamber"])
-        self._table = socket.create_connection((table.hostname, table.port), timeout=5)
-        self._replies = self._table.makefile("rb")
-        self._chamber = ModbusTcpClient(str(chamber.hostname), port=int(chamber.port or 0))
-        self._chamber.connect()
-
-    def rate_dps(self) -> float:
-        self._table.sendall(b":read:rate? 1\r\n")
-        return float(self._replies.readline()[8:])
-
-    def chamber_setpoint_c(self) -> float:
-        registers = self._chamber.read_holding_registers(F4T_SET_POINT, count=2, device_id=1).registers
-        return float(
-            self._chamber.convert_from_registers(registers, self._chamber.DATATYPE.FLOAT32, word_order="little")
-        )
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self._replies.close()
-        self._table.close()
-        self._chamber.close()
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, ForeignEyes]]:
+    """A bench.toml that reaches a bench served by another process, and somebody who looks at it."""
+    folder = tmp_path_factory.mktemp("lab")
+    (folder / "swing.py").write_text(PROCEDURE)
+    with simulated_servers(folder / "bench.toml", "--speed", SPEED) as addresses, ForeignEyes(addresses) as eyes:
+        yield folder, eyes
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_in_a_sine_at_temperature_leaves_the_bench_at_rest_and_an_honest_recording_within_five_seconds(
-    tmp_path: Path, number: signal.Signals
+@pytest.fixture(autouse=True)
+def _as_from_a_terminal() -> Iterator[None]:
+    """Under nohup a program inherits that SIGHUP is ignored; the runs here are to hear it."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
+@pytest.mark.parametrize(
+    ("number", "times"),
+    [(signal.SIGINT, 1), (signal.SIGINT, 4), (signal.SIGTERM, 1), (signal.SIGHUP, 2)],
+    ids=["Ctrl-C", "Ctrl-C again and again", "SIGTERM", "SIGHUP"],
+)
+def test_a_signal_in_a_swing_at_temperature_leaves_the_bench_at_rest_and_an_honest_recording_within_five_seconds(
+    lab: tuple[Path, ForeignEyes], tmp_path: Path, number: signal.Signals, times: int
 ) -> None:
-    (tmp_path / "swing.py").write_text(PROCEDURE)
+    folder, eyes = lab
     campaign, result = tmp_path / "campaign", tmp_path / "result.json"
-    with (
-        simulated_servers(tmp_path / "bench.toml", "--speed", SPEED) as addresses,
-        ForeignEyes(addresses) as eyes,
-        started(
-            "run", tmp_path / "swing.py", "--bench", tmp_path / "bench.toml", "--out", campaign, "--json", result
-        ) as process,
-    ):
-        deadline_s = time.monotonic() + 30
-        while abs(eyes.rate_dps()) < 100.0:
-            assert process.poll() is None, process.communicate()
-            assert time.monotonic() < deadline_s, "the table never swung"
-            time.sleep(0.02)
-        assert eyes.chamber_setpoint_c() == pytest.approx(26.0)
-        time.sleep(1.5)
-        process.send_signal(number)
+    with started(
+        "run", folder / "swing.py", "--bench", folder / "bench.toml", "--out", campaign, "--json", result
+    ) as process:
+        eyes.wait_for_swing(process)
+        eyes.wait_for_chamber(23.5, process)
+        time.sleep(1.0)
         asked_s = time.monotonic()
+        for _ in range(times):
+            process.send_signal(number)
+            time.sleep(0.05)
         _, errors = process.communicate(timeout=20)
         took_s = time.monotonic() - asked_s
         assert process.returncode == 3
         assert took_s < 5.0
         assert abs(eyes.rate_dps()) < 0.05
         assert eyes.chamber_setpoint_c() == pytest.approx(23.0)
-    says = "Ctrl-C" if number == signal.SIGINT else "SIGTERM"
+    says = "Ctrl-C" if number == signal.SIGINT else number.name
     assert errors.strip().splitlines()[-1] == f"benchctl: stopped by {says}"
     document = json.loads(result.read_text())
     assert (document["ok"], document["status"], document["steps"]) == (False, "interrupted", {"planned": 2, "whole": 1})

@@ -1,0 +1,162 @@
+"""The runner's end of the guard: started with the run, armed before anything moves, told at every look that it goes on.
+
+A guard that dies, or no longer answers, is replaced without a stop: a campaign of days should not end because of it,
+and while the new one starts the runner itself still watches the bench. Where that does not help either, the run ends.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Protocol
+
+from benchctl.bench import Bench, InstrumentEntry
+from benchctl.campaign.guard.child import GuardChild
+from benchctl.campaign.guard.orders import DONE, Orders, Reached
+from benchctl.campaign.reserved import lock_folder, lock_name
+from benchctl.campaign.rest import rest_within_s
+from instruments.errors import BenchError, SafetyError
+
+MOST_REPLACED = 3
+"""Guards that may die in one run: what kills them will kill the next one too."""
+
+Event = Callable[..., None]
+
+
+class Guard(Protocol):
+    """Whoever brings the bench to rest where the runner no longer can.
+
+    `lost` says why there is nobody any more, `promise` what happens should the runner fail to bring it to rest.
+    """
+
+    lost: str
+    promise: str
+
+    def arm(self, event: Event) -> None:
+        """Make sure that it is there, before anything moves; `event` notes in the journal what happens to it."""
+
+    def beat(self, more_s: float = 0.0) -> None:
+        """All is well, and it will be for `more_s` of wall time longer than usual until the next beat. Never raises."""
+
+    def done(self) -> None:
+        """The bench is at rest, read back."""
+
+
+class NoGuard:
+    """For a simulated bench in the runner's own process: it ends with it."""
+
+    lost = ""
+    promise = ""
+
+    def arm(self, event: Event) -> None:
+        """Nobody is there."""
+
+    def beat(self, more_s: float = 0.0) -> None:
+        """Nobody hears."""
+
+    def done(self) -> None:
+        """Nobody waits."""
+
+
+@contextmanager
+def guarded(bench: Bench, journal: Path) -> Iterator[Guard]:
+    """A guard that is starting; to be entered before the bench is opened, so that its links are closed when it acts."""
+    if bench.simulated:
+        yield NoGuard()
+        return
+    guard = GuardProcess(_orders(bench, journal), bench.safe.hang_s)
+    try:
+        yield guard
+    finally:
+        guard.leave()
+
+
+class GuardProcess:
+    """A guard in a process of its own; see `Guard`. Not tried on Windows."""
+
+    def __init__(self, orders: Orders, hang_s: float) -> None:
+        self.lost = ""
+        self.promise = f"; a guard process goes on trying, see {orders.journal}"
+        self._orders, self._hang_s = orders, hang_s
+        self._event: Event = lambda kind, **data: None
+        self._replaced = 0
+        self._child: GuardChild | None = GuardChild(orders)  # None: told that all is done, or lost
+
+    def arm(self, event: Event) -> None:
+        """Make sure that it is there; `SafetyError` where it does not answer."""
+        self._event = event
+        self.beat()
+        child = self._child
+        if child is None or not child.answers():
+            why = self.lost or f"the guard process {child.gone() if child else ''}"
+            raise SafetyError(f"{why}; without a guard nothing is moved")
+        self._note(f"process {child.pid} guards the run")
+
+    def beat(self, more_s: float = 0.0) -> None:
+        """All is well; starts another guard where this one is gone."""
+        if self._child is None:
+            return
+        if why := self._child.gone():
+            self._replace(self._child, why)
+        else:
+            self._child.beat(self._hang_s + more_s, at_once=more_s > 0)
+
+    def done(self) -> None:
+        """The bench is at rest: the guard may go."""
+        if self._child is not None:
+            self._child.say(DONE)
+            self.leave()
+
+    def leave(self) -> None:
+        """End of the run; a guard that was armed and not told `done` acts now."""
+        if self._child is not None:
+            self._child.end()
+            self._child = None
+
+    def _replace(self, child: GuardChild, why: str) -> None:
+        child.kill()  # it may only be stuck
+        self._child = None
+        self._replaced += 1
+        if self._replaced > MOST_REPLACED:
+            self._lose(f"{why}, {self._replaced} times in this run; find out what ends it")
+            return
+        try:
+            self._child = GuardChild(self._orders)
+        except OSError as err:
+            self._lose(f"{why}, and no other one can be started: {err.strerror}")
+            return
+        self._note(f"process {child.pid} {why}; process {self._child.pid} takes its place")
+        self._child.beat(self._hang_s, at_once=True)
+
+    def _lose(self, why: str) -> None:
+        self.lost, self.promise = f"the guard process {why}", ""
+        self._note(self.lost)
+
+    def _note(self, says: str) -> None:
+        with contextlib.suppress(BenchError):  # a full disk ends the run, and not from within a beat
+            self._event("guard", says=says)
+
+
+def _orders(bench: Bench, journal: Path) -> Orders:
+    return Orders(
+        runner=os.getpid(),
+        journal=journal.absolute(),
+        time_factor=bench.time_factor,
+        rest_within_s=rest_within_s(bench.limits.rate_dps, bench.limits.acceleration_dps2),
+        safe_c=bench.safe.chamber_c,
+        rate_table=_reached(bench.rate_table),
+        chamber=_reached(bench.chamber),
+    )
+
+
+def _reached(entry: InstrumentEntry) -> Reached:
+    address = entry.address or ""
+    return Reached(
+        model=entry.model,
+        address=address,
+        options=entry.options,
+        lock=str(lock_folder() / f"{lock_name(address)}.lock"),
+    )

@@ -1,0 +1,131 @@
+"""The guard acts: it takes the links over, stops the table, sends the chamber home, and reads both back.
+
+Each instrument has a thread and tries of its own, so that one that is dead, or whose driver hangs, costs the other
+nothing. What fails is tried again every half second for ten minutes: by then a controller that lost its power, or a
+network that was down, is back; later the bench may rightly be somebody else's.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchctl.campaign.guard.orders import Orders, Reached
+from benchctl.campaign.rest import send_home, stop_table
+from benchctl.locks import Lock, is_held
+from instruments.catalog import Kind, driver
+from instruments.errors import BenchError, UsageError
+from instruments.interfaces import Clock
+from instruments.simulated.clock import ScaledClock
+
+GIVE_UP_S = 600.0
+"""How long what fails is tried again, wall time."""
+
+RETRY_S = 0.5
+GRACE_S = 60.0
+"""What the last try may still take, wall time."""
+
+Said = queue.SimpleQueue[str | None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rescued:
+    """What became of the bench: rate and set point as they were read back, or None; `problems` say what was not."""
+
+    rate_dps: float | None
+    chamber_setpoint_c: float | None
+    problems: tuple[str, ...]
+
+
+class _Task:
+    """One instrument brought to rest, in a thread of its own.
+
+    What fails at first is put into `said`, and None at the end.
+    """
+
+    def __init__(self, name: str, act: Callable[[], float], give_up_s: float, said: Said) -> None:
+        self.read_back: float | None = None
+        self._name, self._act, self._give_up_s, self._said = name, act, give_up_s, said
+        self._failure = "no answer at all"
+        threading.Thread(target=self._try, name=name, daemon=True).start()
+
+    @property
+    def problem(self) -> str:
+        """What has failed last; empty where it was read back."""
+        return f"{self._name}: {self._failure}" if self.read_back is None else ""
+
+    def _try(self) -> None:
+        until_s = time.monotonic() + self._give_up_s
+        failed = False
+        while self.read_back is None:
+            try:
+                self.read_back = self._act()
+            except Exception as err:  # whatever it is, to give up would leave the bench in motion
+                self._failure = str(err) if isinstance(err, BenchError) else repr(err)
+                if not failed:
+                    self._said.put(f"trying again: {self.problem}")
+                failed = True
+                if time.monotonic() > until_s:
+                    break
+                time.sleep(RETRY_S)
+        self._said.put(None)
+
+
+def rescue(orders: Orders, tell: Callable[[str], None], give_up_s: float = GIVE_UP_S) -> Rescued:
+    """Bring the bench to rest, the table first; `tell` hears that it begins, and what fails at first.
+
+    It is told only once the links are being taken over, and from this thread: a disk that hangs must not keep the table
+    turning.
+    """
+    clock = ScaledClock(orders.time_factor)
+    said: Said = queue.SimpleQueue()
+    table = _Task("rate_table", lambda: _stop(orders, clock), give_up_s, said)
+    chamber = _Task("chamber", lambda: _go_home(orders, clock), give_up_s, said)
+    tell("taking over")
+    deadline_s = time.monotonic() + give_up_s + GRACE_S
+    busy = 2
+    while busy and (left_s := deadline_s - time.monotonic()) > 0:
+        with contextlib.suppress(queue.Empty):
+            word = said.get(timeout=left_s)
+            if word is None:
+                busy -= 1
+            else:
+                tell(word)
+    return Rescued(
+        rate_dps=table.read_back,
+        chamber_setpoint_c=chamber.read_back,
+        problems=tuple(filter(None, (table.problem, chamber.problem))),
+    )
+
+
+def _stop(orders: Orders, clock: Clock) -> float:
+    with _opened("rate_table", orders.rate_table, clock) as table:
+        return stop_table(table, clock, orders.rest_within_s, lambda: None)
+
+
+def _go_home(orders: Orders, clock: Clock) -> float:
+    with _opened("chamber", orders.chamber, clock) as chamber:
+        return send_home(chamber, orders.safe_c)
+
+
+@contextlib.contextmanager
+def _opened(kind: Kind, reached: Reached, clock: Clock) -> Iterator[Any]:
+    """The instrument, for the guard alone: what another run has taken meanwhile is that run's to stop."""
+    path = Path(reached.lock)
+    lock = Lock(path, f"{kind} at {reached.address}")
+    try:
+        lock.acquire("a guard that brings it to rest")
+    except UsageError:
+        if is_held(path):
+            raise  # else the locks' folder is gone, with the user's session say: that must not keep a table turning
+    try:
+        with driver(kind, reached.model)(reached.address, clock=clock, **reached.options) as instrument:
+            yield instrument
+    finally:
+        lock.release()

@@ -1,0 +1,103 @@
+"""Interlocks: limits of the user's own on what is measured, with hysteresis and a delay; no clock, no bench.
+
+Each limit is a comparator with hysteresis followed by an on-delay. An excursion begins beyond the limit and lasts until
+the value is back inside by the hysteresis; once it has lasted `for_s` the interlock is on, until the excursion ends.
+
+A look may stand for many samples, as a block of the stream does; then the sample that is farthest out speaks for it. So
+one sample beyond begins an excursion, and only a look that is inside as a whole ends it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from benchctl.bench import Interlock
+
+Range = tuple[float, float]
+"""The lowest and the highest value of a look; twice the same where it is one value."""
+
+Looks = Mapping[str, Range]
+"""Quantity -> what was seen of it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Change:
+    """An interlock that went on or off: `says` is its limit in words, `value` what was seen, `now_s` when."""
+
+    interlock: Interlock
+    says: str
+    on: bool
+    value: float
+    now_s: float
+
+
+class Limit:
+    """One side of one interlock, followed look by look."""
+
+    def __init__(self, interlock: Interlock, side: Literal["above", "below"], at: float) -> None:
+        self.interlock = interlock
+        self.says = f"{interlock.quantity} {side} {at:g}{f' for {interlock.for_s:g} s' if interlock.for_s else ''}"
+        self.on: Change | None = None
+        self._sign = 1.0 if side == "above" else -1.0  # a lower limit is an upper one of what is looked at in a mirror
+        self._at = self._sign * at
+        self._since_s: float | None = None
+
+    def see(self, now_s: float, seen: Range) -> Change | None:
+        """Take a look into account; what changed, if anything. A value that is no number changes nothing."""
+        outer = max(self._sign * value for value in seen)
+        if math.isnan(outer):
+            return None
+        if outer > self._at and self._since_s is None:
+            self._since_s = now_s
+        elif outer <= self._at - self.interlock.hysteresis:
+            self._since_s = None
+        beyond = self._since_s is not None and now_s - self._since_s >= self.interlock.for_s
+        if beyond == (self.on is not None):
+            return None
+        change = Change(interlock=self.interlock, says=self.says, on=beyond, value=self._sign * outer, now_s=now_s)
+        self.on = change if beyond else None
+        return change
+
+
+class Interlocks:
+    """All interlocks of a bench."""
+
+    def __init__(self, interlocks: Iterable[Interlock]) -> None:
+        self._limits = [limit for interlock in interlocks for limit in limits_of(interlock)]
+
+    def see(self, now_s: float, looks: Looks) -> list[Change]:
+        """Take a look at some quantities into account; what changed, in the order of bench.toml."""
+        return [
+            change
+            for limit in self._limits
+            if (seen := looks.get(limit.interlock.quantity)) is not None
+            and (change := limit.see(now_s, seen)) is not None
+        ]
+
+    @property
+    def may_hold(self) -> bool:
+        """Whether any of them pauses the run."""
+        return any(limit.interlock.action == "hold" for limit in self._limits)
+
+    @property
+    def holds(self) -> list[Change]:
+        """Those that are on and ask for a pause."""
+        return [limit.on for limit in self._limits if limit.on is not None and limit.interlock.action == "hold"]
+
+
+def words(interlocks: Iterable[Interlock]) -> str:
+    """Interlocks in a line, each with what it does."""
+    limits = (limit for interlock in interlocks for limit in limits_of(interlock))
+    return ", ".join(f"{limit.says} ({limit.interlock.action})" for limit in limits)
+
+
+def limits_of(interlock: Interlock) -> list[Limit]:
+    """The sides of an interlock that are limited."""
+    sides: tuple[tuple[Literal["above", "below"], float | None], ...] = (
+        ("above", interlock.above),
+        ("below", interlock.below),
+    )
+    return [Limit(interlock, side, at) for side, at in sides if at is not None]

@@ -1,0 +1,49 @@
+"""How a table is stopped and a chamber sent to its safe set point, each confirmed by reading back.
+
+The runner does it with its own links, the guard with new ones; so nothing here knows of a campaign.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from instruments.errors import SafetyError
+from instruments.interfaces import Chamber, Clock, RateTable, TableState
+
+AT_REST_DPS = 0.05
+"""A table slower than this is at rest: its controller's reading has noise."""
+
+
+def stop_table(table: RateTable, clock: Clock, within_s: float, beat: Callable[[], None]) -> float:
+    """Stop the table and wait until it rests; returns the rate [deg/s] that was read. See `wait_for_rest`."""
+    if table.state() not in (TableState.DISABLED, TableState.FAULT):
+        table.stop()
+    return wait_for_rest(table, clock, within_s, beat)  # whose servo is off is stopped by its controller, or runs out
+
+
+def wait_for_rest(table: RateTable, clock: Clock, within_s: float, beat: Callable[[], None]) -> float:
+    """Wait until the table has come to rest, and return the rate [deg/s] that was read; `beat` is called at each look.
+
+    Raises
+    ------
+    SafetyError
+        Where it still turns after `within_s` of bench time.
+    """
+    deadline_s = clock.now() + within_s
+    while abs(rate_dps := table.read().rate_dps) > AT_REST_DPS:
+        if clock.now() > deadline_s:
+            raise SafetyError(f"rate_table: should have come to rest, but still turns at {rate_dps:+.3f} deg/s")
+        beat()
+        clock.sleep(0.05)
+    return rate_dps
+
+
+def send_home(chamber: Chamber, safe_c: float) -> float:
+    """Send the chamber to its safe set point; returns the set point [°C] that it then has."""
+    chamber.go_to(safe_c)
+    return chamber.read().setpoint_c
+
+
+def rest_within_s(rate_dps: float, acceleration_dps2: float) -> float:
+    """Bench time [s] after which a table with these limits should rest: four times what the ramp takes, and 5 s."""
+    return 5.0 + 4 * rate_dps / acceleration_dps2
