@@ -85,6 +85,14 @@ def require_room(path: Path, size: int) -> None:
         )
 
 
+def free_bytes(folder: Path) -> int:
+    """What may still be written at a folder, which need not be there yet: without the reserve."""
+    place = folder.absolute()
+    while not place.exists():
+        place = place.parent
+    return max(0, shutil.disk_usage(place).free - _RESERVE)
+
+
 def sync_file(path: Path) -> None:
     """Wait until a file's bytes are on the disk."""
     descriptor = os.open(path, os.O_RDWR)

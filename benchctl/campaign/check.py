@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
+from benchctl.atomic import free_bytes
 from benchctl.bench import Bench
-from benchctl.campaign.timing import timeline
+from benchctl.campaign.timing import disk_bytes, step_that_fills, timeline
 from benchctl.plan import Plan, Soak, Step, ThermalRamp
 from benchctl.plan.steps import faults
+from benchctl.recordings.schema import CAMPAIGN, RECORDING
 from instruments.errors import UsageError
 
 
@@ -29,9 +32,29 @@ def problems(plan: Plan, bench: Bench) -> list[Problem]:
     ]
 
 
-def refuse_problems(plan: Plan, bench: Bench) -> None:
-    """Raise `UsageError`, naming the first problem and how many more there are, where a plan cannot be run."""
-    found = problems(plan, bench)
+def room_problems(plan: Plan, bench: Bench, folder: Path) -> list[Problem]:
+    """That the disk has no room for what a plan records in `folder`: the step at which it would be full.
+
+    What a campaign that is gone on with has there already counts as room.
+    """
+    rate_hz = bench.digitizer.sample_rate_hz
+    free = free_bytes(folder)
+    if (folder / CAMPAIGN).exists() or (folder / RECORDING).exists():
+        free += sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
+    fills = step_that_fills(plan, rate_hz, free)
+    if fills is None:
+        return []
+    needs = disk_bytes(plan, rate_hz)
+    says = f"the disk would be full: the campaign needs {needs / 1e6:.0f} MB, {free / 1e6:.0f} MB are free at {folder}"
+    return [Problem(step=fills, says=f"{plan.steps[fills - 1].label}: {says}; make room or choose another folder")]
+
+
+def refuse_problems(plan: Plan, bench: Bench, folder: Path) -> None:
+    """Raise `UsageError`, naming the first problem and how many more there are, where a plan cannot be run.
+
+    `folder` is where the campaign is to land.
+    """
+    found = problems(plan, bench) or room_problems(plan, bench, folder)
     if found:
         more = f" (and {len(found) - 1} more: benchctl check names them)" if len(found) > 1 else ""
         raise UsageError(f"procedure {plan.procedure}, step {found[0].step}: {found[0].says}{more}")

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from benchctl.bench import Bench, InstrumentEntry
+from benchctl.campaign.reserved import reserved
 from instruments.catalog import Kind, driver
 from instruments.errors import BenchError, BenchNotReadyError, UsageError
 from instruments.interfaces import Chamber, Clock, Digitizer, Identity, Instrument, RateTable
@@ -20,12 +21,17 @@ from instruments.simulated.sensor import sensor_of
 from instruments.simulated.settings import WorldSettings
 from instruments.simulated.world import World
 
+FASTEST = 2.0
+"""What changes an encoder's count faster than this multiple of the bench's rate limit is no motion."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OpenBench:
     """A bench whose instruments have answered.
 
-    `epoch_s` is the clock when the digitizer's own counter was at zero; `reached` says how they were reached.
+    `epoch_s` is the clock at the start of the recording, `elapsed_s` how far the recording had come when the
+    digitizer's own counter was at zero; `reached` says how they were reached. `simulated` are the servers, where they
+    run in this process.
     """
 
     bench: Bench
@@ -36,22 +42,32 @@ class OpenBench:
     epoch_s: float
     reached: str
     identities: Mapping[str, Identity]
+    elapsed_s: float = 0.0
+    simulated: SimulatedBench | None = None
 
 
 @contextmanager
-def open_bench(bench: Bench, *, wires: bool = True) -> Iterator[OpenBench]:
+def open_bench(
+    bench: Bench, *, wires: bool = True, elapsed_s: float = 0.0, purpose: str = "benchctl"
+) -> Iterator[OpenBench]:
     """Open every instrument of a bench, and close them all on the way out.
 
     `wires=False` takes the simulated instruments without their protocols: the same physics, for simulations in a hurry.
+    `elapsed_s` is the bench time since the start of the recording that is gone on with. Instruments at addresses are
+    this process' alone meanwhile; `purpose` is what others are told.
 
     Raises
     ------
+    UsageError
+        Where another process has an instrument: nothing has been sent to any then.
     BenchNotReadyError
         Names every instrument that did not answer, and why.
     """
     with ExitStack() as stack:
+        simulated: SimulatedBench | None = None
         if not bench.simulated:
             reached = "at their addresses"
+            stack.enter_context(reserved(bench, purpose))
             clock: Clock = ScaledClock(bench.time_factor)
             instruments = _drivers(bench, clock, {})
         elif wires:
@@ -60,6 +76,8 @@ def open_bench(bench: Bench, *, wires: bool = True) -> Iterator[OpenBench]:
             simulated = stack.enter_context(simulated_bench(bench, virtual))
             clock, instruments = virtual, _drivers(bench, virtual, simulated.addresses)
         else:
+            if bench.faults:
+                raise UsageError("faults: they happen on wires, and this simulation does without; leave [[faults]] out")
             reached = "simulated, without wires"
             virtual = VirtualClock()
             settings = world_settings(bench)
@@ -77,9 +95,11 @@ def open_bench(bench: Bench, *, wires: bool = True) -> Iterator[OpenBench]:
             chamber=instruments["chamber"],
             digitizer=instruments["digitizer"],
             clock=clock,
-            epoch_s=clock.now(),
+            epoch_s=clock.now() - elapsed_s,
             reached=reached,
             identities=identities,
+            elapsed_s=elapsed_s,
+            simulated=simulated,
         )
 
 
@@ -94,6 +114,7 @@ def simulated_bench(bench: Bench, clock: VirtualClock | ScaledClock, **options: 
         digitizer=bench.digitizer.model,
         effects=effects_of(bench, settings),
         options=options,
+        faults=bench.faults,
     )
 
 
@@ -113,6 +134,15 @@ def world_settings(bench: Bench) -> WorldSettings:
     )
 
 
+def another_day(bench: Bench, days: int) -> Bench:
+    """The same simulated bench and unit, encoder and all, with noise that it has not had yet: drawn by seed + days."""
+    world = world_settings(bench)
+    phases = ("eccentricity_phase_deg", "ellipticity_phase_deg")
+    mounted = {**bench.physics.get("encoder", {}), **{name: getattr(world.encoder, name) for name in phases}}
+    physics = {**bench.physics, "seed": world.seed + days, "encoder": mounted}
+    return bench.model_copy(update={"physics": physics})
+
+
 def effects_of(bench: Bench, settings: WorldSettings) -> tuple[PhysicalEffect, ...]:
     """The bench's `[effects]`, in the circumstances that its world and its other tables state."""
     entry, sensor = bench.digitizer, sensor_of(settings)
@@ -127,7 +157,9 @@ def effects_of(bench: Bench, settings: WorldSettings) -> tuple[PhysicalEffect, .
 
 
 def _drivers(bench: Bench, clock: Clock, addresses: Mapping[str, str]) -> dict[str, Any]:
-    digitizer: dict[str, Any] = {"range_v": bench.digitizer.adc_range_v}
+    entry = bench.digitizer
+    fastest_counts_per_s = FASTEST * bench.limits.rate_dps / 360.0 * entry.encoder_counts_per_rev
+    digitizer: dict[str, Any] = {"range_v": entry.adc_range_v, "fastest_counts_per_s": fastest_counts_per_s}
     stream = addresses.get("digitizer_stream", bench.digitizer.stream_address)
     if stream is not None:
         digitizer["stream_address"] = stream

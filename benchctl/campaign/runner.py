@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from benchctl.campaign.check import refuse_problems
+from benchctl.campaign.guard.keeper import Guard, NoGuard
+from benchctl.campaign.hold import hold_if_asked
 from benchctl.campaign.opened import OpenBench
 from benchctl.campaign.play import StepPlayer
 from benchctl.campaign.progress import Moment, Progress, nobody
-from benchctl.campaign.provenance import describe
+from benchctl.campaign.provenance import describe, software
+from benchctl.campaign.recoveries import recoveries_told
+from benchctl.campaign.resume import Past, steps_to_play, whole_steps
 from benchctl.campaign.safety import SafeState, Supervisor, bring_to_rest
+from benchctl.campaign.sameness import refuse_other_instruments
 from benchctl.campaign.stop import StoppedError, StopRequest
 from benchctl.campaign.timing import timeline
 from benchctl.plan import Plan
@@ -42,9 +48,16 @@ class Outcome:
 
 
 def run_campaign(
-    plan: Plan, opened: OpenBench, folder: Path, *, stop: StopRequest | None = None, progress: Progress = nobody
+    plan: Plan,
+    opened: OpenBench,
+    folder: Path,
+    *,
+    stop: StopRequest | None = None,
+    progress: Progress = nobody,
+    guard: Guard | None = None,
+    past: Past | None = None,
 ) -> Outcome:
-    """Run a plan on an open bench and record it in `folder`.
+    """Run a plan on an open bench and record it in `folder`, or go on with a campaign whose `past` is there.
 
     Whatever ends it, the table is brought to rest and the chamber sent to its safe set point, each read back, before
     the recording is closed; the outcome says what ended it. Errors that are no `BenchError` are faults of this program:
@@ -53,11 +66,14 @@ def run_campaign(
     Raises
     ------
     UsageError
-        Before anything moves: the plan goes beyond the bench's limits, or the folder cannot be written.
+        Before anything moves: the plan goes beyond the bench's limits, the disk has no room for it, the folder cannot
+        be written, or the instruments are not those of the `past`.
     """
-    refuse_problems(plan, opened.bench)
+    refuse_problems(plan, opened.bench, folder)
+    if past is not None:
+        refuse_other_instruments(past.meta, opened.identities)
     wall_s = time.monotonic()
-    run = _Run(plan, opened, folder, stop or StopRequest(), progress)
+    run = _Run(plan, opened, folder, stop or StopRequest(), progress, guard or NoGuard(), past)
     run.play()
     return Outcome(
         campaign=folder,
@@ -80,15 +96,31 @@ class AbortedError(BenchError):
 class _Run:
     """The mutable side of one run."""
 
-    def __init__(self, plan: Plan, opened: OpenBench, folder: Path, stop: StopRequest, progress: Progress) -> None:
-        self.plan, self.opened, self.stop, self.progress = plan, opened, stop, progress
-        self.writer = CampaignWriter(folder, describe(opened, plan, "running"))
+    def __init__(
+        self,
+        plan: Plan,
+        opened: OpenBench,
+        folder: Path,
+        stop: StopRequest,
+        progress: Progress,
+        guard: Guard,
+        past: Past | None,
+    ) -> None:
+        self.plan, self.opened, self.stop, self.progress, self.guard = plan, opened, stop, progress, guard
+        self._to_play = [(number, number, step) for number, step in enumerate(plan.steps, 1)]
+        self.whole = self.samples = 0
+        if past is None:
+            self.writer = CampaignWriter(folder, describe(opened, plan, "running"))
+        else:
+            self.writer, infos = past.reopen()
+            self._to_play = list(steps_to_play(plan, infos, self._start_c()))
+            self.whole, self.samples = len(whole_steps(plan, infos)), sum(info.samples for info in infos)
+            self.event("resume", elapsed_s=opened.elapsed_s, day=past.day, whole=self.whole, software=software())
         self.recording = folder
         self.status: Status = "aborted"
         self.error: BenchError | None = None
-        self.whole = self.samples = 0
         self.safe = SafeState(rate_dps=None, chamber_setpoint_c=None, problems=("not brought to rest yet",))
-        self._supervisor = Supervisor(opened, self.event)
+        self._supervisor = Supervisor(opened, self.event, guard)
         self._player = StepPlayer(opened, self.writer, self._supervisor, stop, self._notify, self._start_c())
         self._index, self._ends_s = 0, [end_s for _, end_s, _ in timeline(plan, opened.bench.limits, self._start_c())]
         self._step_began_s = opened.clock.now()
@@ -101,14 +133,17 @@ class _Run:
         """Play all steps, then come to rest, then close the recording."""
         reason = "a fault of the program"
         try:
-            self._play_steps()
+            with recoveries_told(self.event):
+                self._play_steps()
             self.status, reason = "complete", ""
         except StoppedError as err:
             self.status, self.error, reason = "interrupted", err, str(err)
         except BenchError as err:
             self.status, self.error, reason = "aborted", err, str(err)
         finally:
-            self.safe = bring_to_rest(self.opened)
+            self.safe = bring_to_rest(self.opened, self.guard.beat)
+            if self.safe.confirmed:
+                self.guard.done()
             self._close(reason)
             self._conclude()
 
@@ -118,37 +153,48 @@ class _Run:
             self.samples += self._player.close_torn()
             self.recording = self.writer.finish(self.status, reason)
         except BenchError as err:
-            self.writer.release()  # the steps stay readable in the folder
+            with suppress(BenchError):
+                self.writer.release()  # the steps stay readable in the folder
             self.status = "aborted" if self.status == "complete" else self.status
             self.error = AbortedError(f"{self.error}; {err}" if self.error else str(err))
 
     def _conclude(self) -> None:
         if self.safe.problems:
             ended = f"{self.error}; " if self.error else ""
-            self.error = SafetyError(f"{ended}the bench is not known to be at rest: {'; '.join(self.safe.problems)}")
+            promise = "" if self.safe.confirmed else self.guard.promise
+            self.error = SafetyError(
+                f"{ended}the bench is not known to be at rest: {'; '.join(self.safe.problems)}{promise}"
+            )
         elif isinstance(self.error, UsageError):
             self.error = AbortedError(str(self.error))
 
     def _play_steps(self) -> None:
         self.stop.heed()
         self._prepare()
-        for index, step in enumerate(self.plan.steps, 1):
-            self._index = index
+        for index, number, step in self._to_play:
+            self._index = number
+            hold_if_asked(self._player)
             self._step_began_s = self.opened.clock.now()
             self.event("step", index=index, name=step.label)
             info = self._player.play(index, step)
-            self.whole += 1
+            self.writer.step_over(info)
+            self.whole += index == number
             self.samples += info.samples
         self._notify("coming to rest")
 
     def _prepare(self) -> None:
         limits, opened = self.opened.bench.limits, self.opened
+        self.guard.arm(self.event)
         opened.table.set_limits(TableLimits(rate_dps=limits.rate_dps, acceleration_dps2=limits.acceleration_dps2))
         opened.chamber.set_limits(limits.coldest_c, limits.hottest_c)
         opened.table.enable()
         opened.chamber.go_to(self._start_c())  # whatever set point was left there, the plan begins from this one
         opened.chamber.start()
-        self.event("prepared", instruments={name: asdict(who) for name, who in opened.identities.items()})
+        self.event(
+            "prepared",
+            planned=len(self.plan.steps),
+            instruments={name: asdict(who) for name, who in opened.identities.items()},
+        )
 
     def _start_c(self) -> float:
         return self.opened.bench.safe.chamber_c

@@ -10,6 +10,12 @@ from benchctl.plan import ConstantRate, Plan, Sine, Soak, Static, Step, ThermalR
 BYTES_PER_SCAN = 10
 """What one scan of four channels takes in a recording, compressed: 8 at the most where the gyro fills its converter."""
 
+BYTES_PER_SCAN_IN_A_PART = 32
+"""What a scan takes in the file of the step that is being written: four channels of float64."""
+
+BYTES_PER_STEP = 40_000
+"""What a step takes beside its scans: descriptions, digests, polls."""
+
 
 def step_s(step: Step, from_c: float, limits: Limits) -> float:
     """Bench time [s] of a step that begins with the chamber at `from_c`; spin-up at half the acceleration limit."""
@@ -45,6 +51,27 @@ def timeline(plan: Plan, limits: Limits, from_c: float) -> Iterator[tuple[float,
 
 
 def disk_bytes(plan: Plan, sample_rate_hz: float) -> int:
-    """What the campaign needs on disk while it completes: its steps, and the recording that is made of them."""
-    scans = sum(step.streamed_s for step in plan.steps) * sample_rate_hz
-    return int(2 * scans * BYTES_PER_SCAN + len(plan.steps) * 40_000)
+    """What the campaign needs on disk at the most: while a step is closed, or while all are gathered in one file."""
+    return max(_need_by_step(plan, sample_rate_hz), default=0)
+
+
+def step_that_fills(plan: Plan, sample_rate_hz: float, free_bytes: float) -> int | None:
+    """The step, counted from 1, at which so many free bytes would be used up; None where they are enough."""
+    for number, need in enumerate(_need_by_step(plan, sample_rate_hz), 1):
+        if need > free_bytes:
+            return min(number, len(plan.steps))
+    return None
+
+
+def _need_by_step(plan: Plan, sample_rate_hz: float) -> Iterator[int]:
+    """What is needed to close each step, and at last to gather them all.
+
+    A step is closed by writing it once more, compressed; before that its file takes all of it, and room for as much is
+    demanded.
+    """
+    finished = 0
+    for step in plan.steps:
+        scans = int(step.streamed_s * sample_rate_hz)
+        yield finished + 2 * scans * BYTES_PER_SCAN_IN_A_PART + BYTES_PER_STEP
+        finished += scans * BYTES_PER_SCAN + BYTES_PER_STEP
+    yield 2 * finished

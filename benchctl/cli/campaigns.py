@@ -8,18 +8,31 @@ from pathlib import Path
 from typing import Any
 
 from benchctl.bench import Bench
+from benchctl.campaign.check import refuse_problems
+from benchctl.campaign.guard.keeper import guarded
 from benchctl.campaign.opened import open_bench
+from benchctl.campaign.resume import Past
 from benchctl.campaign.runner import Outcome, run_campaign
 from benchctl.campaign.stop import stop_on_signals
 from benchctl.cli.live import live_progress
 from benchctl.cli.words import duration, size
 from benchctl.plan import Plan
+from benchctl.recordings.schema import JOURNAL
 
 
-def play(plan: Plan, bench: Bench, folder: Path, *, quiet: bool, wires: bool = True) -> Outcome:
-    """Run a plan on a bench, heeding signals and showing at the terminal how it goes."""
-    with stop_on_signals() as stop, open_bench(bench, wires=wires) as opened, live_progress(quiet) as progress:
-        return run_campaign(plan, opened, folder, stop=stop, progress=progress)
+def play(
+    plan: Plan, bench: Bench, folder: Path, *, quiet: bool, wires: bool = True, past: Past | None = None
+) -> Outcome:
+    """Run a plan on a bench, or go on with its `past`, heeding signals and showing at the terminal how it goes."""
+    refuse_problems(plan, bench, folder)
+    elapsed_s = past.elapsed_s if past else 0.0
+    with (
+        stop_on_signals() as stop,
+        guarded(bench, folder / JOURNAL) as guard,
+        open_bench(bench, wires=wires, elapsed_s=elapsed_s, purpose=f"campaign {folder.absolute()}") as opened,
+        live_progress(quiet) as progress,
+    ):
+        return run_campaign(plan, opened, folder, stop=stop, progress=progress, guard=guard, past=past)
 
 
 def told(outcome: Outcome) -> dict[str, Any]:

@@ -24,6 +24,7 @@ def bench_of(recordings: Sequence[Path], named: str | None) -> Bench:
     Raises `UsageError` where it is not a simulated one: on hardware an experiment is started by `benchctl run`.
     """
     from benchctl.bench import load_bench
+    from benchctl.campaign.opened import another_day
 
     bench = _recorded_on(recordings[0]) if named is None else load_bench(named)
     if not bench.simulated:
@@ -31,7 +32,7 @@ def bench_of(recordings: Sequence[Path], named: str | None) -> Bench:
             f"--settle: {bench.name} is no simulated bench; write the experiment with --next FILE.py, look at it with "
             "benchctl check, and start it with benchctl run"
         )
-    return _another_day(bench, len(recordings))
+    return another_day(bench, len(recordings))
 
 
 def run_next(following: NextExperiment, bench: Bench, *, quiet: bool) -> Path:
@@ -59,17 +60,6 @@ def write_next(path: Path, diagnosis: Diagnosis) -> str:
     with whole_file(path) as temporary:
         temporary.write_text(plan_source(_plan(following), following.says), encoding="utf-8")
     return f"next experiment: benchctl run {path} --bench bench.toml"
-
-
-def _another_day(bench: Bench, days: int) -> Bench:
-    """The same bench, encoder and all, with noise that it has not had yet."""
-    from benchctl.campaign.opened import world_settings
-
-    world = world_settings(bench)
-    phases = ("eccentricity_phase_deg", "ellipticity_phase_deg")
-    mounted = {**bench.physics.get("encoder", {}), **{name: getattr(world.encoder, name) for name in phases}}
-    physics = {**bench.physics, "seed": world.seed + days, "encoder": mounted}
-    return bench.model_copy(update={"physics": physics})
 
 
 def _plan(following: NextExperiment) -> Plan:

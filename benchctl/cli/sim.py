@@ -61,6 +61,7 @@ def _write_bench(path: Path, text: str, addresses: dict[str, str], speed: float)
     document |= {"simulated": False, "time_factor": speed}
     document.pop("physics", None)
     document.pop("effects", None)
+    document.pop("faults", None)
     for name in ("rate_table", "chamber", "digitizer"):
         document[name]["address"] = addresses[name]
     if "digitizer_stream" in addresses:

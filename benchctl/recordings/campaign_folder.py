@@ -3,26 +3,26 @@
 ```
 campaign.h5                   what is known before the first step: a recording without steps
 journal.jsonl                 one JSON object a line: what was decided and when
+running.lock                  held by the process that writes; running.json says which that is
 steps/0001_zero.h5            a finished step: closed, compressed, sealed, on the disk
 steps/0002_rate_+50.h5.part   the step being written: HDF5 under SWMR, flushed at least every half second
 recording.h5                  once the campaign is finished: all steps; campaign.h5 and steps/ are then gone
+unreadable/                   files of steps that a crash left unreadable, where there were any
 ```
 """
 
 from __future__ import annotations
 
-import json
-import shutil
 from collections.abc import Sequence
-from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from benchctl.atomic import disk_errors, require_empty, sync_file, sync_folder
-from benchctl.recordings.combine import combine
+from benchctl.atomic import disk_errors, require_empty, sync_folder
+from benchctl.locks import Lock
+from benchctl.recordings.gather import gather
+from benchctl.recordings.journal import append_event, sync_journal
 from benchctl.recordings.model import Meta, Status, StepInfo
-from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, JOURNAL, RECORDING, STEPS
+from benchctl.recordings.schema import CAMPAIGN, JOURNAL, LOCK, STEPS
 from benchctl.recordings.step_writer import StepWriter
 from benchctl.recordings.writer import write_recording
 from instruments.errors import UsageError
@@ -30,29 +30,27 @@ from instruments.errors import UsageError
 __all__ = ["CampaignWriter", "StepWriter"]
 
 
+def campaign_lock(folder: Path) -> Lock:
+    """The lock of a campaign's folder, not yet taken."""
+    return Lock(folder / LOCK, f"campaign {folder}")
+
+
 class CampaignWriter:
     """Writes a campaign's folder; one step at a time, each with an index of its own.
 
-    `meta.status` should be `running`. Raises `UsageError` where the folder exists and holds something, or the disk
-    refuses.
+    `meta.status` should be `running`. `lock` is that of a folder which is gone on with, taken by the caller; without it
+    the folder is made. Raises `UsageError` where a folder to be made exists and holds something, or the disk refuses.
     """
 
-    def __init__(self, folder: Path, meta: Meta) -> None:
-        require_empty(folder)
+    def __init__(self, folder: Path, meta: Meta, lock: Lock | None = None) -> None:
         self.folder = folder
         self.meta = meta
         self._step: StepWriter | None = None
-        with disk_errors(folder):
-            (folder / STEPS).mkdir(parents=True)
-            (folder / JOURNAL).touch()
-        write_recording(folder / CAMPAIGN, meta, ())
+        self._lock = _make(folder, meta) if lock is None else lock
 
     def event(self, kind: str, /, **data: Any) -> None:
         """Append a line to the journal: `kind`, wall time (UTC) and `data` (plain JSON); it survives `kill -9`."""
-        line = json.dumps({"kind": kind, "wall_time": datetime.now(UTC).isoformat(), **data}, ensure_ascii=False)
-        journal = self.folder / JOURNAL
-        with disk_errors(journal), journal.open("a", encoding="utf-8") as file:
-            file.write(f"{line}\n")
+        append_event(self.folder / JOURNAL, kind, data)
 
     def begin_step(self, info: StepInfo, channels: Sequence[str]) -> StepWriter:
         """Begin the file of a step that will hold these channels, their time axes among them.
@@ -66,8 +64,12 @@ class CampaignWriter:
         if any((self.folder / STEPS).glob(f"{info.index:04d}_*")):
             raise UsageError(f"{self.folder}: step {info.index} is already there; every step needs an index of its own")
         self._step = StepWriter(self.folder / STEPS, info, channels, self.meta)
-        self._sync_journal()
         return self._step
+
+    def step_over(self, info: StepInfo) -> None:
+        """Note that a step is whole; it, and the line that says so, are then on the disk."""
+        self.event("whole", index=info.index, name=info.name, samples=info.samples, digest=info.digest)
+        sync_journal(self.folder / JOURNAL)
 
     def finish(self, status: Status, reason: str = "") -> Path:
         """Gather all steps in `recording.h5`, check every digest in it, remove `steps/`; returns the path of the file.
@@ -78,26 +80,33 @@ class CampaignWriter:
         self.event("finish", status=status, reason=reason)
         if self._step is not None and self._step.is_open:
             self._step.cut()
-        self._sync_journal()
-        journal = (self.folder / JOURNAL).read_text(encoding="utf-8")
-        provenance = {**self.meta.provenance, "reason": reason, "journal": journal}
-        recording = self.folder / RECORDING
-        combine(
-            sorted((self.folder / STEPS).glob(f"[0-9]*{FINISHED_SUFFIX}")),
-            recording,
-            replace(self.meta, status=status, provenance=provenance),
-        )
-        with disk_errors(self.folder):
-            shutil.rmtree(self.folder / STEPS)
-            (self.folder / CAMPAIGN).unlink()
+        recording = gather(self.folder, self.meta, status, reason)
+        self._lock.release()
         return recording
 
     def release(self) -> None:
-        """Let go of every file, leaving the folder as a crash would: it opens, and its status is still `running`."""
-        if self._step is not None:
-            self._step.release()
+        """Let go of every file and of the lock, leaving the folder as a crash would: it opens, and can be resumed."""
+        try:
+            if self._step is not None:
+                self._step.release()
+        finally:
+            self._lock.release()
 
-    def _sync_journal(self) -> None:
-        with disk_errors(self.folder):
-            sync_file(self.folder / JOURNAL)
-            sync_folder(self.folder)
+
+def _make(folder: Path, meta: Meta) -> Lock:
+    """Make a campaign's folder without steps, and take its lock."""
+    require_empty(folder)
+    with disk_errors(folder):
+        (folder / STEPS).mkdir(parents=True)  # of two programs at once the second fails here
+    lock = campaign_lock(folder)
+    lock.acquire("recording")
+    try:
+        with disk_errors(folder):
+            (folder / JOURNAL).touch()
+        write_recording(folder / CAMPAIGN, meta, ())
+        with disk_errors(folder):
+            sync_folder(folder.parent)
+    except BaseException:
+        lock.release()
+        raise
+    return lock

@@ -1,17 +1,19 @@
-"""Gathers the files of a campaign's steps in one recording."""
+"""Gathers the files of a campaign's steps in one recording, and takes a recording apart again."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 
 import h5py
 
 from benchctl.atomic import require_room, whole_file
 from benchctl.recordings.digests import problems_of_recording, seal_recording
-from benchctl.recordings.hdf5_files import open_ours
+from benchctl.recordings.hdf5_files import RecordingFile, open_ours
 from benchctl.recordings.model import Meta
-from benchctl.recordings.schema import STEPS, attach_axes
+from benchctl.recordings.schema import FINISHED_SUFFIX, STEPS, attach_axes, group_name
+from benchctl.recordings.step_writer import file_stem
 from benchctl.recordings.writer import new_file
 from instruments.errors import UsageError
 
@@ -35,6 +37,30 @@ def combine(files: Sequence[Path], path: Path, meta: Meta) -> None:
         with h5py.File(temporary, "r") as written:
             for problem in problems_of_recording(written):
                 raise UsageError(f"{path}: not written: {problem}; the steps are still in {path.parent / STEPS}")
+
+
+def take_apart(recording: Path, folder: Path, meta: Meta) -> None:
+    """Write each step of a recording to a file of its own, as a campaign's `steps/` has them; the reverse of `combine`.
+
+    `folder` is where those files go; it exists. Every sample is read back and held against its digest. Raises
+    `UsageError` where one does not agree or the disk refuses; the recording is left as it is.
+    """
+    require_room(folder, recording.stat().st_size)
+    with closing(RecordingFile(recording)) as described:
+        infos = described.infos
+    with open_ours(recording) as source:
+        for problem in problems_of_recording(source):
+            raise UsageError(f"{recording}: changed since it was written, and so not gone on with: {problem}")
+        for info in infos:
+            name = group_name(info.index)
+            with whole_file(folder / f"{file_stem(info)}{FINISHED_SUFFIX}") as temporary:
+                with new_file(temporary, meta) as target:
+                    source.copy(name, target, name)
+                    _renew_references(target[name])
+                    seal_recording(target)
+                with h5py.File(temporary, "r") as written:
+                    for problem in problems_of_recording(written):
+                        raise UsageError(f"{recording}: cannot be taken apart: {problem}")
 
 
 def _renew_references(step: h5py.Group) -> None:

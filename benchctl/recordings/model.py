@@ -81,6 +81,11 @@ class StepInfo:
     gaps: int = 0
     digest: str = ""
 
+    @property
+    def is_cut_attempt(self) -> bool:
+        """Whether a crash or a stop cut it and it was made again: no fit may see it."""
+        return not self.whole and self.role == "none" and self.kind != "soak"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unit:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 from typing import Protocol, Self
 
+from benchctl.recordings.campaign_state import state_of
 from benchctl.recordings.hdf5_files import RecordingFile
 from benchctl.recordings.import_open import read_open_recording
 from benchctl.recordings.model import Meta, Step, StepInfo
-from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, JOURNAL, PART_SUFFIX, RECORDING, STEPS
+from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, PART_SUFFIX, RECORDING, STEPS
 from instruments.errors import UsageError
 
 OPEN_DESCRIPTION = "recording.json"
@@ -105,7 +105,7 @@ def open_recording(path: Path) -> Recording:
     """Open a recording: a file of ours, a campaign's folder (running, dead or finished) or an open recording's folder.
 
     Of a campaign that is not finished: its finished steps, and the one being written (`whole=False`) with what has
-    reached its file. Its status is `running`, also where its program died.
+    reached its file. Its status is `running` only while its program runs; of one that died a note says so.
 
     Raises `UsageError`, in one line, where there is nothing, no HDF5, HDF5 that is not ours or newer than this
     program, or a file that was cut short.
@@ -130,7 +130,8 @@ def _open_file(path: Path) -> Recording:
 def _open_campaign(folder: Path) -> Recording:
     files: dict[int, Path] = {}
     infos: list[StepInfo] = []
-    notes = []
+    meta, said = state_of(folder)
+    notes = [*said]
     for path in campaign_files(folder):
         try:
             with closing(_open_step(path)) as file:
@@ -140,14 +141,7 @@ def _open_campaign(folder: Path) -> Recording:
             if not path.name.endswith(PART_SUFFIX):
                 raise
             notes.append(f"left out: its writing had only begun ({err})")
-    return Recording(folder, _campaign_meta(folder), infos, _CampaignFiles(files), notes=tuple(notes))
-
-
-def _campaign_meta(folder: Path) -> Meta:
-    with closing(RecordingFile(folder / CAMPAIGN)) as file:
-        meta = file.meta
-    journal = (folder / JOURNAL).read_text(encoding="utf-8")
-    return replace(meta, provenance={**meta.provenance, "journal": journal})
+    return Recording(folder, meta, infos, _CampaignFiles(files), notes=tuple(notes))
 
 
 def campaign_files(folder: Path) -> list[Path]:

@@ -32,15 +32,14 @@ from typing import Any
 import h5py
 import numpy as np
 
+from benchctl.limits import shown
 from benchctl.recordings.model import (
     DESCRIPTIONS,
     UNITS,
     Axis,
-    BenchFacts,
     FloatArray,
     Meta,
     StepInfo,
-    Unit,
     axis_of,
 )
 from instruments.errors import UsageError
@@ -51,6 +50,10 @@ STEPS = "steps"
 RECORDING = "recording.h5"
 CAMPAIGN = "campaign.h5"
 JOURNAL = "journal.jsonl"
+LOCK = "running.lock"
+"""Held by the process that writes a campaign's folder; `running.json` beside it says which that is."""
+UNREADABLE = "unreadable"
+"""Where a campaign keeps files of steps that a crash left unreadable."""
 FINISHED_SUFFIX = ".h5"
 PART_SUFFIX = ".h5.part"
 CHUNK = 16384
@@ -58,7 +61,6 @@ CHUNK = 16384
 GROWING_CHUNK = 4096
 
 _CHANNEL_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-_SEALS = ("digest", "manifest")
 
 
 def group_name(index: int) -> str:
@@ -141,15 +143,6 @@ def write_info(group: h5py.Group, info: StepInfo) -> None:
     _write(group, {item.name: getattr(info, item.name) for item in fields(info) if item.name != "digest"})
 
 
-def read_info(group: h5py.Group) -> StepInfo:
-    """A step's description from the attributes of its group; KeyError or TypeError where they do not make one."""
-    found = {name: _plain(group.attrs[name]) for name in group.attrs if name not in _SEALS}
-    known = {item.name for item in fields(StepInfo)}
-    description = {name: value for name, value in found.items() if name in known}
-    description["whole"] = bool(description["whole"])
-    return StepInfo(**description, digest=_plain(group.attrs.get("digest", "")))
-
-
 def write_meta(root: h5py.Group, meta: Meta) -> None:
     """Write everything about a recording that is not a sample as attributes of the root."""
     _write(root, {"format": FORMAT, "Conventions": "CF-1.11", "status": meta.status})
@@ -160,39 +153,13 @@ def write_meta(root: h5py.Group, meta: Meta) -> None:
     _write(root, {"extra": json.dumps(meta.extra, ensure_ascii=False) if meta.extra else None})
 
 
-def read_meta(root: h5py.Group) -> Meta:
-    """The reverse of `write_meta`; raises KeyError or TypeError where the attributes do not make one."""
-    found = {name: _plain(root.attrs[name]) for name in root.attrs if name not in _SEALS}
-    return Meta(
-        status=found["status"],
-        unit=Unit(**_part(found, "unit_")),
-        bench=BenchFacts(**_part(found, "bench_")),
-        provenance=_part(found, "provenance_"),
-        simulation=json.loads(found["simulation"]) if "simulation" in found else None,
-        extra=json.loads(found.get("extra", "{}")),
-    )
-
-
-def attributes_of(thing: h5py.Group | h5py.Dataset) -> dict[str, Any]:
-    """The attributes that say something, as plain values: without seals and HDF5's own bookkeeping."""
-    own = {"CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "DIMENSION_LABELS"}
-    return {name: _plain(thing.attrs[name]) for name in sorted(thing.attrs) if name not in own and name not in _SEALS}
-
-
 def _write(thing: h5py.Group, values: Mapping[str, Any]) -> None:
     for name, value in values.items():
         if value is None:
             continue
         try:
+            if isinstance(value, str):
+                value.encode("utf-8")  # h5py would write halves of characters as bytes that nobody can read
             thing.attrs[name] = np.int64(value) if isinstance(value, bool | int) else value
-        except ValueError as err:
-            raise UsageError(f"{name} = {value!r}: HDF5 cannot keep this text: {err}; correct it") from err
-
-
-def _part(found: Mapping[str, Any], prefix: str) -> dict[str, Any]:
-    return {name.removeprefix(prefix): value for name, value in found.items() if name.startswith(prefix)}
-
-
-def _plain(value: Any) -> Any:
-    """An attribute as h5py gives it -> text, number or list."""
-    return value.tolist() if isinstance(value, np.generic | np.ndarray) else value
+        except (ValueError, OverflowError) as err:
+            raise UsageError(f"{name} = {shown(value)}: HDF5 cannot keep this: {err}; correct it") from err

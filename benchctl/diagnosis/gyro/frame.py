@@ -138,7 +138,7 @@ def _motions(unwrapped: Sequence[FloatArray], sample_rate_hz: float, beyond: boo
 
 
 def _has_scans(step: Step) -> bool:
-    return all(name in step.channels for name in NEEDED) and step["time_s"].size > 1
+    return not step.info.is_cut_attempt and all(name in step.channels for name in NEEDED) and step["time_s"].size > 1
 
 
 def _channels_of(recording: Recording) -> str:

@@ -1,7 +1,10 @@
+import shutil
+from pathlib import Path
+
 import pytest
 
 from benchctl.bench import load_bench
-from benchctl.campaign.check import bench_time_s, problems, refuse_problems
+from benchctl.campaign.check import bench_time_s, problems, refuse_problems, room_problems
 from benchctl.campaign.timing import disk_bytes
 from benchctl.plan import ConstantRate, Plan, Sine, Soak, Static, Step, ThermalRamp
 from benchctl.plan.find import find_procedure
@@ -33,7 +36,7 @@ def test_a_step_beyond_the_bench_is_named_with_the_limit(step: Step, says: str) 
     assert [problem.step for problem in found] == [2]
     assert says in found[0].says
     with pytest.raises(UsageError, match="procedure mine, step 2: "):
-        refuse_problems(_plan(Static(duration_s=1.0), step), BENCH)
+        refuse_problems(_plan(Static(duration_s=1.0), step), BENCH, Path())
 
 
 def test_a_plan_within_the_limits_has_no_problem() -> None:
@@ -50,3 +53,40 @@ def test_the_main_job_takes_at_least_thirty_hours_of_bench_time_and_five_million
     assert bench_time_s(plan, BENCH) > 30 * 3600
     assert sum(step.streamed_s for step in plan.steps) * 500.0 > 5e6
     assert disk_bytes(plan, 500.0) > 50e6
+
+
+def test_the_disk_must_hold_the_finished_steps_the_one_being_written_twice_and_at_last_all_of_them_twice() -> None:
+    scans = 1000 * 500
+    one_long = _plan(Static(duration_s=1000.0))
+    assert disk_bytes(one_long, 500.0) == pytest.approx(2 * 32 * scans, rel=0.01)
+    many_short = _plan(*[Static(duration_s=10.0)] * 100)
+    assert disk_bytes(many_short, 500.0) == pytest.approx(2 * (10 * scans + 100 * 40_000))
+
+
+@pytest.mark.parametrize(
+    ("free_mb", "step"), [(1.0, 1), (6.4, 1), (6.5, 2), (12.2, 7), (20.0, 13), (27.1, None)]
+)  # each step needs 6.44 MB to be closed, and leaves 1.04 MB; all are gathered in as much again
+def test_the_step_at_which_the_disk_would_be_full_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, free_mb: float, step: int | None
+) -> None:
+    usage = shutil.disk_usage(tmp_path)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=int(free_mb * 1e6) + (32 << 20)))
+    found = room_problems(_plan(*[Static(duration_s=200.0)] * 13), BENCH, tmp_path / "results" / "c")
+    assert [problem.step for problem in found] == ([] if step is None else [step])
+    if step is not None:
+        assert f"{free_mb:.0f} MB are free at {tmp_path}/results/c; make room" in found[0].says
+        with pytest.raises(UsageError, match="static: the disk would be full: the campaign needs 27 MB"):
+            refuse_problems(_plan(*[Static(duration_s=200.0)] * 13), BENCH, tmp_path / "results" / "c")
+
+
+def test_what_a_campaign_has_on_the_disk_already_counts_as_room(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usage = shutil.disk_usage(tmp_path)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=int(5e6) + (32 << 20)))
+    plan = _plan(Static(duration_s=200.0))
+    assert room_problems(plan, BENCH, tmp_path)
+    (tmp_path / "another.h5").write_bytes(bytes(2_000_000))
+    assert room_problems(plan, BENCH, tmp_path)
+    (tmp_path / "campaign.h5").touch()
+    assert room_problems(plan, BENCH, tmp_path) == []

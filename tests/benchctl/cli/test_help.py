@@ -7,7 +7,7 @@ import pytest
 
 VERBS = (
     "check", "compare", "diagnose", "export", "fit", "import", "init", "paper", "procedures", "prove",
-    "run", "show", "sim", "simulate", "verify",
+    "recover", "run", "show", "sim", "simulate", "verify",
 )  # fmt: skip
 
 

@@ -1,5 +1,6 @@
 """Frames of campaigns with pauses, of joined recordings and of motion that nobody planned."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from benchctl.diagnosis.gyro.chain import GyroChain, Law
 from benchctl.diagnosis.gyro.frame import frame_of
 from benchctl.diagnosis.gyro.problem import gyro_problem
+from benchctl.diagnosis.signals.series import series_of
 from benchctl.recordings.importing import import_recording
 from benchctl.recordings.joined import join
 from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo, Unit
@@ -86,6 +88,20 @@ def test_a_lagging_coil_remembers_what_the_polls_of_a_soak_saw(soaked, error_c, 
         assert away > 2.0  # that soak was worth looking at
     else:
         assert away < error_c
+
+
+def test_an_attempt_that_was_cut_and_made_again_is_not_looked_at(tmp_path):
+    first, second = stream(1, 0.0), stream(2, 280.0)
+    attempt = stream(3, 100.0)
+    cut = Step(replace(attempt.info, whole=False, role="none"), attempt.channels)
+    meta = Meta(status="complete", unit=Unit(serial="G-1", range_dps=100.0), bench=BenchFacts(sample_rate_hz=RATE_HZ))
+    write_recording(tmp_path / "r.h5", meta, [first, second, cut])
+    with open_recording(tmp_path / "r.h5") as recording:
+        frame = frame_of(recording)
+        series = series_of(recording, ("encoder_deg", "gyro_v"), polled=False)
+    for found in (frame, series):
+        assert [info.index for info in found.infos] == [1, 2]
+        assert np.all(np.diff(found.time_s) > 0)
 
 
 def test_the_air_between_scans_is_that_of_the_polls(tmp_path):

@@ -1,0 +1,170 @@
+"""Going on with a campaign that a crash or a stop ended early: what is whole, what is next, what to do before."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from benchctl.bench import Bench
+from benchctl.campaign.opened import another_day
+from benchctl.campaign.sameness import bench_of, refuse_another
+from benchctl.locks import Lock
+from benchctl.plan import Plan, Soak, Step, ThermalRamp
+from benchctl.recordings.campaign_folder import CampaignWriter, campaign_lock
+from benchctl.recordings.campaign_state import described, require_campaign
+from benchctl.recordings.journal import events_in, journal_text
+from benchctl.recordings.model import Meta, StepInfo
+from benchctl.recordings.reader import open_recording
+from benchctl.recordings.reopen import free_index, reopen
+from benchctl.recordings.schema import JOURNAL
+from instruments.errors import UsageError
+
+PLAIN_SOAK_S = 600.0
+"""How long a set point is held again that the plan had reached without a soak; the gyro's drift may make it longer."""
+
+_APART_S = 1.0
+"""By how much time goes on at least, whatever the clocks say."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SoakAgain(Soak):
+    """The soak that makes the chamber's state again before a step which is not the campaign's first."""
+
+    before_step: int
+
+    @property
+    def label(self) -> str:
+        """See `BaseStep`."""
+        return f"soak at {self.setpoint_c:+g} again, before step {self.before_step}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Past:
+    """What is there of a campaign of `plan`, its lock held; `bench` is the one to go on with.
+
+    `first` is the first step that is not whole, counted from 1, or one more than there are. `elapsed_s` is where on the
+    recording's time axis it goes on. `day` counts how often it was begun before.
+    """
+
+    folder: Path
+    lock: Lock
+    meta: Meta
+    plan: Plan
+    bench: Bench
+    infos: tuple[StepInfo, ...]
+    first: int
+    elapsed_s: float
+    day: int
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether every planned step is."""
+        return self.first > len(self.plan.steps)
+
+    def reopen(self) -> tuple[CampaignWriter, list[StepInfo]]:
+        """The folder, ready for the next step, and what is in it."""
+        return reopen(self.folder, len(self.plan.steps), self.lock)
+
+
+@contextmanager
+def past_of(folder: Path, plan: Plan, bench: Bench, *, seeded: bool = False) -> Iterator[Past]:
+    """A campaign's past, its lock held while the block runs.
+
+    On a simulated bench the seed is the campaign's own unless `seeded` says that `bench` has one to compare. Raises
+    `UsageError` where the folder holds no campaign, is being written, or was begun with something else.
+    """
+    require_campaign(folder)
+    lock = campaign_lock(folder)
+    lock.acquire("benchctl run --resume")
+    try:
+        try:
+            past = _look_back(folder, lock, plan, bench, seeded)
+        except (AttributeError, KeyError, TypeError, ValueError) as err:
+            raise UsageError(
+                f"--resume {folder}: its description is damaged ({type(err).__name__}: {err}); benchctl verify names "
+                "what changed"
+            ) from err
+        yield past
+    finally:
+        lock.release()
+
+
+def steps_to_play(plan: Plan, infos: Sequence[StepInfo], safe_c: float) -> Iterator[tuple[int, int, Step]]:
+    """Index in the recording, number in the plan, and step, of everything that is still to be played, in order.
+
+    `infos` are the steps that are there, `safe_c` is the set point with which the plan begins.
+    """
+    whole = whole_steps(plan, infos)
+    index = free_index(infos, len(plan.steps))
+    for number, step in enumerate(plan.steps, 1):
+        if number in whole:
+            continue
+        if number - 1 in whole and not isinstance(step, Soak):
+            yield index, number, soak_before(plan, number, safe_c)
+            index += 1
+        yield number, number, step
+
+
+def whole_steps(plan: Plan, infos: Sequence[StepInfo]) -> dict[int, StepInfo]:
+    """The planned steps that are there and whole, by their number."""
+    return {info.index: info for info in infos if info.whole and info.index <= len(plan.steps)}
+
+
+def soak_before(plan: Plan, number: int, safe_c: float) -> SoakAgain:
+    """The soak that makes the chamber's state again before a step: the plan's last one, or a plain one after a ramp."""
+    for step in reversed(plan.steps[: number - 1]):
+        if isinstance(step, Soak):
+            asked = {item.name: getattr(step, item.name) for item in fields(step)}
+            return SoakAgain(**asked, before_step=number)
+        if isinstance(step, ThermalRamp):
+            return SoakAgain(setpoint_c=step.to_c, hold_s=PLAIN_SOAK_S, before_step=number)
+    return SoakAgain(setpoint_c=safe_c, hold_s=PLAIN_SOAK_S, before_step=number)
+
+
+def _look_back(folder: Path, lock: Lock, plan: Plan, bench: Bench, seeded: bool) -> Past:
+    meta = described(folder)
+    with open_recording(folder) as recording:
+        infos = recording.infos
+    whole = whole_steps(plan, infos)
+    if bench.simulated and not seeded and "bench_physics" in meta.provenance:
+        bench = bench.with_seed(bench_of(meta).physics.get("seed"))
+    refuse_another(meta, whole, plan, bench)
+    events = events_in(journal_text(folder / JOURNAL))
+    day = 1 + sum(event.get("kind") == "resume" for event in events)
+    numbers = range(1, len(plan.steps) + 1)
+    return Past(
+        folder=folder,
+        lock=lock,
+        meta=meta,
+        plan=plan,
+        bench=another_day(bench, day) if bench.simulated else bench,
+        infos=infos,
+        first=next((number for number in numbers if number not in whole), len(plan.steps) + 1),
+        elapsed_s=elapsed_s(bench, infos, events),
+        day=day,
+    )
+
+
+def elapsed_s(bench: Bench, infos: Sequence[StepInfo], events: Sequence[dict[str, Any]]) -> float:
+    """Bench time since the start of the recording: by the wall clock on a real bench, whose time has gone on."""
+    known_s = max((info.t_end for info in infos), default=0.0)
+    by_the_wall_s = 0.0
+    for event in events:
+        bench_s = event.get("bench_s")
+        if isinstance(bench_s, int | float) and math.isfinite(bench_s):
+            known_s = max(known_s, bench_s)
+            by_the_wall_s = bench_s + _seconds_since(str(event.get("wall_time", ""))) * bench.time_factor
+    return max(known_s + _APART_S, 0.0 if bench.simulated else by_the_wall_s)
+
+
+def _seconds_since(wall_time: str) -> float:
+    """Wall time since that instant; 0 where it is none."""
+    try:
+        return (datetime.now(UTC) - datetime.fromisoformat(wall_time)).total_seconds()
+    except (ValueError, TypeError):
+        return 0.0

@@ -1,0 +1,50 @@
+"""What a campaign's folder says of itself, whether its program runs, has ended or has died."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+from benchctl.locks import is_held
+from benchctl.recordings.hdf5_files import RecordingFile
+from benchctl.recordings.journal import events_in, journal_text, last_word
+from benchctl.recordings.model import Meta
+from benchctl.recordings.schema import CAMPAIGN, JOURNAL, LOCK, RECORDING, STEPS
+from instruments.errors import UsageError
+
+
+def described(folder: Path) -> Meta:
+    """The description of a campaign as it was begun: without an end, a reason and a journal."""
+    file = folder / RECORDING if (folder / RECORDING).exists() else folder / CAMPAIGN
+    with closing(RecordingFile(file)) as opened:
+        meta = opened.meta
+    begun = {name: text for name, text in meta.provenance.items() if name not in ("journal", "reason")}
+    return replace(meta, status="running", provenance=begun)
+
+
+def state_of(folder: Path) -> tuple[Meta, tuple[str, ...]]:
+    """Description and notes of a campaign that is not finished: `running` only where its program does.
+
+    `Meta.provenance` holds the journal and, of a program that has died, the `reason`.
+    """
+    meta = described(folder)
+    journal = journal_text(folder / JOURNAL)
+    provenance = {**meta.provenance, "journal": journal}
+    if is_held(folder / LOCK):
+        return replace(meta, provenance=provenance), ()
+    status, reason = last_word(events_in(journal))
+    note = (
+        f"its recording is not closed ({reason or 'all steps are there'}): benchctl recover {folder} closes it, "
+        f"benchctl run --resume {folder} goes on with it"
+    )
+    return replace(meta, status=status, provenance={**provenance, "reason": reason}), (note,)
+
+
+def require_campaign(folder: Path) -> None:
+    """Raise `UsageError` where a folder holds no campaign, or one that died before anything was described."""
+    if (folder / RECORDING).exists() or (folder / CAMPAIGN).exists():
+        return
+    if (folder / STEPS).is_dir():
+        raise UsageError(f"{folder}: its program died before anything was recorded; remove the folder and run anew")
+    raise UsageError(f"{folder}: is no campaign: expected {RECORDING} or {CAMPAIGN} in this folder")

@@ -1,0 +1,88 @@
+"""Closes the recording of a campaign whose program died: says what is whole, marks what was cut."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchctl.recordings.campaign_folder import campaign_lock
+from benchctl.recordings.campaign_state import described, require_campaign
+from benchctl.recordings.gather import finished_steps, gather, remove_gathered
+from benchctl.recordings.hdf5_files import RecordingFile
+from benchctl.recordings.journal import Events, append_event, events_in, journal_text, last_word, mend_journal
+from benchctl.recordings.model import Meta, Status, StepInfo
+from benchctl.recordings.schema import CAMPAIGN, JOURNAL, RECORDING, STEPS, UNREADABLE
+from benchctl.recordings.torn import described_step, put_in_order
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recovered:
+    """A campaign whose recording is closed; `was_closed`: it was so before. `unreadable` files were put aside."""
+
+    recording: Path
+    status: Status
+    reason: str
+    steps: tuple[StepInfo, ...]
+    unreadable: tuple[Path, ...]
+    was_closed: bool
+
+    @property
+    def whole(self) -> int:
+        """How many steps are whole."""
+        return sum(info.whole for info in self.steps)
+
+
+def recover(folder: Path) -> Recovered:
+    """Gather what a campaign whose program died has recorded in `recording.h5`; does nothing where that was done.
+
+    The step that was being written becomes a cut one. Nothing is removed before its successor is on the disk, so that
+    it may die itself and be called again. Raises `UsageError` where the campaign is being written, the folder holds
+    none, or the disk refuses.
+    """
+    require_campaign(folder)
+    meta = described(folder)
+    was_closed = (folder / RECORDING).exists()
+    if not was_closed or (folder / STEPS).exists() or (folder / CAMPAIGN).exists():
+        lock = campaign_lock(folder)
+        lock.acquire("benchctl recover")
+        try:
+            if (folder / RECORDING).exists():
+                remove_gathered(folder)
+            else:
+                _close(folder, meta)
+        finally:
+            lock.release()
+    file = RecordingFile(folder / RECORDING)
+    file.close()
+    return Recovered(
+        recording=folder / RECORDING,
+        status=file.meta.status,
+        reason=file.meta.provenance.get("reason", ""),
+        steps=file.infos,
+        unreadable=tuple(sorted((folder / UNREADABLE).glob("*"))),
+        was_closed=was_closed,
+    )
+
+
+def _close(folder: Path, meta: Meta) -> None:
+    mend_journal(folder / JOURNAL)
+    events = events_in(journal_text(folder / JOURNAL))
+    put_in_order(folder, meta)
+    status, reason = _how_it_ended(events, folder)
+    append_event(folder / JOURNAL, "recover", {"status": status, "reason": reason})
+    gather(folder, meta, status, reason)
+
+
+def _how_it_ended(events: Events, folder: Path) -> tuple[Status, str]:
+    """As the program said, but complete where, and only where, every planned step is whole."""
+    status, reason = last_word(events)
+    planned = next((event["planned"] for event in reversed(events) if isinstance(event.get("planned"), int)), None)
+    if planned is None:
+        return status, reason
+    whole = {info.index for info in map(described_step, finished_steps(folder)) if info.whole}
+    missing = [str(number) for number in range(1, planned + 1) if number not in whole]
+    if not missing:
+        return "complete", ""
+    if status == "complete":
+        return "aborted", f"of the planned steps {', '.join(missing)} cannot be read"
+    return status, reason
