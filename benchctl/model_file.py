@@ -14,13 +14,14 @@ file too.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from benchctl.atomic import whole_file
+from benchctl.documents import toml_document
+from benchctl.limits import cut, shown
 from benchctl.part_models import check_parts
 from benchctl.toml_file import read_text
 from instruments.errors import UsageError
@@ -71,14 +72,12 @@ def read_model(path: Path) -> Model:
     UsageError
         One line that names the file and, where it is at fault, the table and the field.
     """
-    text = read_text(path, "model")
+    document = toml_document(read_text(path, "model"), f"model {path}")
     try:
-        model = _model(tomllib.loads(text))
+        model = _model(document)
         model.check()
-    except tomllib.TOMLDecodeError as err:
-        raise UsageError(f"model {path}: not TOML: {err}") from err
     except UsageError as err:
-        raise UsageError(f"model {path}: {err}") from err
+        raise UsageError(f"model {path}: {cut(str(err))}") from err
     return model
 
 
@@ -105,14 +104,14 @@ def write_model(path: Path, model: Model) -> None:
 def _model(document: dict[str, Any]) -> Model:
     stated = document.pop("format", FORMAT)
     if stated != FORMAT:
-        raise UsageError(f'format: expected "{FORMAT}", got {stated!r}')
+        raise UsageError(f'format: expected "{FORMAT}", got {shown(stated)}')
     recording = document.pop("recording", "")
     if not isinstance(recording, str):
-        raise UsageError(f"recording: expected text, got {recording!r}")
+        raise UsageError(f"recording: expected text, got {shown(recording)}")
     parts = {part: document.pop(part) for part in _PARTS if part in document}
     for part, table in parts.items():
         if not isinstance(table, dict):
-            raise UsageError(f"{part}: expected a table [{part}], got {table!r}")
+            raise UsageError(f"{part}: expected a table [{part}], got {shown(table)}")
     if document and "physics" in parts:
         raise UsageError(f"{next(iter(document))}: goes into [physics], which this file has")
     return Model(recording=recording, **{"physics": document, **parts})

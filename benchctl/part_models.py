@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from benchctl.limits import shown
 from instruments.errors import UsageError
 
 EFFECTS = "effects"
@@ -22,12 +23,14 @@ def numbers_of(
 
     Raises `UsageError` that names the field that is not known, missing, or no finite number.
     """
+    if not isinstance(table, Mapping | None):
+        raise UsageError(f"[{name}] expected a table of numbers, got {shown(table)}")
     told = {field: value for field, value in (table or {}).items() if field != EFFECTS}
     for field, value in told.items():
         if field not in (*needed, *further):
             raise UsageError(f"[{name}] {field}: no such field; there are {', '.join((*needed, *further))}")
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise UsageError(f"[{name}] {field}: expected a finite number, got {value!r}")
+            raise UsageError(f"[{name}] {field}: expected a finite number, got {shown(value)}")
     missing = [field for field in needed if field not in told]
     if missing and len(missing) < len(needed):
         raise UsageError(f"[{name}] {missing[0]}: this field is needed beside the others and is not there")
@@ -50,14 +53,14 @@ def check_parts(parts: Mapping[str, Any]) -> None:
             raise UsageError(f"[parts] {part}: no such part; there are {', '.join(known)}")
         place = f"parts.{part}"
         if not isinstance(table, Mapping):
-            raise UsageError(f"[parts] {part}: expected a table, got {table!r}")
+            raise UsageError(f"[parts] {part}: expected a table, got {shown(table)}")
         effects = table.get(EFFECTS, {})
         if not isinstance(effects, Mapping):
-            raise UsageError(f"[{place}] {EFFECTS}: expected a table, got {effects!r}")
+            raise UsageError(f"[{place}] {EFFECTS}: expected a table, got {shown(effects)}")
         for name, values in effects.items():
             kind = known[part].get(identifier_in(name, known[part]))
             if kind is None:
                 raise UsageError(f"[{place}.{EFFECTS}] {name}: no such effect; there are {', '.join(known[part])}")
             if not isinstance(values, Mapping):
-                raise UsageError(f"[{place}.{EFFECTS}] {name}: expected a table, got {values!r}")
+                raise UsageError(f"[{place}.{EFFECTS}] {name}: expected a table, got {shown(values)}")
             numbers_of(values, f"{place}.{EFFECTS}.{name}", tuple(kind.parameters))

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from pathlib import Path
 from typing import TypeVar
 
 from pydantic import BaseModel, ValidationError
 
+from benchctl.documents import toml_document
+from benchctl.limits import MOST_DESCRIPTION_BYTES, cut, read_whole, shown
 from instruments.errors import UsageError
 
 Model = TypeVar("Model", bound=BaseModel)
 
-_HEADER = re.compile(r"^\s*\[+\s*([^\]]+?)\s*\]+")
-_KEY = re.compile(r"^\s*([A-Za-z0-9_.\-\"']+)\s*=")
+_HEADER = re.compile(r"\s*\[\[?([^\[\]]+)\]")
+_KEY = re.compile(r"\s*([A-Za-z0-9_.\-\"']+)\s*=")
 
 
 def read_text(path: Path, what: str) -> str:
@@ -23,14 +24,13 @@ def read_text(path: Path, what: str) -> str:
     Raises
     ------
     UsageError
-        Where it is not there or not UTF-8.
+        Where it is not there, not UTF-8, or too large to have been meant.
     """
     try:
-        return path.read_text(encoding="utf-8")
-    except OSError as err:
-        raise UsageError(f"{what} {path}: cannot be read: {err.strerror or err}") from err
+        text = read_whole(path, MOST_DESCRIPTION_BYTES, f"{what} ").decode("utf-8")
     except UnicodeDecodeError as err:
         raise UsageError(f"{what} {path}: expected UTF-8 text, byte {err.start} is not") from err
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def parse_toml(text: str, model: type[Model], name: str) -> Model:
@@ -42,9 +42,7 @@ def parse_toml(text: str, model: type[Model], name: str) -> Model:
         One line that names the file, the line and the first field that is wrong, and how many more there are.
     """
     try:
-        return model.model_validate(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as err:
-        raise UsageError(f"{name}: not TOML: {err}") from err
+        return model.model_validate(toml_document(text, name))
     except ValidationError as err:
         raise UsageError(f"{name}, {_first_fault(err, text)}") from err
 
@@ -76,14 +74,14 @@ def _parts(dotted: str) -> tuple[str, ...]:
 def _first_fault(err: ValidationError, text: str) -> str:
     first, *more = err.errors(include_url=False, include_context=False)
     line = line_of(text, tuple(part for part in first["loc"] if isinstance(part, str)))
-    field = ".".join(str(part) for part in first["loc"])
+    field = cut(".".join(str(part) for part in first["loc"]))
     rest = f" (and {len(more)} more)" if more else ""
     if first["type"] == "value_error":
-        says = first["msg"].removeprefix("Value error, ")
+        says = cut(first["msg"].removeprefix("Value error, "))
     elif first["type"] == "missing":
         says = "this field is needed and is not there"
     elif first["type"] == "extra_forbidden":
         says = "there is no such field"
     else:
-        says = f"{first['msg'][:1].lower()}{first['msg'][1:]}, got {first['input']!r}"
+        says = f"{first['msg'][:1].lower()}{first['msg'][1:]}, got {shown(first['input'])}"
     return f"line {line}: {field}{': ' if field else ''}{says}{rest}"

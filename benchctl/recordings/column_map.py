@@ -12,9 +12,12 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
+from benchctl.limits import MOST_COLUMNS, MOST_COUNTS_PER_REV, MOST_HEADER_LINES
 from benchctl.recordings import units
-from benchctl.recordings.step_entries import StepEntry
+from benchctl.recordings.step_entries import Rate, StepEntry
 from benchctl.toml_file import parse_toml, read_text
+
+ColumnName = Annotated[str, Field(min_length=1)] | Annotated[int, Field(ge=1, le=MOST_COLUMNS)]
 
 _RESERVED = re.compile(r"poll_.*|time_s|filled|point_.*")
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
@@ -41,8 +44,8 @@ class Column(_Table):
 
     known: ClassVar[Mapping[str, units.Conversion]] = {}
 
-    column: Annotated[str, Field(min_length=1)] | Annotated[int, Field(ge=1)]
-    index: int | None = Field(default=None, ge=1)
+    column: ColumnName
+    index: int | None = Field(default=None, ge=1, le=MOST_COLUMNS)
     unit: str
     sign: Literal[1, -1] = 1
     scale: float = 1.0
@@ -151,10 +154,10 @@ class Channels(BaseModel):
 class TimeEntry(_Table):
     """Where the stamps stand, or the rate at which rows follow each other; what to do where stamps are not uniform."""
 
-    column: Annotated[str, Field(min_length=1)] | Annotated[int, Field(ge=1)] | None = None
-    index: int | None = Field(default=None, ge=1)
+    column: ColumnName | None = None
+    index: int | None = Field(default=None, ge=1, le=MOST_COLUMNS)
     unit: Annotated[str, _known_in(units.TIME)] = "s"
-    rate_hz: float | None = Field(default=None, gt=0)
+    rate_hz: Rate | None = None
     stamps: Literal["refuse", "repair", "keep"] = "refuse"
     gaps: Literal["split", "fill"] = "split"
 
@@ -176,10 +179,10 @@ class UnitEntry(_Table):
 class BenchEntry(_Table):
     """What is known of the bench; `sample_rate_hz` where the stamps are to be checked against it."""
 
-    sample_rate_hz: float | None = Field(default=None, gt=0)
-    encoder_counts_per_rev: int = Field(default=0, ge=0)
+    sample_rate_hz: Rate | None = None
+    encoder_counts_per_rev: int = Field(default=0, ge=0, le=MOST_COUNTS_PER_REV)
     encoder_accuracy_arcsec: float = Field(default=0.0, ge=0)
-    adc_bits: int = Field(default=0, ge=0)
+    adc_bits: int = Field(default=0, ge=0, le=64)
     adc_range_v: float = Field(default=0.0, ge=0)
     latitude_deg: float | None = Field(default=None, ge=-90, le=90)
 
@@ -189,12 +192,14 @@ class FileEntry(_Table):
 
     delimiter: str = Field(default=",", min_length=1, max_length=1)
     decimal: Literal[".", ","] = "."
-    header_line: int = Field(default=1, ge=0)
-    first_line: int | None = Field(default=None, ge=1)
+    header_line: int = Field(default=1, ge=0, le=MOST_HEADER_LINES)
+    first_line: int | None = Field(default=None, ge=1, le=1 << 40)
     first_row_variable: str | None = None
 
     @model_validator(mode="after")
     def _marks_differ(self) -> FileEntry:
+        if self.delimiter in "\r\n":
+            raise ValueError("an end of line cannot be the delimiter")
         if self.delimiter == self.decimal:
             raise ValueError(f"{self.decimal!r} cannot be the delimiter and the decimal mark")
         return self
@@ -210,7 +215,7 @@ class PointsEntry(_Table):
     temperature: TemperatureColumn | None = None
     duration: DurationColumn | None = None
     duration_s: float | None = Field(default=None, gt=0)
-    samples: int | None = Field(default=None, gt=0)
+    samples: int | None = Field(default=None, gt=0, le=1 << 53)
 
 
 class MapStep(StepEntry):

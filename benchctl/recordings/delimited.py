@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from benchctl.limits import cut, shown
 from benchctl.recordings.model import FloatArray
 from instruments.errors import UsageError
 
@@ -47,9 +49,9 @@ def header_names(path: Path, text: bytes, layout: Layout) -> tuple[str, ...]:
         names = [name.strip().strip('"') for name in line.decode("utf-8").split(layout.delimiter)]
     except UnicodeDecodeError:
         names = [name.strip().strip('"') for name in line.decode("latin-1").split(layout.delimiter)]
-    for name in names:
-        if name and names.count(name) > 1:
-            raise UsageError(f"{path}, line {layout.header_line}: the column {name!r} is there twice")
+    for name, times in Counter(names).items():
+        if name and times > 1:
+            raise UsageError(f"{path}, line {layout.header_line}: the column {shown(name)} is there twice")
     return tuple(names)
 
 
@@ -82,8 +84,8 @@ def read_columns(
             ndmin=2,
             usecols=None if width is not None else use,
         )
-        complaint: ValueError | None = None
-    except ValueError as err:
+        complaint: Exception | None = None
+    except (ValueError, TypeError) as err:  # TypeError: a delimiter that no text can have
         complaint = err
     else:
         whole = table.shape[0] == body.count(b"\n") and (width is None or table.shape[1] == width)
@@ -91,7 +93,7 @@ def read_columns(
             chosen = table[:, use] if width is not None else table
             packed = np.ascontiguousarray(chosen.T)
             return {name: packed[k] for k, name in enumerate(columns)}
-    raise _fault(path, body, layout, columns, width) or UsageError(f"{path}: {complaint}") from complaint
+    raise _fault(path, body, layout, columns, width) or UsageError(f"{path}: {cut(str(complaint))}") from complaint
 
 
 def body_of(path: Path, text: bytes, layout: Layout) -> bytes:
@@ -113,8 +115,8 @@ def body_of(path: Path, text: bytes, layout: Layout) -> bytes:
 def _fault(path: Path, body: bytes, layout: Layout, columns: Mapping[str, int], width: int | None) -> UsageError | None:
     """The first fault, in words; None where a second look finds none."""
     needed = max(columns.values()) + 1
-    for number, line in enumerate(body.decode("latin-1").splitlines(), layout.first_line):
-        cells = line.split(layout.delimiter)
+    for number, line in enumerate(io.BytesIO(body), layout.first_line):
+        cells = line.decode("latin-1").removesuffix("\n").split(layout.delimiter)
         if (width is not None and len(cells) != width) or len(cells) < needed:
             expected = width if width is not None else f"at least {needed}"
             missing = next((name for name, k in columns.items() if k == len(cells)), None)
@@ -131,10 +133,10 @@ def _not_a_number(cell: str) -> str | None:
     if not cell.strip():
         return "expected a number, the cell is empty"
     try:
-        value = float(cell)
+        value = float(cell.replace("_", "?"))  # Python's 1_000 is no number elsewhere
     except ValueError:
         return f"expected a number, got {cell.strip()[:40]!r}"
-    return None if math.isfinite(value) else f"expected a finite number, got {cell.strip()}; leave such rows out"
+    return None if math.isfinite(value) else f"expected a finite number, got {cell.strip()[:40]}; leave such rows out"
 
 
 def printed_decimals(body: bytes, columns: Sequence[str]) -> dict[str, int]:

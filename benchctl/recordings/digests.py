@@ -18,8 +18,21 @@ from typing import Any
 import h5py
 import numpy as np
 
+from benchctl.documents import json_document
+from benchctl.limits import cut
+from benchctl.recordings.descriptions import attributes_of
+from benchctl.recordings.hdf5_guard import (
+    attribute,
+    attribute_names,
+    check_samples,
+    child,
+    child_group,
+    names_in,
+    plain_errors,
+)
 from benchctl.recordings.model import FloatArray
-from benchctl.recordings.schema import STEPS, attributes_of
+from benchctl.recordings.schema import STEPS
+from instruments.errors import UsageError
 
 BLOCK = 1 << 17
 """Samples that are held in memory at once, 1 MiB."""
@@ -81,34 +94,58 @@ def seal_recording(root: h5py.Group) -> str:
 
 def problems_of_recording(root: h5py.Group) -> Iterator[Problem]:
     """Everything in a sealed recording that is not as it was sealed; reads every sample."""
-    yield from _compare(root, _root_manifest(root), "recording", "step")
-    for name in root[STEPS]:
-        yield from problems_of_step(root[STEPS][name], f"step {name}")
+    try:
+        yield from _compare(root, _root_manifest(root), "recording", "step")
+        names = names_in(child_group(root, STEPS))
+    except ValueError as err:
+        yield Problem("recording", f"cannot be read: {err}")
+        return
+    for name in names:
+        try:
+            step = child_group(root[STEPS], name)
+        except ValueError as err:
+            yield Problem(f"step {name}", f"cannot be read: {err}")
+        else:
+            yield from problems_of_step(step, f"step {name}")
 
 
 def problems_of_step(group: h5py.Group, where: str) -> Iterator[Problem]:
     """Everything in a sealed step that is not as it was sealed; reads every sample."""
-    found = {name: _digest_or_reason(group[name]) for name in group}
-    yield from _compare(group, _step_manifest(group, found), where, "channel")
-
-
-def _digest_or_reason(item: h5py.Dataset | h5py.Group) -> str:
-    if not isinstance(item, h5py.Dataset) or item.ndim != 1 or item.dtype != np.dtype("<f8"):
-        return "no float64 of shape (n,)"
     try:
-        return digest_of(item)
-    except OSError as err:
-        return f"unreadable: {' '.join(str(err).split())}"
+        found = {name: _digest_or_reason(group, name) for name in names_in(group)}
+        yield from _compare(group, _step_manifest(group, found), where, "channel")
+    except ValueError as err:
+        yield Problem(where, f"cannot be read: {err}")
+
+
+def _digest_or_reason(group: h5py.Group, name: str) -> str:
+    try:
+        item = child(group, name)
+        with plain_errors():
+            if not isinstance(item, h5py.Dataset) or item.ndim != 1 or item.dtype != np.dtype("<f8"):
+                return "no float64 of shape (n,)"
+            check_samples(item)
+            return digest_of(item)
+    except ValueError as err:
+        return f"unreadable: {err}"
 
 
 def _step_manifest(group: h5py.Group, digests: Mapping[str, str]) -> dict[str, Any]:
-    channels = {name: {"samples": digests[name], **_brief(group[name])} for name in group}
+    channels = {name: {"samples": digests[name], **_brief_of(group, name)} for name in digests}
     return {"attributes": _brief(group), "channel": channels}
 
 
 def _root_manifest(root: h5py.Group) -> dict[str, Any]:
-    steps = {name: {"digest": group.attrs.get("digest", "none")} for name, group in root[STEPS].items()}
-    return {"attributes": _brief(root), "step": steps}
+    steps = child_group(root, STEPS)
+    digests = {name: {"digest": _digest_of_step(steps, name)} for name in names_in(steps)}
+    return {"attributes": _brief(root), "step": digests}
+
+
+def _digest_of_step(steps: h5py.Group, name: str) -> str:
+    try:
+        return str(attribute(child_group(steps, name), "digest", "none"))
+    except ValueError as err:
+        return f"unreadable: {err}"
 
 
 def _seal(group: h5py.Group, manifest: Mapping[str, Any]) -> str:
@@ -121,14 +158,17 @@ def _seal(group: h5py.Group, manifest: Mapping[str, Any]) -> str:
 
 def _compare(group: h5py.Group, found: Mapping[str, Any], where: str, part: str) -> Iterator[Problem]:
     """Hold what is there against what the seal says was there."""
-    if not {"manifest", "digest"} <= set(group.attrs):
+    if not {"manifest", "digest"} <= set(attribute_names(group)):
         yield Problem(where, "has no digest: it was not written to its end, or not by this program")
         return
-    text = str(group.attrs["manifest"])
-    if hashlib.sha256(text.encode()).hexdigest() != group.attrs["digest"]:
+    text = str(attribute(group, "manifest"))
+    if hashlib.sha256(text.encode()).hexdigest() != attribute(group, "digest"):
         yield Problem(where, "its manifest or its digest was changed")
         return
-    sealed = json.loads(text)
+    sealed = _manifest_in(text, part)
+    if sealed is None:
+        yield Problem(where, "its manifest is none, though it has its digest: it was not written by this program")
+        return
     yield from _differences(sealed["attributes"], found["attributes"], where, "attribute")
     for name in sorted(sealed[part].keys() | found[part].keys()):
         if name not in found[part]:
@@ -137,6 +177,20 @@ def _compare(group: h5py.Group, found: Mapping[str, Any], where: str, part: str)
             yield Problem(f"{where}, {part} {name}", "was added")
         else:
             yield from _differences(sealed[part][name], found[part][name], f"{where}, {part} {name}", "")
+
+
+def _manifest_in(text: str, part: str) -> dict[str, Any] | None:
+    """A manifest: texts by the name of an attribute, and by the name of a `part` and its attributes; None: it is none.
+
+    Whoever seals a recording anew may seal anything.
+    """
+    try:
+        found = json_document(text, "manifest")
+        groups = [found["attributes"], *found[part].values()]
+    except (UsageError, TypeError, LookupError, AttributeError):
+        return None
+    texts = all(isinstance(group, dict) and all(isinstance(said, str) for said in group.values()) for group in groups)
+    return found if texts else None
 
 
 def _differences(sealed: Mapping[str, Any], found: Mapping[str, Any], where: str, what: str) -> Iterator[Problem]:
@@ -149,7 +203,15 @@ def _differences(sealed: Mapping[str, Any], found: Mapping[str, Any], where: str
         elif sealed[name] != found[name] and len(found[name]) == _HEX_DIGITS:
             yield Problem(where, f"{label} changed since it was written")
         elif sealed[name] != found[name]:
-            yield Problem(where, f"{label} changed from {sealed[name]} to {found[name]}")
+            yield Problem(where, f"{label} changed from {cut(sealed[name])} to {cut(found[name])}")
+
+
+def _brief_of(group: h5py.Group, name: str) -> dict[str, str]:
+    try:
+        item = child(group, name)
+        return {} if isinstance(item, h5py.Datatype) else _brief(item)
+    except ValueError:
+        return {}  # its digest says why
 
 
 def _brief(thing: h5py.Group | h5py.Dataset) -> dict[str, str]:

@@ -2,17 +2,32 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import h5py
 import numpy as np
 
+from benchctl.limits import cut, require_file, require_memory, shown
+from benchctl.recordings.descriptions import read_info, read_meta
+from benchctl.recordings.hdf5_guard import (
+    attribute,
+    child,
+    child_group,
+    is_channel,
+    length_of,
+    names_in,
+    open_growing,
+    plain_errors,
+)
+from benchctl.recordings.hdf5_heaps import check_heaps
 from benchctl.recordings.model import Axis, Meta, Step, StepInfo, axis_of
-from benchctl.recordings.schema import FORMAT, PART_SUFFIX, STEPS, group_name, read_info, read_meta
+from benchctl.recordings.schema import FORMAT, PART_SUFFIX, STEPS, group_name
 from instruments.errors import UsageError
 
 _FAMILY, _VERSION = FORMAT.split("/")
@@ -29,76 +44,119 @@ class RecordingFile:
         self._file = open_ours(path)
         try:
             self.meta: Meta = read_meta(self._file)
-            self.infos = tuple(sorted((self._info(name) for name in self._file[STEPS]), key=lambda info: info.index))
-            self.digest = str(self._file.attrs.get("digest", ""))
-        except (KeyError, TypeError, ValueError) as err:
+            steps = child_group(self._file, STEPS)
+            infos = [self._info(steps, name) for name in names_in(steps)]
+            self.infos = tuple(sorted(infos, key=lambda info: info.index))
+            self.digest = str(attribute(self._file, "digest", ""))
+        except UsageError as err:
+            self._file.close()
+            raise UsageError(f"{path}: {err}") from err
+        except ValueError as err:
             self._file.close()
             raise UsageError(f"{path}: its description is damaged ({err}); benchctl verify names what changed") from err
 
     def channels(self, index: int) -> tuple[str, ...]:
         """The names of a step's channels."""
-        return tuple(_channels(self._file[group_name(index)]))
+        return tuple(self._channels(index))
 
     def load(self, info: StepInfo, names: Collection[str] | None = None) -> Step:
         """A step with its samples, of these channels where given.
 
-        Of a step being written: those samples that all channels of an axis have.
+        Of a step being written: those samples that all channels of an axis have. Raises `UsageError` where a channel is
+        damaged, lies outside the file, claims more samples than its bytes can hold, or is more than memory holds.
         """
-        found = _channels(self._file[group_name(info.index)])
+        found = self._channels(info.index)
         lengths: dict[Axis, int] = {}
         for name, dataset in found.items():
             axis = axis_of(name)
-            lengths[axis] = min(lengths.get(axis, len(dataset)), len(dataset))
-        try:
-            channels = {
-                name: np.asarray(dataset[: lengths[axis_of(name)]])
-                for name, dataset in found.items()
-                if names is None or name in names
-            }
-        except OSError as err:
-            raise UsageError(f"{self.path}: step {info.index} {info.name!r} cannot be read: {_one_line(err)}") from err
+            with self._reading(info, name):
+                length = length_of(dataset)
+                lengths[axis] = min(lengths.get(axis, length), length)
+        wanted = {name: lengths[axis_of(name)] for name in found if names is None or name in names}
+        require_memory(self.path, 8 * sum(wanted.values()), f"step {info.index} {cut(info.name, 60)!r}")
+        channels = {}
+        for name, length in wanted.items():
+            with self._reading(info, name), np.errstate(invalid="ignore"):  # of a signalling NaN in another type
+                channels[name] = np.asarray(found[name][:length], dtype=np.float64)
         return Step(info, channels)
 
     def close(self) -> None:
         """Let go of the file; safe to call twice."""
         self._file.close()
 
-    def _info(self, name: str) -> StepInfo:
+    def _info(self, steps: h5py.Group, name: str) -> StepInfo:
         """A step's description; of a step being written, as far as it has come."""
-        group = self._file[STEPS][name]
-        info = read_info(group)
-        if group.name != f"/{group_name(info.index)}":
-            raise ValueError(f"the group {group.name} says that its index is {info.index}")
-        if self.path.name.endswith(PART_SUFFIX):
-            info = _so_far(info, group)
-        return info
+        try:
+            group = child_group(steps, name)
+            info = read_info(group)
+            if f"{STEPS}/{name}" != group_name(info.index):
+                raise ValueError(f"the group /{STEPS}/{name} says that its index is {info.index}")
+            return _so_far(info, group) if self.path.name.endswith(PART_SUFFIX) else info
+        except ValueError as err:
+            raise ValueError(f"step {shown(name)}: {err}") from err
+
+    def _channels(self, index: int) -> dict[str, h5py.Dataset]:
+        """The channels of a step, in the order in which they are stored."""
+        try:
+            return _channels(child_group(child_group(self._file, STEPS), f"{index:04d}"))
+        except ValueError as err:
+            raise UsageError(f"{self.path}: step {index} cannot be read: {err}") from err
+
+    @contextmanager
+    def _reading(self, info: StepInfo, channel: str) -> Iterator[None]:
+        """Say which channel could not be read, and why."""
+        try:
+            with plain_errors():
+                yield
+        except ValueError as err:
+            step = f"step {info.index} {cut(info.name, 60)!r}"
+            raise UsageError(f"{self.path}: {step} cannot be read: channel {channel}: {err}") from err
 
 
 def _channels(group: h5py.Group) -> dict[str, h5py.Dataset]:
     """The channels of a step; what others put beside them is theirs."""
-    return {name: item for name, item in group.items() if isinstance(item, h5py.Dataset) and item.ndim == 1}
+    items = {name: child(group, name) for name in names_in(group)}
+    return {name: item for name, item in items.items() if is_channel(item)}
 
 
 def _so_far(info: StepInfo, group: h5py.Group) -> StepInfo:
     """The description of a step being written, as far as it has come."""
-    ends = [float(group[axis][-1]) for axis in ("time_s", "poll_time_s") if axis in group and len(group[axis])]
-    samples = min((len(dataset) for name, dataset in group.items() if axis_of(name) == "time_s"), default=0)
-    return replace(info, t_end=max([info.t_start, *ends]), samples=samples)
+    channels = _channels(group)
+    lengths = {name: length_of(dataset) for name, dataset in channels.items()}
+    with plain_errors():
+        ends = [float(channels[axis][-1]) for axis in ("time_s", "poll_time_s") if lengths.get(axis)]
+    samples = min((length for name, length in lengths.items() if axis_of(name) == "time_s"), default=0)
+    return replace(info, t_end=max([info.t_start, *(end for end in ends if math.isfinite(end))]), samples=samples)
 
 
 def open_ours(path: Path) -> h5py.File:
     """The HDF5 file itself, open for reading, whatever its description says; `UsageError` as for `RecordingFile`."""
+    require_file(path)
     try:
-        file = h5py.File(path, "r", swmr=path.name.endswith(PART_SUFFIX))
+        file = open_growing(path) if path.name.endswith(PART_SUFFIX) else h5py.File(path, "r")
     except FileNotFoundError as err:
         raise UsageError(f"{path}: there is no such file; expected a recording (*.h5) or a campaign's folder") from err
     except OSError as err:
         raise UsageError(f"{path}: {_why(path, err)}") from err
-    problem = _not_ours(file.attrs.get("format", ""))
-    if problem or STEPS not in file:
+    except (ValueError, RuntimeError, MemoryError) as err:  # a NUL in the name; a header that HDF5 gives up on
+        raise UsageError(f"{str(path)!r}: cannot be opened: {cut(' '.join(str(err).split()))}") from err
+    try:
+        check_heaps(path)
+        problem = _not_ours(attribute(file, "format", "")) or _no_steps(file)
+    except ValueError as err:
+        problem = f"is damaged: {err}"
+    if problem:
         file.close()
-        raise UsageError(f"{path}: {problem or 'is damaged: its steps are gone'}")
+        raise UsageError(f"{path}: {problem}")
     return file
+
+
+def _no_steps(file: h5py.File) -> str:
+    with plain_errors():
+        if STEPS not in file:
+            return "is damaged: its steps are gone"
+    child_group(file, STEPS)
+    return ""
 
 
 def _why(path: Path, err: OSError) -> str:
@@ -122,7 +180,7 @@ def _not_ours(found: object) -> str:
     if family != _FAMILY:
         return f"is HDF5, but no recording of benchctl (no format {FORMAT!r}); import it (benchctl import)"
     if version != _VERSION:
-        return f"has the format {found!r}, this benchctl reads {FORMAT!r}; update benchctl"
+        return f"has the format {shown(found)}, this benchctl reads {FORMAT!r}; update benchctl"
     return ""
 
 

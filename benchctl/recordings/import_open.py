@@ -8,7 +8,6 @@ does not name is kept: further columns as channels of the same name, further key
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,11 +16,13 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from benchctl.documents import json_document
+from benchctl.limits import MOST_COUNTS_PER_REV, cut, listed, shown
 from benchctl.recordings.delimited import Layout, body_of, header_names, printed_decimals, read_columns
 from benchctl.recordings.model import UNITS, BenchFacts, FloatArray, Meta, Step, Unit
 from benchctl.recordings.stamps import StampError, require_uniform
-from benchctl.recordings.step_entries import StepEntry, cut_into_steps
-from benchctl.recordings.text_file import read_bytes, sources_json
+from benchctl.recordings.step_entries import Rate, StepEntry, cut_into_steps
+from benchctl.recordings.text_file import read_bytes, read_json_text, sources_json
 from benchctl.recordings.units import unit_of_column
 from instruments.errors import UsageError
 
@@ -44,9 +45,9 @@ class _Unit(_Table):
 
 
 class _Bench(_Table):
-    sample_rate_hz: float = Field(gt=0)
-    encoder_counts_per_rev: int = Field(ge=0)
-    adc_bits: int = Field(ge=0)
+    sample_rate_hz: Rate
+    encoder_counts_per_rev: int = Field(ge=0, le=MOST_COUNTS_PER_REV)
+    adc_bits: int = Field(ge=0, le=64)
     adc_range_v: float = Field(ge=0)
     latitude_deg: float | None = Field(ge=-90, le=90)
 
@@ -106,7 +107,7 @@ def read_open_recording(folder: Path) -> tuple[Meta, list[Step]]:
     for column in COLUMNS:
         if column not in names:
             raise UsageError(
-                f"{path}, line 1: the column {column} is missing among {', '.join(names)}; "
+                f"{path}, line 1: the column {column} is missing among {listed(names)}; "
                 "where it has another name or unit, name it in a map file (--map)"
             )
     columns = read_columns(path, text, _LAYOUT, {name: k for k, name in enumerate(names)}, width=len(names))
@@ -147,14 +148,9 @@ def read_description(folder: Path) -> Description:
         Where it cannot be read, is not JSON, lacks a key, or a key has the wrong type or value.
     """
     path = folder / DESCRIPTION
-    text = read_bytes(path)
+    raw = json_document(read_json_text(path), str(path))
     try:
-        raw = json.loads(text)
         found = _Recording.model_validate(raw)
-    except UnicodeDecodeError as err:
-        raise UsageError(f"{path}: expected UTF-8 text, byte {err.start} is not") from err
-    except json.JSONDecodeError as err:
-        raise UsageError(f"{path}, line {err.lineno}: not JSON: {err.msg}") from err
     except ValidationError as err:
         raise UsageError(f"{path}: {first_fault(err)}") from err
     foreign: dict[str, Any] = {
@@ -210,11 +206,11 @@ def first_fault(err: ValidationError) -> str:
     if first["type"] == "missing":
         says = "this key is needed and is not there"
     elif first["type"] == "value_error":
-        says = first["msg"].removeprefix("Value error, ")
+        says = cut(first["msg"].removeprefix("Value error, "))
     else:
-        got = repr(first["input"])
-        says = f"{first['msg'][:1].lower()}{first['msg'][1:]}, got {got if len(got) <= 60 else got[:57] + '...'}"
+        says = f"{first['msg'][:1].lower()}{first['msg'][1:]}, got {shown(first['input'])}"
     rest = f" (and {len(more)} more)" if more else ""
+    place = cut(place)
     return f"{place}{': ' if place else ''}{says}{rest}"
 
 

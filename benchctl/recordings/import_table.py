@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from benchctl.limits import listed, shown
 from benchctl.recordings.column_map import ColumnMap
 from benchctl.recordings.delimited import Layout, header_names, read_columns
 from benchctl.recordings.raw_columns import RawColumns, Wanted, wanted_columns
@@ -47,6 +48,6 @@ def _number(path: Path, wanted: Wanted, names: tuple[str, ...], layout: Layout) 
     if not names:
         raise UsageError(f"{path}: has no header (file.header_line = 0), so that {wanted.column!r} must be a number")
     raise UsageError(
-        f"{path}, line {layout.header_line}: the column {wanted.column!r} of the map is missing among "
-        f"{', '.join(repr(name) for name in names)}"
+        f"{path}, line {layout.header_line}: the column {shown(wanted.column)} of the map is missing among "
+        f"{listed([repr(name) for name in names])}"
     )

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from benchctl.limits import HIGHEST_RATE_HZ
 from benchctl.recordings import units
 from benchctl.recordings.column_map import ColumnMap, TimeEntry
 from benchctl.recordings.import_open import Description
 from benchctl.recordings.model import BenchFacts, FloatArray, Meta, Step, Unit
-from benchctl.recordings.raw_columns import TIME, RawColumns
+from benchctl.recordings.raw_columns import TIME, RawColumns, converted
 from benchctl.recordings.stamps import (
     StampError,
     TimeBase,
@@ -49,7 +50,7 @@ def build_recording(
     base = _clock(raw, mapping.time, _stated_rate(mapping, beside))
     channels: dict[str, FloatArray] = {TIME: base.time_s}
     for name, entry in entries.items():
-        values = entry.conversion.apply(raw.values[name])
+        values = converted(raw, name, entry)
         channels[name] = _place_angle(base, values) if name == "encoder_deg" else base.place(values)
     if base.filled.any():
         channels[FILLED] = base.filled.astype(np.float64)
@@ -116,7 +117,8 @@ def _clock(raw: RawColumns, entry: TimeEntry, stated_hz: float | None) -> TimeBa
     rows = next(iter(raw.values.values())).size
     if entry.rate_hz is not None:
         return as_stamped(np.arange(rows) / entry.rate_hz, entry.rate_hz)
-    stamps = units.TIME[entry.unit].apply(raw.values[TIME])
+    with np.errstate(over="ignore"):
+        stamps = units.TIME[entry.unit].apply(raw.values[TIME])
     try:
         if entry.stamps == "repair":
             return repair(stamps, _repeats(raw.values), fill=entry.gaps == "fill")
@@ -137,6 +139,8 @@ def _mean_rate(stamps_s: FloatArray) -> float:
         raise StampError(0, "one row defines no rate; say bench.sample_rate_hz")
     steps = np.diff(stamps_s)
     median = float(np.median(steps))
+    if median < 1.0 / HIGHEST_RATE_HZ:
+        raise StampError(1, f"rows follow each other after {median:.3g} s, faster than {HIGHEST_RATE_HZ:g} Hz")
     span = float(stamps_s[-1] - stamps_s[0])
     whole = round(span / median)
     return float(f"{whole / span if whole == steps.size else 1.0 / median:.12g}")
@@ -144,7 +148,7 @@ def _mean_rate(stamps_s: FloatArray) -> float:
 
 def _repeats(values: Mapping[str, FloatArray]) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Which rows hold the values of the row before again in all mapped columns, shape (rows,)."""
-    same = [np.r_[False, np.diff(column) == 0] for name, column in values.items() if name != TIME]
+    same = [np.r_[False, column[1:] == column[:-1]] for name, column in values.items() if name != TIME]
     return np.asarray(np.logical_and.reduce(same), dtype=np.bool_)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchctl.recordings.column_map import ColumnMap
+from benchctl.recordings.column_map import Column, ColumnMap
 from benchctl.recordings.model import FloatArray
 from instruments.errors import UsageError
 
@@ -50,6 +50,19 @@ class RawColumns:
                     f"{self.place(int(odd[0]), channel)}: expected a finite number, got {values[odd[0]]}; "
                     "leave such rows out"
                 )
+
+
+def converted(raw: RawColumns, channel: str, entry: Column) -> FloatArray:
+    """A column in the unit of its channel, shape (rows,); raises `UsageError` where scale and offset overflow it."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        values = entry.conversion.apply(raw.values[channel])
+    odd = np.flatnonzero(~np.isfinite(values))
+    if odd.size:
+        raise UsageError(
+            f"{raw.place(int(odd[0]), channel)}: {raw.values[channel][odd[0]]} becomes {values[odd[0]]}; "
+            "correct unit, scale and offset in the map file"
+        )
+    return values
 
 
 def wanted_columns(mapping: ColumnMap) -> dict[str, Wanted]:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from benchctl.limits import HIGHEST_RATE_HZ, LONGEST_TIME_S
 from benchctl.recordings.model import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
@@ -26,6 +27,9 @@ DOUBT = 0.35
 
 _SURE_UP_TO = 100.0
 """Periods; the place after a longer pause need not be certain, because the recording is split there anyway."""
+
+_MOST_PLACES = 2.0**52
+"""Periods from the first stamp to the last: as many as whole numbers are exact."""
 
 _DRIFT_BLOCK = 500
 """Samples over which rounding is averaged out to see the clock wander."""
@@ -107,19 +111,27 @@ def printed_resolution(stamps_s: FloatArray) -> float:
 
 
 def require_increase(stamps_s: FloatArray) -> None:
-    """Every stamp is later than the one before; shape (n,), n ≥ 1.
+    """Every stamp is later than the one before, and none beyond `LONGEST_TIME_S`; shape (n,), n ≥ 1.
 
     Raises
     ------
     StampError
         At the first that is not.
     """
+    _refuse_far(stamps_s)
     late = np.flatnonzero(np.diff(stamps_s) <= 0)
     if late.size:
         row = int(late[0]) + 1
         now, before = stamps_s[row], stamps_s[row - 1]
         said = "repeats that of the row before" if now == before else f"goes back from {before:.9g} s"
         raise StampError(row, f"the stamp {now:.9g} s {said}: stamps must increase")
+
+
+def _refuse_far(stamps_s: FloatArray) -> None:
+    far = np.flatnonzero(np.abs(stamps_s) > LONGEST_TIME_S)
+    if far.size:
+        row = int(far[0])
+        raise StampError(row, f"the stamp {stamps_s[row]:.9g} s is further than {LONGEST_TIME_S:g} s from its zero")
 
 
 def require_uniform(stamps_s: FloatArray, rate_hz: float, resolution_s: float) -> None:
@@ -178,7 +190,8 @@ def repair(stamps_s: FloatArray, repeats: BoolArray, *, fill: bool) -> TimeBase:
     StampError
         Where a stamp goes back, is given to two different rows, or leaves its row's place in doubt.
     """
-    same = np.r_[False, np.diff(stamps_s) == 0]
+    _refuse_far(stamps_s)
+    same = np.r_[False, stamps_s[1:] == stamps_s[:-1]]
     dropped = same & repeats
     if (odd := np.flatnonzero(same & ~repeats)).size:
         raise StampError(int(odd[0]), "two rows with one stamp and different values: cannot tell which stamp is wrong")
@@ -199,6 +212,10 @@ def _places(clock: FloatArray, kept: IntArray) -> tuple[IntArray, float]:
     """The place of each stamp on the clock, in periods from the first, and the period (least squares over all)."""
     steps = np.diff(clock)
     period = float(np.median(steps))
+    if period < 1.0 / HIGHEST_RATE_HZ or (clock[-1] - clock[0]) / period > _MOST_PLACES:
+        raise StampError(
+            int(kept[-1]), f"{clock[-1] - clock[0]:.6g} s after the first, with {period:.6g} s from row to row"
+        )
     for _ in range(2):
         places = np.r_[0, np.cumsum(np.maximum(1.0, np.rint(steps / period)))]
         centred = places - places.mean()

@@ -7,6 +7,8 @@ they are known `point_std_v`, `point_run`, `point_temp_c`, `point_duration_s`.
 
 from __future__ import annotations
 
+import io
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +20,7 @@ from benchctl.recordings.column_map import ColumnMap, PointsEntry
 from benchctl.recordings.delimited import Layout, header_names
 from benchctl.recordings.mapped import bench_of, unit_of
 from benchctl.recordings.model import FloatArray, Meta, Step, StepInfo
-from benchctl.recordings.raw_columns import RawColumns
+from benchctl.recordings.raw_columns import RawColumns, converted
 from benchctl.recordings.text_file import read_bytes
 from instruments.errors import UsageError
 
@@ -106,7 +108,7 @@ def points_of(raw: RawColumns, entry: PointsEntry) -> StaticPoints:
         A standard deviation below zero, or fewer than two different rates.
     """
     values = {
-        name: column.conversion.apply(raw.values[name])
+        name: converted(raw, name, column)
         for name in ("rate", "mean", "std", "run", "temperature", "duration")
         if (column := getattr(entry, name)) is not None
     }
@@ -168,6 +170,11 @@ def _one_value(text: bytes, names: Sequence[str], column: str) -> str | None:
     if column not in names:
         return None
     k = names.index(column)
-    rows = [line.split(",") for line in text.decode("latin-1").splitlines()[1:] if line.strip()]
-    said = {row[k].strip() for row in rows if len(row) > k}
-    return said.pop() if len(said) == 1 else None
+    said: set[str] = set()
+    for line in itertools.islice(io.BytesIO(text), 1, None):
+        cells = line.decode("latin-1").split(",")
+        if len(cells) > k:
+            said.add(cells[k].strip())
+        if len(said) > 1:
+            return None
+    return said.pop() if said else None

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
+from benchctl.limits import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
 from benchctl.recordings.model import FloatArray, Step, StepInfo
 from instruments.errors import UsageError
 
@@ -18,6 +19,16 @@ UNASSIGNED = "unassigned"
 
 Kind = Literal["static", "constant_rate", "sine", "thermal_ramp", "motion"]
 """Kinds of steps that may be brought; `motion` is any other movement, known by the encoder alone."""
+
+
+def _not_too_slow(rate_hz: float) -> float:
+    if rate_hz < LOWEST_RATE_HZ:
+        raise ValueError(f"expected a rate of at least {LOWEST_RATE_HZ:g} Hz, got {rate_hz:g} Hz")
+    return rate_hz
+
+
+Rate = Annotated[float, Field(gt=0, le=HIGHEST_RATE_HZ), AfterValidator(_not_too_slow)]
+"""A rate of samples (Hz) whose inverse is an ordinary number."""
 
 
 class StepEntry(BaseModel):

@@ -1,7 +1,9 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,7 +13,7 @@ import numpy as np
 import pytest
 import xarray
 
-from benchctl.recordings.campaign_folder import CampaignWriter
+from benchctl.recordings.campaign_folder import CampaignWriter, campaign_lock
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.verify import verify
 from instruments.errors import UsageError
@@ -138,6 +140,41 @@ def test_the_journal_is_kept_beside_and_inside_the_recording(tmp_path: Path) -> 
     with open_recording(path) as recording:
         kept = recording.meta.provenance["journal"]
     assert [json.loads(line) for line in kept.splitlines()] == lines
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks at open files as Linux names them")
+def test_once_a_step_is_over_its_file_and_the_line_that_says_so_are_on_the_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "c"
+    writer = _begin(folder)
+    synced: list[tuple[str, str]] = []
+    fsync = os.fsync
+
+    def noted(descriptor: int) -> None:
+        path = os.readlink(f"/proc/self/fd/{descriptor}")
+        last = Path(path).read_text().rpartition("\n")[0].rpartition("\n")[2] if path.endswith(".jsonl") else ""
+        synced.append((Path(path).name, str(json.loads(last)["kind"]) if last else ""))
+        fsync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", noted)
+    step = writer.begin_step(made.info(1), CHANNELS)
+    step.append({**made.streamed(0.0, 10), **made.polled(0.0)})
+    writer.step_over(step.close(made.info(1)))
+    (file, _), (its_folder, _), journal = synced
+    assert file.startswith(".0001_rate_+1.h5.")
+    assert (its_folder, journal) == ("steps", ("journal.jsonl", "whole"))
+    writer.release()
+
+
+def test_two_programs_cannot_write_one_campaign(tmp_path: Path) -> None:
+    writer = _begin(tmp_path / "c")
+    lock = campaign_lock(tmp_path / "c")
+    with pytest.raises(UsageError, match=r"campaign .*/c is in use by process \d+ \(recording, since"):
+        lock.acquire("another")
+    writer.release()
+    lock.acquire("another")
+    lock.release()
 
 
 def test_a_campaign_without_a_step_opens(tmp_path: Path) -> None:

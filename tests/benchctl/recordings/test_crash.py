@@ -95,7 +95,8 @@ def test_killed_at_any_moment_every_finished_step_is_whole(tmp_path: Path, delay
         assert indices <= whole
         for index in whole:
             assert made.same(recording.step(index), made.step(index))
-        assert recording.meta.status == ("complete" if (folder / "recording.h5").exists() else "running")
+        gathering = '"kind": "finish"' in recording.meta.provenance["journal"]
+        assert recording.meta.status == ("complete" if gathering else "aborted")
     assert all("was not finished" in problem.says for problem in verify(folder))
 
 
@@ -106,8 +107,22 @@ def test_a_step_whose_writing_had_only_begun_is_left_out_and_said(tmp_path: Path
     (folder / "steps" / "0003_next.h5.part").write_bytes(b"")
     with open_recording(folder) as recording:
         assert [info.index for info in recording.infos] == [1, 2]
-        assert len(recording.notes) == 1
-        assert "0003_next.h5.part" in recording.notes[0]
+        assert len(recording.notes) == 2
+        assert "0003_next.h5.part" in recording.notes[1]
+
+
+def test_a_campaign_is_running_while_its_program_runs_and_aborted_once_that_was_killed(tmp_path: Path) -> None:
+    folder = tmp_path / "c"
+    with _writing(folder, "slowly", 0.02) as process:
+        _lines(process, 1)
+        with open_recording(folder) as recording:
+            assert (recording.meta.status, recording.notes) == ("running", ())
+        process.kill()
+        process.wait()
+        with open_recording(folder) as recording:
+            assert recording.meta.status == "aborted"
+            assert "its program died" in recording.meta.provenance["reason"]
+            assert f"benchctl recover {folder} closes it" in recording.notes[0]
 
 
 def test_a_finished_step_that_was_cut_short_is_an_error_that_names_it(tmp_path: Path) -> None:

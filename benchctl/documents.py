@@ -1,0 +1,88 @@
+"""JSON and TOML text into plain values, whatever the text: every fault is one line, and no text is slow or deep."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from typing import Any
+
+from benchctl.limits import (
+    LARGEST_WHOLE_NUMBER,
+    MOST_DEPTH,
+    MOST_DESCRIPTION_BYTES,
+    MOST_KEY_PARTS,
+)
+from instruments.errors import UsageError
+
+_PART = r"""(?:[A-Za-z0-9_-]+|"[^"\n]*"|'[^'\n]*')"""
+_LONG_KEY = re.compile(rf"(?<![A-Za-z0-9_-]){_PART}(?:[ \t]*\.[ \t]*{_PART}){{{MOST_KEY_PARTS}}}")
+"""Dotted parts, more than a key may have, wherever they stand. No part can begin within another: one pass is enough."""
+
+
+def json_document(text: bytes | str, name: str) -> Any:
+    """What a JSON text stands for; `name` is its place in an error.
+
+    Raises
+    ------
+    UsageError
+        Not UTF-8, not JSON (names the line), nested too deep, or with whole numbers beyond 64 bits.
+    """
+    _refuse_large(text, name)
+    try:
+        found = json.loads(text)
+    except UnicodeDecodeError as err:
+        raise UsageError(f"{name}: expected UTF-8 text, byte {err.start} is not") from err
+    except json.JSONDecodeError as err:
+        raise UsageError(f"{name}, line {err.lineno}: not JSON: {err.msg}") from err
+    except (RecursionError, ValueError) as err:  # ValueError: thousands of digits
+        raise UsageError(f"{name}: {_too_much(err)}") from err
+    _require_plain(found, name)
+    return found
+
+
+def toml_document(text: str, name: str) -> dict[str, Any]:
+    """What a TOML text stands for; `name` is its place in an error.
+
+    Raises
+    ------
+    UsageError
+        Not TOML (names the line), nested too deep, keys of too many parts, or with whole numbers beyond 64 bits.
+    """
+    _refuse_large(text, name)
+    if found := _LONG_KEY.search(text):
+        line = text.count("\n", 0, found.start()) + 1
+        raise UsageError(f"{name}, line {line}: a key of more than {MOST_KEY_PARTS} parts; nest tables less deep")
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as err:
+        raise UsageError(f"{name}: not TOML: {err}") from err
+    except (RecursionError, ValueError, OverflowError) as err:  # ValueError: thousands of digits
+        raise UsageError(f"{name}: {_too_much(err)}") from err
+    _require_plain(document, name)
+    return document
+
+
+def _refuse_large(text: bytes | str, name: str) -> None:
+    if len(text) > MOST_DESCRIPTION_BYTES:
+        raise UsageError(f"{name}: {len(text)} bytes, expected at most {MOST_DESCRIPTION_BYTES}")
+
+
+def _too_much(err: Exception) -> str:
+    if isinstance(err, RecursionError):
+        return f"nested too deep, expected at most {MOST_DEPTH} levels"
+    return "holds a number with too many digits" if "digit" in str(err) else f"cannot be read: {err}"
+
+
+def _require_plain(document: object, name: str) -> None:
+    """Raise `UsageError` where a document is too deep to be written again, or its numbers are too wide."""
+    waiting: list[tuple[object, int]] = [(document, 0)]
+    while waiting:
+        value, depth = waiting.pop()
+        if isinstance(value, dict | list):
+            if depth >= MOST_DEPTH:
+                raise UsageError(f"{name}: nested too deep, expected at most {MOST_DEPTH} levels")
+            inner = value.values() if isinstance(value, dict) else value
+            waiting.extend((item, depth + 1) for item in inner)
+        elif isinstance(value, int) and abs(value) > LARGEST_WHOLE_NUMBER:
+            raise UsageError(f"{name}: holds a whole number of {value.bit_length()} bits, expected at most 64")
