@@ -1,0 +1,64 @@
+"""The drivers of the matrix: one line each. A new driver is a new line here, and its outcomes in `outcomes.py`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from instruments.links.modbus import Retry
+from instruments.links.tcp import Reconnect
+
+TIMEOUT_S = 0.25
+MODBUS = {"timeout_s": TIMEOUT_S, "retry": Retry(wait_s=0.1)}
+LINES = {"timeout_s": TIMEOUT_S, "reconnect": Reconnect(wait_s=0.1)}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """A driver, and the requests at which faults befall it.
+
+    `asks` and `tells` are patterns over requests as `instruments.simulated.faults.wires` shows them: a question that
+    the driver asks again and again, and a command that is not the first. `options` are the driver's. The link of one
+    that is `like` another is tried by slow tests only.
+    """
+
+    model: str
+    kind: Literal["rate_table", "chamber", "digitizer"]
+    asks: str
+    tells: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    like: str = ""
+
+    def __str__(self) -> str:
+        return self.model
+
+
+RTU = {**MODBUS, "pause_s": 0.0}
+
+ROWS = (
+    Row(model="watlow_f4", kind="chamber", asks="^03 00 64", tells="^06 01 2c", options=RTU),
+    Row(model="watlow_f4t", kind="chamber", asks="^03 0b 04", tells="^10 0a de", options=MODBUS),
+    Row(model="eurotherm_2400", kind="chamber", asks="^03 80 02", tells="^10 80 04", options=RTU, like="watlow_f4"),
+    Row(model="eurotherm_3500", kind="chamber", asks="^03 00 01", tells="^10 00 02", options=RTU, like="watlow_f4"),
+    Row(model="binder_mb2", kind="chamber", asks="^03 10 d2", tells="^10 11 4c", options=RTU, like="watlow_f4"),
+    Row(model="csz_ezt430i", kind="chamber", asks="^03 00 23", tells="^06 00 24", options=RTU, like="watlow_f4"),
+    Row(model="espec_p300", kind="chamber", asks=r"^TEMP\?", tells="^TEMP, S-20", options=LINES, like="acutrol3000"),
+    Row(model="acutrol3000", kind="rate_table", asks="^:read", tells="^:dem:rate 1,40", options=LINES),
+    Row(
+        model="aerotech_ensemble",
+        kind="rate_table",
+        asks="^PFBKPROG",
+        tells="^FREERUN",
+        options=LINES,
+        like="acutrol3000",
+    ),
+    Row(model="newport_esp301", kind="rate_table", asks=r"1TP\?", tells="1VA40", options=LINES),
+    Row(
+        model="labjack_t7",
+        kind="digitizer",
+        asks="^03 00 00",
+        tells="^10 0f a2",
+        options={"timeout_s": TIMEOUT_S, "fastest_counts_per_s": 1e6},
+    ),
+)

@@ -1,0 +1,70 @@
+"""The table of drivers and faults, made by running every cell: `python -m tests.instruments.faults.table`."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from tests.instruments.faults import kinds
+from tests.instruments.faults.cells import IMPOSSIBLE, RECOVERED, Outcome, befallen
+from tests.instruments.faults.rows import ROWS, Row
+from tests.instruments.faults.runs import run_with
+
+
+def link_table() -> Iterator[str]:
+    """Faults of the link, which befall a question and a command; where both end alike it is said once."""
+    yield from _head("fault of the link", ROWS)
+    for fault, make in kinds.LINK.items():
+        cells = []
+        for row in ROWS:
+            came = [befallen(row, make(on=row.kind, pattern=pattern, nth=1)) for pattern in (row.asks, row.tells)]
+            cells.append(" / ".join(dict.fromkeys(map(_words, came))))
+        yield _line(fault, cells)
+
+
+def machine_table() -> Iterator[str]:
+    """Faults of the machine and of the stream, which befall a short campaign."""
+    yield from _head("fault of the instrument", ROWS)
+    for fault in dict.fromkeys(fault for faults in kinds.MACHINE.values() for fault in faults):
+        yield _line(fault, [_run_words(row, fault, row.kind) for row in ROWS])
+    for fault in kinds.STREAM:
+        yield _line(fault, [_run_words(row, fault, f"{row.kind}_stream") for row in ROWS])
+
+
+def _run_words(row: Row, fault: str, on: str) -> str:
+    faults = kinds.STREAM if on.endswith("_stream") else kinds.MACHINE[row.kind]
+    if fault not in faults or (faults is kinds.STREAM and row.kind != "digitizer"):
+        return "-"
+    with tempfile.TemporaryDirectory() as folder:
+        return _words(run_with(row, faults[fault](on=on), Path(folder) / "c").outcome)
+
+
+def _words(outcome: Outcome) -> str:
+    if outcome.what == IMPOSSIBLE:
+        return "-"
+    if outcome.what == RECOVERED and outcome.repeated:
+        return "recovered, asked again"
+    return outcome.what
+
+
+def _head(first: str, rows: Sequence[Row]) -> Iterator[str]:
+    yield _line(first, [row.model for row in rows])
+    yield "|---" * (1 + len(rows)) + "|"
+
+
+def _line(first: str, cells: Sequence[str]) -> str:
+    return f"| {first} | {' | '.join(cells)} |"
+
+
+def main() -> None:
+    """Print both tables as Markdown; `-` where the driver's protocol or kind has nothing that could go wrong so."""
+    for table in (link_table(), machine_table()):
+        for line in table:
+            sys.stdout.write(f"{line}\n")
+        sys.stdout.write("\n")
+
+
+if __name__ == "__main__":
+    main()
