@@ -22,7 +22,10 @@ from instruments.errors import UsageError
 PROCEDURE = "diagnostic"
 
 LEAST_GAIN = 1000.0
-"""A concealed effect, faint ones apart, is worth at least that: less is no question of physics but of noise."""
+"""A concealed effect, faint ones apart, is worth at least that: less is no question of physics but of noise.
+
+Beside a bias that wanders it is worth what a faint one is alone.
+"""
 
 _TRIES = 60
 _LEAST_SHARE = 1e-7
@@ -120,12 +123,19 @@ def _sized(rng: np.random.Generator, truth: Truth, names: Sequence[str]) -> Trut
         size = shrunk(name, full, _faint_share(run, truth, name, full) if share is None else share, truth.unit)
         alone = replace(truth, effects={name: size})
         truth = replace(truth, effects={**truth.effects, name: size})
-        if name not in STATISTICAL and share is not None and run.gain(alone.made()) < LEAST_GAIN:
+        if name not in STATISTICAL and share is not None and not _brought_out(run, alone, truth):
             return None
     known = STATISTICAL.isdisjoint(names)
     return replace(
         truth, seed=int(rng.integers(2**31)), gain=_rounded(run.gain(truth.made())) if names and known else None
     )
+
+
+def _brought_out(run: Planned, alone: Truth, truth: Truth) -> bool:
+    """Whether a run brings an effect out, by itself and beside the wandering bias of the whole truth."""
+    wandering = {name: truth.effects[name] for name in WANDERING if name in truth.effects}
+    made = alone.made()
+    return run.gain(made) >= LEAST_GAIN and (not wandering or run.gain(made, wandering) >= FAINT_GAIN)
 
 
 def _faint_share(run: Planned, truth: Truth, name: str, full: Values) -> float:

@@ -6,7 +6,8 @@ brings once the lab's own parameters have been refitted.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,6 +16,7 @@ import numpy.typing as npt
 import scipy.signal
 from scipy.ndimage import uniform_filter1d
 
+from benchctl.diagnosis.fitting.noise import Slow, Whitener, flicker, walk
 from benchctl.plan import ConstantRate, Plan, Sine, Step, ThermalRamp
 from benchctl.proof.unit import TrialUnit
 from instruments.interfaces import FloatArray
@@ -39,12 +41,31 @@ class Planned:
     signals: Signals
     starts: tuple[int, ...]
 
-    def gain(self, effects: Sequence[PhysicalEffect]) -> float:
-        """Twice the log likelihood that effects together are worth, the lab's parameters refitted."""
+    def gain(self, effects: Sequence[PhysicalEffect], beside: Mapping[str, Mapping[str, float]] | None = None) -> float:
+        """Twice the log likelihood that effects together are worth, the lab's parameters refitted.
+
+        `beside` are parameters of wandering biases, by effect, that hide what is slow.
+        """
         change = (self._output(effects) - self._clean)[self._settled]
-        left = change - self._basis @ (self._basis.T @ change)
-        variance = self.unit.noise_v**2 + self.unit.adc_step_v**2 / 12.0
-        return float(left @ left / variance)
+        whitener = self._whitener(beside or {})
+        white = whitener(change) / (self._noise_v * whitener.innovation)
+        basis, _ = np.linalg.qr(np.stack([whitener(column) for column in self._followed.T], axis=1))
+        left = white - basis @ (basis.T @ white)
+        return float(left @ left)
+
+    @property
+    def _noise_v(self) -> float:
+        """Deviation of the white noise of a sample, its rounding included."""
+        return math.hypot(self.unit.noise_v, self.unit.adc_step_v / math.sqrt(12.0))
+
+    def _whitener(self, beside: Mapping[str, Mapping[str, float]]) -> Whitener:
+        time_s, interval_s = self.signals.time_s[self._settled], self.signals.interval_s
+        slow: tuple[Slow, ...] = ()
+        if size := beside.get("bias_random_walk"):
+            slow += walk(size["v_per_sqrt_s"] / self._noise_v, interval_s)
+        if size := beside.get("flicker_noise"):
+            slow += flicker(size["v_rms_per_decade"] / self._noise_v, interval_s, float(np.ptp(time_s)))
+        return Whitener(interval_s=interval_s, weight=np.ones(time_s.size), slow=slow, time_s=time_s)
 
     @cached_property
     def _settled(self) -> npt.NDArray[np.bool_]:
@@ -59,15 +80,14 @@ class Planned:
         return self._output(())
 
     @cached_property
-    def _basis(self) -> FloatArray:
-        """An orthonormal basis of what the lab's parameters can follow, shape (rows, p)."""
+    def _followed(self) -> FloatArray:
+        """What the lab's parameters can follow, shape (rows, p)."""
         belief, rate = self.unit.belief, self.signals.rate_dps[self._settled]
         warmer = self.signals.coil_c[self._settled] - belief.T0_c
         columns = [np.ones_like(rate), rate]
         columns += [rate * warmer ** (k + 1) for k in range(len(belief.k_T))]
         columns += [rate ** (2 * k + 3) for k in range(len(belief.k_omega))]
-        basis, _ = np.linalg.qr(np.column_stack([column / np.abs(column).max() for column in columns]))
-        return basis
+        return np.column_stack([column / np.abs(column).max() for column in columns])
 
     def _output(self, effects: Sequence[PhysicalEffect]) -> FloatArray:
         plain = [effect for effect in effects if not isinstance(effect, (ClockEffect, EncoderEffect))]

@@ -1,12 +1,15 @@
 """What trials conceal is drawn by chance, fits its class, and is the same for the same seed."""
 
+from dataclasses import replace
+
 import pytest
 
 from benchctl.campaign.check import problems
 from benchctl.proof.classes import CLASSES, FAINT_GAIN, ClassName
 from benchctl.proof.draw import LEAST_GAIN, draw, plan_of
 from benchctl.proof.outsiders import OUTSIDERS
-from benchctl.proof.sizes import WANDERING
+from benchctl.proof.planned import planned
+from benchctl.proof.sizes import STATISTICAL, WANDERING
 from instruments.physics.effects.registry import effects
 
 
@@ -22,6 +25,16 @@ def test_a_trial_conceals_what_its_class_says(kind: ClassName) -> None:
             assert truth.gain == pytest.approx(FAINT_GAIN, rel=0.05)
         elif truth.gain is not None:
             assert truth.gain >= LEAST_GAIN
+
+
+def test_beside_a_wandering_bias_an_effect_is_worth_what_a_faint_one_is_alone() -> None:
+    for index in range(4):
+        truth = draw(12, index, "wandering+one")
+        wandering = {name: size for name, size in truth.effects.items() if name in WANDERING}
+        other = {name: size for name, size in truth.effects.items() if name not in STATISTICAL}
+        if other:
+            run = planned(plan_of(truth.unit), truth.unit)
+            assert run.gain(replace(truth, effects=other).made(), wandering) >= FAINT_GAIN
 
 
 def test_the_same_seed_and_number_seal_the_same_and_others_seal_others() -> None:
