@@ -5,6 +5,7 @@ The runner does it with its own links, the guard with new ones; so nothing here 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from instruments.errors import SafetyError
@@ -12,6 +13,11 @@ from instruments.interfaces import Chamber, Clock, RateTable, TableState
 
 AT_REST_DPS = 0.05
 """A table slower than this is at rest: its controller's reading has noise."""
+
+STILL_S = 0.1
+"""So long, in bench time, every look has to find it at rest: a servo that swings out passes zero as well."""
+
+_LOOK_AGAIN_S = 0.05
 
 
 def stop_table(table: RateTable, clock: Clock, within_s: float, beat: Callable[[], None]) -> float:
@@ -30,12 +36,19 @@ def wait_for_rest(table: RateTable, clock: Clock, within_s: float, beat: Callabl
         Where it still turns after `within_s` of bench time.
     """
     deadline_s = clock.now() + within_s
-    while abs(rate_dps := table.read().rate_dps) > AT_REST_DPS:
-        if clock.now() > deadline_s:
+    still_since_s = math.inf
+    while True:
+        rate_dps, now_s = table.read().rate_dps, clock.now()
+        if abs(rate_dps) <= AT_REST_DPS:
+            still_since_s = min(still_since_s, now_s)
+            if now_s - still_since_s >= STILL_S:
+                return rate_dps
+        elif now_s > deadline_s:
             raise SafetyError(f"rate_table: should have come to rest, but still turns at {rate_dps:+.3f} deg/s")
+        else:
+            still_since_s = math.inf
         beat()
-        clock.sleep(0.05)
-    return rate_dps
+        clock.sleep(_LOOK_AGAIN_S)
 
 
 def send_home(chamber: Chamber, safe_c: float) -> float:
