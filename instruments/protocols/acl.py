@@ -21,7 +21,7 @@ Assumed, because no source says so: the reply's line ends with LF, a CR before i
 answer to a command is a refusal. The meaning of the header is unknown, so it is kept and not interpreted.
 
 Survived: replies and requests cut into packets at any byte, several in one packet, empty lines, CR LF or LF. A line
-beyond `MAX_LINE` bytes or one shorter than the header ends the dialogue: whatever talks there is not an ACUTROL.
+beyond `lines.MAX_LINE` bytes or one shorter than the header ends the dialogue: whatever talks there is not an ACUTROL.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from instruments.errors import InstrumentError, UsageError
+from instruments.protocols.lines import LineCutter
 
 HEADER_LENGTH = 8
-MAX_LINE = 4096
 
 TREE: Mapping[str, tuple[str, ...]] = {
     "read": ("position", "rate", "acceleration"),
@@ -69,23 +69,17 @@ class Command:
 
 
 class Lines:
-    """Cuts a byte stream into lines without their ends; raises `InstrumentError` on a line beyond `MAX_LINE`."""
+    """Cuts a byte stream into lines without their ends; raises `InstrumentError` as `LineCutter` does."""
 
     def __init__(self, terminator: bytes = b"\n") -> None:
-        self._terminator = terminator
-        self._pending = b""
+        self._cutter = LineCutter(terminator, trimmed=b"\r\n")  # a header may begin with blanks
 
     def feed(self, data: bytes) -> list[str]:
         """The lines that are complete now, empty ones left out; bytes that are not ASCII show as escapes."""
-        *complete, self._pending = (self._pending + data).split(self._terminator)
-        longest = max((*complete, self._pending), key=len)
-        if len(longest) > MAX_LINE:
-            self._pending = b""
-            raise InstrumentError(
-                f"more than {MAX_LINE} bytes without an end of line, beginning {longest[:32]!r}: this is not ACL"
-            )
-        texts = (line.strip(b"\r\n").decode("ascii", "backslashreplace") for line in complete)
-        return [text for text in texts if text.strip()]
+        try:
+            return self._cutter.feed(data)
+        except InstrumentError as err:
+            raise InstrumentError(f"{err}: this is not ACL") from err
 
 
 class ReplyReader:

@@ -22,10 +22,13 @@ class LineCutter:
     ----------
     end
         One byte or several; LF takes CR LF and LF alike.
+    trimmed
+        The bytes that are dropped before and after a line's text.
     """
 
-    def __init__(self, end: bytes = b"\n") -> None:
+    def __init__(self, end: bytes = b"\n", *, trimmed: bytes = _NOT_PRINTING) -> None:
         self._end = end
+        self._trimmed = trimmed
         self._pending = b""
 
     def feed(self, data: bytes) -> list[str]:
@@ -41,8 +44,8 @@ class LineCutter:
         if len(longest) > MAX_LINE:
             self._pending = b""
             raise InstrumentError(f"more than {MAX_LINE} bytes without an end of line, beginning {longest[:32]!r}")
-        texts = (line.strip(_NOT_PRINTING).decode("ascii", "backslashreplace") for line in complete)
-        return [text for text in texts if text]
+        texts = (line.strip(self._trimmed).decode("ascii", "backslashreplace") for line in complete)
+        return [text for text in texts if text.strip()]
 
 
 def encode_line(text: str, end: bytes = b"\r\n") -> bytes:

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Self
 
 from instruments.errors import InstrumentError
 from instruments.protocols.ensemble import END, Outcome, Reply, encode_reply
 from instruments.protocols.lines import LineCutter
 from instruments.simulated.aerotech_ensemble_controller import EnsembleController
-from instruments.simulated.faults.link_faults import LinkFaults
 from instruments.simulated.faults.wires import Lines, Wire
 from instruments.simulated.machines import TableMachine
+from instruments.simulated.table_server import TableServer
 from instruments.simulated.tcp_server import TcpServer
 
 
-class SimulatedEnsemble:
+class SimulatedEnsemble(TableServer):
     """Serves a simulated table, axis 0, at `tcp://host:port`; several clients may talk to it at once.
 
     Parameters
@@ -39,59 +38,15 @@ class SimulatedEnsemble:
         pace_baud: int | None = None,
         bare_lines: bool = False,
     ) -> None:
-        self._controller = EnsembleController(table)
+        controller = EnsembleController(table)
         self._server = TcpServer(
-            lambda: _Conversation(self._controller.execute, bare_lines), host=host, port=port, pace_baud=pace_baud
+            lambda: _Conversation(controller.execute, bare_lines), host=host, port=port, pace_baud=pace_baud
         )
-
-    @property
-    def address(self) -> str:
-        """Where it answers."""
-        return self._server.address
-
-    @property
-    def faults(self) -> LinkFaults | None:
-        """What befalls the requests; to be set before the start."""
-        return self._server.faults
-
-    @faults.setter
-    def faults(self, faults: LinkFaults | None) -> None:
-        self._server.faults = faults
-
-    def start(self) -> None:
-        """Serve; when it returns, a client can connect."""
-        self._server.start()
-
-    def stop(self) -> None:
-        """Stop serving; the table goes on with what it was doing."""
-        self._server.stop()
+        super().__init__(controller, self._server)
 
     def cut_connections(self) -> None:
         """Pull the cable for a moment."""
         self._server.cut_connections()
-
-    def open_interlock(self) -> None:
-        """Press the emergency stop: the axis is disabled and in fault, until it is released and acknowledged."""
-        self._controller.open_interlock()
-
-    def close_interlock(self) -> None:
-        """Release the emergency stop; the fault stays latched."""
-        self._controller.close_interlock()
-
-    def trip(self) -> None:
-        """Disable the axis by a position error, which is latched."""
-        self._controller.trip()
-
-    def restart(self) -> None:
-        """Start anew, as after a power failure."""
-        self._controller.restart()
-
-    def __enter__(self) -> Self:
-        self.start()
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self.stop()
 
 
 class _Conversation:

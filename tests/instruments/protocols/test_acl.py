@@ -5,7 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from instruments.errors import InstrumentError, UsageError
-from instruments.protocols.acl import MAX_LINE, Command, Lines, Reply, ReplyReader, encode, encode_reply, parse_commands
+from instruments.protocols.acl import Command, Lines, Reply, ReplyReader, encode, encode_reply, parse_commands
+from instruments.protocols.lines import MAX_LINE
 
 
 def command(text: str) -> Command:
