@@ -20,7 +20,9 @@ from benchctl.recordings.writer import write_recording
 from instruments.errors import UsageError
 
 _SUPERBLOCK_BYTES = 48
-"""What a file of HDF5 has before anything is put into it; one that died as long as that holds no sample."""
+_FLAGS_AT = 11
+_WRITING, _WRITING_SWMR = 1, 4
+"""Bits of a superblock's consistency flags (HDF5 file format, III.A.2): open for writing, and that under SWMR."""
 
 _GAP = 1.5
 """Sample intervals beyond which two scans have a gap between them."""
@@ -67,7 +69,7 @@ def write_step_file(folder: Path, step: Step, meta: Meta) -> Path:
 
 def _close_part(folder: Path, part: Path, meta: Meta) -> None:
     finished = part.with_name(f"{part.name.removesuffix(PART_SUFFIX)}{FINISHED_SUFFIX}")
-    if not finished.exists() and part.stat().st_size > _SUPERBLOCK_BYTES:
+    if not finished.exists() and not _had_only_begun(part):
         try:
             step = read_step(part)
         except UsageError as err:
@@ -78,6 +80,15 @@ def _close_part(folder: Path, part: Path, meta: Meta) -> None:
         append_event(folder / JOURNAL, "cut", {"index": info.index, "name": info.name, "samples": info.samples})
     with disk_errors(part):
         part.unlink()
+
+
+def _had_only_begun(part: Path) -> bool:
+    """Whether the program died while it made the file: samples are put in under SWMR only, which comes afterwards."""
+    with part.open("rb") as file:
+        superblock = file.read(_SUPERBLOCK_BYTES)
+    if len(superblock) < _SUPERBLOCK_BYTES:
+        return True
+    return superblock[_FLAGS_AT] & (_WRITING | _WRITING_SWMR) == _WRITING
 
 
 def _gaps(step: Step) -> int:

@@ -153,11 +153,12 @@ def test_files_of_steps_that_cannot_be_read_are_put_aside_and_said_and_the_rest_
     assert "channel gyro_v: samples changed since it was written" in journal
 
 
-@pytest.mark.parametrize("length", [0, 11, 48])
+@pytest.mark.parametrize("length", [0, 11, 48, 600])
 def test_a_step_whose_file_had_only_begun_held_no_sample_and_leaves_nothing(tmp_path: Path, length: int) -> None:
     folder = tmp_path / "c"
     _begun(folder).release()
     with h5py.File(tmp_path / "new.h5", "w", libver=("v110", "v110")) as file:
+        file.create_group("steps").attrs["text"] = "long" * 500
         file.flush()
         begun = (tmp_path / "new.h5").read_bytes()[:length]
     (folder / "steps" / "0003_begun.h5.part").write_bytes(begun)
