@@ -32,6 +32,7 @@ def cleaned(problem: Problem) -> tuple[Problem, tuple[Fault, ...]]:
     shown = faults_in(
         volts=problem.measured,
         predicted=problem.predict(problem.baseline_start, ()),
+        foretold=problem.usable,
         time_s=frame.time_s,
         interval_s=frame.interval_s,
         adc_step_v=problem.adc_step_v,
@@ -74,12 +75,12 @@ def fault_findings(problem: Problem, faults: tuple[Fault, ...]) -> Iterator[Find
         )
 
 
-def rounding_of(problem: Problem, faults: tuple[Fault, ...]) -> float:
-    """The variance [unit²] of the rounding by a converter that has lost bits; 0 where it has not."""
+def coarse_step_of(problem: Problem, faults: tuple[Fault, ...]) -> float:
+    """The step [unit] of a converter that has lost bits; 0 where it has not."""
     bits = next((one.parameters["bits_lost"].value for one in faults if one.effect == "adc_coarse"), None)
     if bits is None or not isinstance(problem, GyroProblem):
         return 0.0
-    return float((problem.adc_step_v * 2.0**bits) ** 2 / 12.0)
+    return float(problem.adc_step_v * 2.0**bits)
 
 
 def _spoilt(problem: GyroProblem, found: tuple[Fault, ...]) -> BoolArray:

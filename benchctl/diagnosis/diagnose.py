@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from benchctl.diagnosis.cleaned import cleaned, fault_findings, rounding_of
+from benchctl.diagnosis.cleaned import cleaned, coarse_step_of, fault_findings
 from benchctl.diagnosis.findings.findings import findings_of, noise_effects
 from benchctl.diagnosis.findings.located import slices_of, step_figures
 from benchctl.diagnosis.findings.not_found import not_found_of
@@ -21,11 +21,15 @@ from benchctl.diagnosis.parts import Part, problem_of
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.rest.named import named
 from benchctl.diagnosis.result import Diagnosis, FitFigures
+from benchctl.diagnosis.rounded import unrounded
 from benchctl.diagnosis.search.select import Selection, select
 from benchctl.diagnosis.unstated import other_answer
 from benchctl.recordings.reader import Recording
 
 BoolArray = npt.NDArray[np.bool_]
+
+_MOST_UNROUNDED = 2
+"""How often a coarse converter's steps are taken off: with what was found meanwhile the prediction is closer."""
 
 
 def diagnose(
@@ -46,8 +50,15 @@ def diagnose(
     """
     told = progress or (lambda _name, _share: None)
     problem, faults = cleaned(problem_of(recording, part, model=model, without=without))
-    rounding_v2 = rounding_of(problem, faults)
+    step_v = coarse_step_of(problem, faults)
+    rounding_v2 = step_v**2 / 12.0
     chosen = select(problem, seed=seed, progress=told, rounding_v2=rounding_v2)
+    for _ in range(_MOST_UNROUNDED):
+        smooth = unrounded(problem, chosen, step_v)
+        if smooth is None:
+            break
+        problem, rounding_v2 = smooth, 0.0
+        chosen = select(problem, seed=seed, progress=told)
     if (other := other_answer(problem, chosen)) is not None:
         problem = other
         chosen = select(problem, seed=seed, progress=told, rounding_v2=rounding_v2)

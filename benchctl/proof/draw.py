@@ -18,6 +18,7 @@ from benchctl.proof.sizes import DRAWN, STATISTICAL, WANDERING, Values, drawn_si
 from benchctl.proof.truth import Truth
 from benchctl.proof.unit import TrialUnit, draw_unit
 from instruments.errors import UsageError
+from instruments.physics.effects.registry import effect
 
 PROCEDURE = "diagnostic"
 
@@ -120,7 +121,10 @@ def _sized(rng: np.random.Generator, truth: Truth, names: Sequence[str]) -> Trut
     run = planned(plan_of(truth.unit), truth.unit)
     for name in names:
         full = drawn_size(name, rng, truth.unit)
-        size = shrunk(name, full, _faint_share(run, truth, name, full) if share is None else share, truth.unit)
+        reduced = _faint_share(run, truth, name, full) if share is None else share
+        if reduced is None:
+            return None
+        size = shrunk(name, full, reduced, truth.unit)
         alone = replace(truth, effects={name: size})
         truth = replace(truth, effects={**truth.effects, name: size})
         if name not in STATISTICAL and share is not None and not _brought_out(run, alone, truth):
@@ -138,17 +142,30 @@ def _brought_out(run: Planned, alone: Truth, truth: Truth) -> bool:
     return run.gain(made) >= LEAST_GAIN and (not wandering or run.gain(made, wandering) >= FAINT_GAIN)
 
 
-def _faint_share(run: Planned, truth: Truth, name: str, full: Values) -> float:
-    """The share of an effect's full size that is worth `FAINT_GAIN`, to a few percent."""
+def _faint_share(run: Planned, truth: Truth, name: str, full: Values) -> float | None:
+    """The share of an effect's full size that is worth `FAINT_GAIN`, to a few percent; None where none is so little."""
 
     def excess(log_share: float) -> float:
         size = shrunk(name, full, math.exp(log_share), truth.unit)
         return math.log(max(run.gain(replace(truth, effects={name: size}).made()), 1e-9) / FAINT_GAIN)
 
-    low, high = math.log(_LEAST_SHARE), 0.0
+    low, high = math.log(_least_share(truth, name, full)), 0.0
     if excess(high) < 0.0:
         return 1.0
+    if excess(low) > 0.0:
+        return None
     return _rounded(math.exp(brentq(excess, low, high, xtol=0.01)))
+
+
+def _least_share(truth: Truth, name: str, full: Values) -> float:
+    """The smallest share that is tried: with it the effect's parameters are still within their bounds."""
+    bounds = effect(name).parameters
+    share = _LEAST_SHARE
+    while not all(
+        bounds[each].low <= value <= bounds[each].high for each, value in shrunk(name, full, share, truth.unit).items()
+    ):
+        share *= 2.0
+    return share
 
 
 def _rounded(value: float) -> float:

@@ -14,6 +14,7 @@ from benchctl.diagnosis.faults.quiet import quiet_noise_v
 from benchctl.diagnosis.faults.standing import Output, standing_runs
 
 FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
 
 _LEAST_STEP_V = 1e-9
 """Stands for no step at all."""
@@ -26,6 +27,7 @@ def faults_in(
     *,
     volts: FloatArray,
     predicted: FloatArray,
+    foretold: BoolArray,
     time_s: FloatArray,
     interval_s: float,
     adc_step_v: float,
@@ -34,8 +36,9 @@ def faults_in(
     """Lost bits, a rail, held samples: what an output (n,) shows before any fit; call it first, and mask.
 
     `predicted` (n,) is the output by the model that the lab believes in, as it stands: it need only say where the
-    output should have moved. `time_s` are the stamps, `adc_step_v` the converter's step (0: not known), `limit_v` the
-    rated limit of the output, at which rows are left out of all this.
+    output should have moved; where `foretold` (n,) is false it cannot say even that. `time_s` are the stamps,
+    `adc_step_v` the converter's step (0: not known), `limit_v` the rated limit of the output, at which rows are left
+    out of all this.
 
     Spikes want a residual: `spikes_in`, after a provisional fit without the rows that are `masked` here.
     """
@@ -46,6 +49,7 @@ def faults_in(
         volts=volts,
         predicted=predicted,
         alive=alive,
+        foretold=foretold,
         broken=np.diff(time_s, prepend=time_s[:1]) > _GAP * interval_s,
         step_v=max(grid.step_v, _LEAST_STEP_V),
         noise_v=quiet_noise_v(residual, interval_s, grid.step_v),

@@ -58,13 +58,15 @@ class Runs:
 class Output:
     """A channel with what is known of it; arrays of shape (n,).
 
-    `alive` rows are numbers within the rated limit, `broken` ones follow a gap. `step_v` is the grid's step, `noise_v`
+    `alive` rows are numbers within the rated limit, `broken` ones follow a gap, and of `foretold` ones the prediction
+    is made of what was measured, not of what a filter took to be beyond a gap. `step_v` is the grid's step, `noise_v`
     the quietest noise.
     """
 
     volts: FloatArray
     predicted: FloatArray
     alive: BoolArray
+    foretold: BoolArray
     broken: BoolArray
     step_v: float
     noise_v: float
@@ -92,6 +94,9 @@ def standing_runs(output: Output) -> Runs:
 def evidence_of(output: Output, first: int, stop: int) -> float:
     """How unlikely it is, as a log, that rows [first, stop) would all have had the value of the first."""
     rows = np.arange(first + 1, stop)
+    rows = rows[output.foretold[rows]]
+    if rows.size == 0:
+        return 0.0
     if rows.size > _MOST_ROWS:
         rows = rows[np.linspace(0, rows.size - 1, _MOST_ROWS).astype(np.int64)]
     low, high = _deviations(output, first, stop)

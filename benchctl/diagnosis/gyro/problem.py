@@ -15,6 +15,7 @@ from benchctl.diagnosis.gyro.encoder_noise import rate_variance
 from benchctl.diagnosis.gyro.frame import Frame, frame_of
 from benchctl.diagnosis.gyro.limits import at_rest, limits_of
 from benchctl.diagnosis.gyro.model import checked_model
+from benchctl.diagnosis.gyro.rounding import rounding_between
 from benchctl.diagnosis.gyro.seen_by_both import lines_of_angle
 from benchctl.diagnosis.keys import tables_of
 from benchctl.diagnosis.signals.band_limited import half_of
@@ -58,7 +59,8 @@ class GyroProblem(Stepped):
 
     Its rows are those of the frame, or, of a motion beyond the filters' band, the slow part of some of them (`band`).
     `simulation` is the lab's model under the names of the open recording; `T0_c` its reference temperature. `earth_dps`
-    is the Earth's rate about the table's axis, 0 where nobody said where the table stands.
+    is the Earth's rate about the table's axis, 0 where nobody said where the table stands; `rounding_v` (n,) what the
+    steps of a coarse converter have added to the output.
     """
 
     frame: Frame
@@ -70,6 +72,7 @@ class GyroProblem(Stepped):
     adc_step_v: float
     usable: BoolArray
     earth_dps: float = 0.0
+    rounding_v: FloatArray | None = None
     band: Band | None = None
     encoder_step_deg: float = 0.0
     unit: str = "V"
@@ -90,7 +93,8 @@ class GyroProblem(Stepped):
     @cached_property
     def measured(self) -> FloatArray:
         """The gyro's output [V], shape (n,)."""
-        return self._slow(self.frame.volts)
+        volts = self._slow(self.frame.volts)
+        return volts if self.rounding_v is None else volts - self.rounding_v
 
     @property
     def time_s(self) -> FloatArray:
@@ -200,6 +204,12 @@ class GyroProblem(Stepped):
             return None
         chain = self.chain
         return replace(self, chain=GyroChain(chain.frame, chain.law, 0.0 if chain.earth_dps else self.earth_dps))
+
+    def unrounded(self, predicted: FloatArray, step_v: float) -> Self:
+        """Without what the steps of a coarse converter make of an output that would be `predicted`, shape (n,)."""
+        rows, volts = self.usable, self._slow(self.frame.volts)
+        rounding = rounding_between(predicted[rows], volts[rows], step_v)
+        return replace(self, rounding_v=rounding.mean_v(predicted) - predicted)
 
     def matters(self, name: str, change: float) -> float:
         """A share of full scale for the bias, of the scale factor for the others, at the edge of what was recorded."""

@@ -27,6 +27,12 @@ def test_a_trial_conceals_what_its_class_says(kind: ClassName) -> None:
             assert truth.gain >= LEAST_GAIN
 
 
+def test_a_faint_effect_is_within_the_bounds_of_its_parameters() -> None:
+    truth = draw(6, 108, "faint")  # first drawn: a lag, which at its least second is worth more than a faint one
+    assert truth.gain == pytest.approx(FAINT_GAIN, rel=0.05)
+    assert truth.made()
+
+
 def test_beside_a_wandering_bias_an_effect_is_worth_what_a_faint_one_is_alone() -> None:
     for index in range(4):
         truth = draw(12, index, "wandering+one")

@@ -30,6 +30,7 @@ class Made:
         return faults_in(
             volts=self.volts,
             predicted=self.predicted,
+            foretold=np.ones(self.volts.size, np.bool_),
             time_s=INTERVAL_S * np.arange(float(self.volts.size)),
             interval_s=INTERVAL_S,
             adc_step_v=adc_step_v,

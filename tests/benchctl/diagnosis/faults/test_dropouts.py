@@ -80,6 +80,27 @@ def test_rows_on_both_sides_of_a_gap_are_not_one_run() -> None:
     time_s = INTERVAL_S * np.arange(float(held.volts.size))
     time_s += np.cumsum(np.isin(np.arange(time_s.size), np.arange(5000, 5031)))
     apart = faults_in(
-        volts=held.volts, predicted=held.predicted, time_s=time_s, interval_s=INTERVAL_S, adc_step_v=STEP_V
+        volts=held.volts,
+        predicted=held.predicted,
+        foretold=np.ones(time_s.size, np.bool_),
+        time_s=time_s,
+        interval_s=INTERVAL_S,
+        adc_step_v=STEP_V,
     )
     assert apart.found == ()
+
+
+@pytest.mark.parametrize("foretold", [True, False])
+def test_where_the_prediction_is_not_made_of_what_was_measured_its_motion_makes_no_hold(foretold: bool) -> None:
+    held = FINE.held([5000], 30)
+    time_s = INTERVAL_S * np.arange(float(held.volts.size))
+    beyond = np.isin(np.arange(time_s.size), np.arange(4999, 5032))
+    shown = faults_in(
+        volts=held.volts,
+        predicted=held.predicted,
+        foretold=~beyond | foretold,
+        time_s=time_s,
+        interval_s=INTERVAL_S,
+        adc_step_v=STEP_V,
+    )
+    assert [one.effect for one in shown.found] == ["dropouts"] * foretold

@@ -38,6 +38,7 @@ def _found(truth: Truth) -> dict[str, Fault]:
     before = faults_in(
         volts=problem.measured,
         predicted=predicted,
+        foretold=problem.usable,
         time_s=problem.time_s,
         interval_s=problem.interval_s,
         adc_step_v=problem.adc_step_v,

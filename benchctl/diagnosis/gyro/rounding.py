@@ -1,0 +1,52 @@
+"""What a converter with steps wider than the noise makes of a voltage, on the average.
+
+With normal noise of deviation σ ahead of a converter that rounds to whole steps q, the output's mean at a noiseless u
+goes over from each code to the next as the normal distribution does:
+
+    E(u) = q·(m − 1 + Σ Φ((u/q − m − k + 1/2)/(σ/q)), k = 0, 1, 2),    m = floor(u/q)
+
+(Widrow and Kollár, Quantization noise, 2008, ch. 4). Where σ is half a step or more, E(u) is u.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import ndtr
+
+FloatArray = npt.NDArray[np.float64]
+
+_LEAST, _MOST, _TRIED = 0.02, 0.5, 25
+"""Deviations of the noise that are tried, in steps; by more than the largest nothing is left of the steps."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rounding:
+    """A converter's steps [V] and the deviation of the noise ahead of them [V]."""
+
+    step_v: float
+    noise_v: float
+
+    def mean_v(self, volts: FloatArray) -> FloatArray:
+        """The mean output at noiseless volts, shape (n,)."""
+        steps = volts / self.step_v
+        code = np.floor(steps)
+        steps -= code
+        mean = code - 1.0
+        for edge in (-0.5, 0.5, 1.5):
+            mean += ndtr((steps - edge) * (self.step_v / self.noise_v))
+        mean *= self.step_v
+        return mean
+
+
+def rounding_between(predicted: FloatArray, measured: FloatArray, step_v: float) -> Rounding:
+    """The noise ahead of steps of `step_v` that makes of predicted volts best what was measured, shape (n,) both."""
+
+    def squares(rounding: Rounding) -> float:
+        left = measured - rounding.mean_v(predicted)
+        return float(left @ left)
+
+    tried = (Rounding(step_v=step_v, noise_v=step_v * share) for share in np.geomspace(_LEAST, _MOST, _TRIED).tolist())
+    return min(tried, key=squares)

@@ -1,0 +1,70 @@
+"""A converter whose steps stand out of the noise: they are taken off, and are no wave of the converter's."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from benchctl.diagnosis.gyro.problem import GyroProblem, gyro_problem
+from benchctl.diagnosis.rounded import unrounded
+from benchctl.diagnosis.search.select import Selection, select
+from instruments.physics.effects.adc_nonlinearity import AdcNonlinearity
+from instruments.physics.effects.registry import effects as vocabulary
+from tests.benchctl.diagnosis.foreign import draw, make, to_recording
+
+NOISE_V = 1e-3
+STEP_V = 0.03
+WAVE = AdcNonlinearity(inl_v=2e-3, period_v=1.3)
+TRIED = {"adc_nonlinearity", "dead_zone", "rate_squared", "scale_asymmetry"}
+
+
+@lru_cache
+def sound() -> GyroProblem:
+    """A recording in which nothing is missing, and few hypotheses to try."""
+    return gyro_problem(to_recording(*make(draw("null", 1), 1)), without=set(vocabulary()) - TRIED)
+
+
+def converted(step_v: float, *effects: AdcNonlinearity) -> GyroProblem:
+    """A sound gyro's recording through a converter of such steps."""
+    problem = sound()
+    volts = problem.predict(problem.baseline_start, effects)
+    volts = volts + NOISE_V * np.random.default_rng(3).standard_normal(volts.size)
+    frame = replace(problem.frame, volts=step_v * np.rint(volts / step_v))
+    return replace(problem, frame=frame, chain=replace(problem.chain, frame=frame, _volts={}, _kept={}))
+
+
+def chosen(problem: GyroProblem, rounding_v2: float = 0.0) -> Selection:
+    return select(problem, seed=0, progress=lambda _name, _share: None, rounding_v2=rounding_v2)
+
+
+def test_steps_that_stand_out_of_the_noise_are_taken_off_and_nothing_is_found_in_what_is_left() -> None:
+    problem = converted(STEP_V)
+    first = chosen(problem, STEP_V**2 / 12.0)
+    smooth = unrounded(problem, first, STEP_V)
+    assert smooth is not None
+    left = chosen(smooth)
+    assert left.after.point.effects == ()
+    assert left.after.deviation < 0.7 * first.after.deviation
+
+
+@pytest.mark.slow
+def test_a_wave_that_the_converter_does_have_is_found_all_the_same() -> None:
+    problem = converted(STEP_V, WAVE)
+    found = chosen(problem, STEP_V**2 / 12.0)
+    for _ in range(2):
+        smooth = unrounded(problem, found, STEP_V)
+        assert smooth is not None
+        problem, found = smooth, chosen(smooth)
+    (wave,) = found.after.point.effects
+    assert isinstance(wave, AdcNonlinearity)
+    assert (wave.inl_v, wave.period_v) == pytest.approx((WAVE.inl_v, WAVE.period_v), rel=0.05)
+
+
+def test_where_no_bits_are_lost_nothing_is_taken_off() -> None:
+    problem = converted(1e-5)
+    found = chosen(problem)
+    assert unrounded(problem, found, 0.0) is None
+    assert unrounded(problem, found, 1e-5) is None
