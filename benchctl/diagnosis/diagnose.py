@@ -21,7 +21,7 @@ from benchctl.diagnosis.parts import Part, problem_of
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.rest.named import named
 from benchctl.diagnosis.result import Diagnosis, FitFigures
-from benchctl.diagnosis.rounded import unrounded
+from benchctl.diagnosis.rounded import unrounded, without_the_steps_own
 from benchctl.diagnosis.search.select import Selection, select
 from benchctl.diagnosis.unstated import other_answer
 from benchctl.recordings.reader import Recording
@@ -59,6 +59,7 @@ def diagnose(
             break
         problem, rounding_v2 = smooth, 0.0
         chosen = select(problem, seed=seed, progress=told)
+    chosen = without_the_steps_own(problem, chosen, step_v)
     if (other := other_answer(problem, chosen)) is not None:
         problem = other
         chosen = select(problem, seed=seed, progress=told, rounding_v2=rounding_v2)

@@ -14,15 +14,16 @@ import numpy as np
 
 from benchctl.diagnosis.fitting.fit import fit
 from benchctl.diagnosis.gyro.problem import GyroProblem
+from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.problem import Problem
-from benchctl.diagnosis.search.select import Selection
+from benchctl.diagnosis.search.select import Selection, reduced
 from instruments.physics.effects.adc_nonlinearity import AdcNonlinearity
 from instruments.physics.effects.effect import DescribedEffect
 
 _BEYOND_CHANCE = 6.0
 """Twice the log likelihood that the steps must gain: odds of twenty to one."""
 
-_OF_THE_STEPS = 0.01
+_OF_THE_STEPS = 0.02
 """How far a wave's period may be from a whole fraction of a step, in parts of it, to be the steps' own."""
 
 
@@ -40,6 +41,16 @@ def unrounded(problem: Problem, chosen: Selection, step_v: float) -> Problem | N
     everything = np.ones_like(chosen.heldout)
     less = whole.squares - fit(other, chosen.whitener, point, everything).squares
     return other if less > _BEYOND_CHANCE * whole.deviation**2 else None
+
+
+def without_the_steps_own(problem: Problem, chosen: Selection, step_v: float) -> Selection:
+    """The selection without waves that go with the output as often as a converter's steps do.
+
+    That much can be left of steps that are ten times the noise and more.
+    """
+    effects = chosen.after.point.effects
+    own = [key for key, one in zip(keys_of(effects), effects, strict=True) if step_v and _of_the_steps(one, step_v)]
+    return reduced(problem, chosen, own) if own else chosen
 
 
 def _of_the_steps(effect: DescribedEffect, step_v: float) -> bool:

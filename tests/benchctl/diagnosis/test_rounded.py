@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from benchctl.diagnosis.gyro.problem import GyroProblem, gyro_problem
-from benchctl.diagnosis.rounded import unrounded
+from benchctl.diagnosis.rounded import unrounded, without_the_steps_own
 from benchctl.diagnosis.search.select import Selection, select
 from instruments.physics.effects.adc_nonlinearity import AdcNonlinearity
 from instruments.physics.effects.registry import effects as vocabulary
 from tests.benchctl.diagnosis.foreign import draw, make, to_recording
 
 NOISE_V = 1e-3
-STEP_V = 0.03
+STEP_V = 0.015
 WAVE = AdcNonlinearity(inl_v=2e-3, period_v=1.3)
 TRIED = {"adc_nonlinearity", "dead_zone", "rate_squared", "scale_asymmetry"}
 
@@ -40,12 +40,13 @@ def chosen(problem: GyroProblem, rounding_v2: float = 0.0) -> Selection:
     return select(problem, seed=0, progress=lambda _name, _share: None, rounding_v2=rounding_v2)
 
 
+@pytest.mark.slow
 def test_steps_that_stand_out_of_the_noise_are_taken_off_and_nothing_is_found_in_what_is_left() -> None:
     problem = converted(STEP_V)
     first = chosen(problem, STEP_V**2 / 12.0)
     smooth = unrounded(problem, first, STEP_V)
     assert smooth is not None
-    left = chosen(smooth)
+    left = without_the_steps_own(smooth, chosen(smooth), STEP_V)
     assert left.after.point.effects == ()
     assert left.after.deviation < 0.7 * first.after.deviation
 
@@ -61,6 +62,17 @@ def test_a_wave_that_the_converter_does_have_is_found_all_the_same() -> None:
     (wave,) = found.after.point.effects
     assert isinstance(wave, AdcNonlinearity)
     assert (wave.inl_v, wave.period_v) == pytest.approx((WAVE.inl_v, WAVE.period_v), rel=0.05)
+
+
+@pytest.mark.slow
+def test_of_steps_that_dwarf_the_noise_a_wave_is_left_which_is_not_said_to_be_one() -> None:
+    step_v = 30.0 * NOISE_V
+    problem = converted(step_v)
+    smooth = unrounded(problem, chosen(problem, step_v**2 / 12.0), step_v)
+    assert smooth is not None
+    left = chosen(smooth)
+    assert [one.identifier for one in left.after.point.effects] == ["adc_nonlinearity"]
+    assert without_the_steps_own(smooth, left, step_v).after.point.effects == ()
 
 
 def test_where_no_bits_are_lost_nothing_is_taken_off() -> None:
