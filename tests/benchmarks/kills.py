@@ -4,6 +4,7 @@ Each campaign is three real processes: the simulated bench (`benchctl sim`), a r
 moment, and, once a foreign client has read the table at rest and the chamber safe, `run --resume --yes`. What the
 killed run had recorded is opened by a process of its own in between. A line of JSON a campaign goes to `--to`, and
 campaigns that are there are not run again, so that it may be stopped at any time; the table is printed from all lines.
+A campaign mostly waits for its bench's clock: `--jobs` of them run at once, each with a bench and a guard of its own.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
@@ -32,12 +34,12 @@ from benchctl.plan import ConstantRate, Soak, Static, procedure
 @procedure(calibrates=True)
 def kills():
     """Rates in both directions between zeros, at the temperature at which the bench stands."""
-    yield Soak(setpoint_c=23.0, hold_s=60.0)
-    yield Static(duration_s=30.0)
+    yield Soak(setpoint_c=23.0, hold_s=20.0)
+    yield Static(duration_s=15.0)
     for rate in (40.0, 80.0, 120.0, 160.0):
         for sign in (1.0, -1.0):
-            yield ConstantRate(rate_dps=sign * rate, duration_s=36.0, role="verify" if rate == 80.0 else "fit")
-    yield Static(duration_s=30.0)
+            yield ConstantRate(rate_dps=sign * rate, duration_s=18.0, role="verify" if rate == 80.0 else "fit")
+    yield Static(duration_s=15.0)
 '''
 PLANNED = 11
 PARAMETERS = ("K0_v_per_dps", "S_rad_per_dps", "U0_v")
@@ -52,17 +54,26 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--campaigns", type=int, default=200)
     parser.add_argument("--to", type=Path, default=Path("kills.jsonl"), help="a line of JSON a campaign")
+    parser.add_argument("--jobs", type=int, default=3, help="campaigns at once")
     parser.add_argument("--speed", type=float, default=20.0, help="bench seconds a wall second")
     arguments = parser.parse_args()
     trials = read(arguments.to)
-    with tempfile.TemporaryDirectory() as folder:
-        for number in range(arguments.campaigns + 1):  # number 0 is not killed: the others are held against it
-            if number not in {trial["number"] for trial in trials}:
-                trial = run_trial(number, Path(folder), arguments.speed, trials[0] if trials else None)
-                trials.append(trial)
-                with arguments.to.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(trial) + "\n")
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(arguments.jobs) as at_once:
+        if not trials:  # number 0 is not killed: the others are held against it
+            keep(run_trial(0, Path(folder), arguments.speed, None), trials, arguments.to)
+        there = {trial["number"] for trial in trials}
+        missing = [number for number in range(1, arguments.campaigns + 1) if number not in there]
+        running = [at_once.submit(run_trial, number, Path(folder), arguments.speed, trials[0]) for number in missing]
+        for ended in as_completed(running):
+            keep(ended.result(), trials, arguments.to)
     print(table(trials))  # noqa: T201
+
+
+def keep(trial: dict[str, Any], trials: list[dict[str, Any]], path: Path) -> None:
+    """Add a campaign to those that are there, in memory and in the file."""
+    trials.append(trial)
+    with path.open("a", encoding="utf-8") as file:
+        file.write(json.dumps(trial) + "\n")
 
 
 def read(path: Path) -> list[dict[str, Any]]:
