@@ -12,6 +12,7 @@ from benchctl.campaign.timing import disk_bytes, step_that_fills, timeline
 from benchctl.plan import Plan, Soak, Step, ThermalRamp
 from benchctl.plan.steps import faults
 from benchctl.recordings.schema import CAMPAIGN, RECORDING
+from instruments.catalog import oscillates
 from instruments.errors import UsageError
 
 
@@ -25,10 +26,12 @@ class Problem:
 
 def problems(plan: Plan, bench: Bench) -> list[Problem]:
     """Everything in a plan that this bench cannot or may not do."""
+    swings = any(step.peak_acceleration_dps2 for step in plan.steps)
+    sinusoids = not swings or oscillates(bench.rate_table.model)
     return [
         Problem(step=number, says=f"{step.label}: {says}")
         for number, step in enumerate(plan.steps, 1)
-        for says in tuple(faults(step)) or tuple(_beyond(step, bench))
+        for says in tuple(faults(step)) or tuple(_beyond(step, bench, sinusoids))
     ]
 
 
@@ -37,7 +40,7 @@ def room_problems(plan: Plan, bench: Bench, folder: Path) -> list[Problem]:
 
     What a campaign that is gone on with has there already counts as room.
     """
-    rate_hz = bench.digitizer.sample_rate_hz
+    rate_hz = bench.recorded_hz
     free = free_bytes(folder)
     if (folder / CAMPAIGN).exists() or (folder / RECORDING).exists():
         free += sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
@@ -65,8 +68,13 @@ def bench_time_s(plan: Plan, bench: Bench) -> float:
     return max((end_s for _, end_s, _ in timeline(plan, bench.limits, bench.safe.chamber_c)), default=0.0)
 
 
-def _beyond(step: Step, bench: Bench) -> Iterator[str]:
+def _beyond(step: Step, bench: Bench, sinusoids: bool) -> Iterator[str]:
     limits = bench.limits
+    if step.peak_acceleration_dps2 and not sinusoids:
+        yield (
+            f"swings, and the bench's table, {bench.rate_table.model}, has no sinusoid: take a procedure of constant "
+            "rates (rate_sweep, temperature_sweep) or one at rest (static)"
+        )
     if step.peak_rate_dps > limits.rate_dps:
         yield f"reaches {step.peak_rate_dps:g} deg/s, the bench's limit is {limits.rate_dps:g} deg/s"
     if step.peak_acceleration_dps2 > limits.acceleration_dps2:

@@ -5,6 +5,10 @@ the value is back inside by the hysteresis; once it has lasted `for_s` the inter
 
 A look may stand for many samples, as a block of the stream does; then the sample that is farthest out speaks for it. So
 one sample beyond begins an excursion, and only a look that is inside as a whole ends it.
+
+An interlock on the table's acceleration that stops the run follows what the controller says of it and what the encoder
+shows, each by itself: some controllers say nothing, and polls are far between. One that holds follows the controller
+alone, since nothing streams during a hold, and what the encoder has shown would never end.
 """
 
 from __future__ import annotations
@@ -20,7 +24,7 @@ Range = tuple[float, float]
 """The lowest and the highest value of a look; twice the same where it is one value."""
 
 Looks = Mapping[str, Range]
-"""Quantity -> what was seen of it."""
+"""Quantity -> what was seen of it; `encoder_dps2` is the acceleration by the encoder."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,9 +41,13 @@ class Change:
 class Limit:
     """One side of one interlock, followed look by look."""
 
-    def __init__(self, interlock: Interlock, side: Literal["above", "below"], at: float) -> None:
+    def __init__(
+        self, interlock: Interlock, side: Literal["above", "below"], at: float, *, by_encoder: bool = False
+    ) -> None:
         self.interlock = interlock
-        self.says = f"{interlock.quantity} {side} {at:g}{f' for {interlock.for_s:g} s' if interlock.for_s else ''}"
+        self.look = "encoder_dps2" if by_encoder else interlock.quantity
+        whose = f"{interlock.quantity}{' by the encoder' if by_encoder else ''}"
+        self.says = f"{whose} {side} {at:g}{f' for {interlock.for_s:g} s' if interlock.for_s else ''}"
         self.on: Change | None = None
         self._sign = 1.0 if side == "above" else -1.0  # a lower limit is an upper one of what is looked at in a mirror
         self._at = self._sign * at
@@ -66,15 +74,18 @@ class Interlocks:
     """All interlocks of a bench."""
 
     def __init__(self, interlocks: Iterable[Interlock]) -> None:
-        self._limits = [limit for interlock in interlocks for limit in limits_of(interlock)]
+        self._limits: list[Limit] = []
+        for interlock in interlocks:
+            self._limits += limits_of(interlock)
+            if interlock.quantity == "acceleration_dps2" and interlock.action == "stop":
+                self._limits += limits_of(interlock, by_encoder=True)
 
     def see(self, now_s: float, looks: Looks) -> list[Change]:
         """Take a look at some quantities into account; what changed, in the order of bench.toml."""
         return [
             change
             for limit in self._limits
-            if (seen := looks.get(limit.interlock.quantity)) is not None
-            and (change := limit.see(now_s, seen)) is not None
+            if (seen := looks.get(limit.look)) is not None and (change := limit.see(now_s, seen)) is not None
         ]
 
     @property
@@ -94,10 +105,10 @@ def words(interlocks: Iterable[Interlock]) -> str:
     return ", ".join(f"{limit.says} ({limit.interlock.action})" for limit in limits)
 
 
-def limits_of(interlock: Interlock) -> list[Limit]:
+def limits_of(interlock: Interlock, *, by_encoder: bool = False) -> list[Limit]:
     """The sides of an interlock that are limited."""
     sides: tuple[tuple[Literal["above", "below"], float | None], ...] = (
         ("above", interlock.above),
         ("below", interlock.below),
     )
-    return [Limit(interlock, side, at) for side, at in sides if at is not None]
+    return [Limit(interlock, side, at, by_encoder=by_encoder) for side, at in sides if at is not None]

@@ -27,13 +27,13 @@ matter of `instruments.protocols.lines`.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum, IntFlag
 
 from instruments.errors import InstrumentError, UsageError
+from instruments.protocols.lines import MOST_SHOWN
 
 END = b"\n"
 
@@ -108,7 +108,7 @@ class Command:
 def parse_reply(line: str) -> Reply:
     """A reply from its line; `InstrumentError` where it begins with none of the four characters."""
     if not is_reply(line):
-        raise InstrumentError(f"expected a line that begins with %, !, # or $, got {line!r}")
+        raise InstrumentError(f"expected a line that begins with %, !, # or $, got {line[:MOST_SHOWN]!r}")
     return Reply(outcome=Outcome(line[0]), data=line[1:].strip())
 
 
@@ -127,21 +127,10 @@ def encode_reply(reply: Reply) -> bytes:
     return f"{reply.outcome.value}{reply.data}".encode("ascii", "backslashreplace") + END
 
 
-def parse_number(data: str) -> float:
-    """A finite number; `InstrumentError` for what is none."""
-    try:
-        number = float(data)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise InstrumentError(f"expected a number, got {data!r}")
-    return number
-
-
 def parse_bits(data: str) -> int:
     """A word of 32 bits, 0 or above, from its signed or unsigned spelling; `InstrumentError` for what is none."""
     if not re.fullmatch(r"[+-]?[0-9]{1,10}", data) or not -(2**31) <= int(data) < 2**32:
-        raise InstrumentError(f"expected a whole number of 32 bits, got {data!r}")
+        raise InstrumentError(f"expected a whole number of 32 bits, got {data[:MOST_SHOWN]!r}")
     return int(data) & 0xFFFFFFFF
 
 

@@ -14,7 +14,8 @@ A line is ASCII and ends with CR; it holds one command or several, parted by `;`
 
 What is wrong with a command shows in a queue of errors. `TE?` takes the oldest one out and answers its code, `TB?`
 answers code, time and text, parted by commas; both answer 0 where the queue is empty. From 100 on a code is that of
-an axis: 100 times its number and what is wrong with it. A query that is itself wrong is not answered at all.
+an axis: 100 times its number and what is wrong with it. A query that is itself wrong is not answered at all. What
+was taken out is gone, whether or not its answer arrived: an error whose code was lost on the way has none here.
 
 Assumed, because no source says so: `TV` answers the velocity with its sign; a velocity that is set while an axis turns
 by `MV` takes effect at once; a rejected command does not keep those behind it on the same line from being obeyed.
@@ -25,12 +26,12 @@ with lines is a matter of `instruments.protocols.lines`.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from instruments.errors import InstrumentError
+from instruments.protocols.lines import MOST_SHOWN
 
 SENT_END, ANSWER_END = b"\r", b"\r\n"
 DEGREES = 7
@@ -75,6 +76,7 @@ _AXIS_FAULTS = {2, 3, 4, 5, 6, 7, 8, 9, 22, 23, 29}
 MOST_CODE = 999
 _COMMAND = re.compile(r"(?P<axis>\d{0,2})(?P<name>[A-Za-z]{2})(?P<value>[^?]*)(?P<query>\??)", re.ASCII)
 _UNASKED = re.compile(r"E *[0-9]+\b.*", re.ASCII)
+_ESCAPE = re.compile(r"\\x[0-9a-f]{2}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,13 +91,15 @@ class Command:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Error:
-    """One error out of the controller's queue."""
+    """One error out of the controller's queue; `code` is None where it was lost on the line."""
 
-    code: int
+    code: int | None
 
     @property
     def fault(self) -> bool:
-        """Whether the axis cannot go on, whatever it was told; otherwise a command was wrong."""
+        """Whether the axis cannot go on, whatever it was told; otherwise a command was wrong. A lost one may be any."""
+        if self.code is None:
+            return True
         if self.code < 100:
             return self.code in _GENERAL_FAULTS
         return self.code % 100 in _AXIS_FAULTS
@@ -103,37 +107,33 @@ class Error:
     @property
     def text(self) -> str:
         """What it says, without its code."""
+        if self.code is None:
+            return "an error whose code was lost on the line"
         if self.code < 100:
             return GENERAL_ERRORS.get(self.code, "unknown")
         return f"axis {self.code // 100}: {AXIS_ERRORS.get(self.code % 100, 'unknown')}"
 
     def __str__(self) -> str:
-        return f"{self.code} ({self.text})"
+        return self.text if self.code is None else f"{self.code} ({self.text})"
 
 
 def parse_error(answer: str) -> Error | None:
     """The error that `TE?` or `TB?` answered with, None for 0; `InstrumentError` for what is no code."""
     code = answer.partition(",")[0].strip()
     if not re.fullmatch(r"[0-9]{1,3}", code):
-        raise InstrumentError(f"expected the code of an error, 0 to {MOST_CODE}, got {answer!r}")
+        raise InstrumentError(f"expected the code of an error, 0 to {MOST_CODE}, got {answer[:MOST_SHOWN]!r}")
     return Error(code=int(code)) if int(code) else None
 
 
-def parse_number(answer: str) -> float:
-    """A finite number; `InstrumentError` for what is none."""
-    try:
-        number = float(answer)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise InstrumentError(f"expected a number, got {answer!r}")
-    return number
+def held_an_error(damaged: str) -> bool:
+    """Whether an answer to `TE?` that cannot be read was that of an error: of a 0, the 0 would be left."""
+    return set(re.findall("[0-9]", _ESCAPE.sub("", damaged))) != {"0"}
 
 
 def parse_flag(answer: str) -> bool:
     """Whether it is 1; `InstrumentError` for what is neither 1 nor 0."""
     if answer not in ("0", "1"):
-        raise InstrumentError(f"expected 0 or 1, got {answer!r}")
+        raise InstrumentError(f"expected 0 or 1, got {answer[:MOST_SHOWN]!r}")
     return answer == "1"
 
 

@@ -1,4 +1,4 @@
-"""Lines of ASCII cut out of a byte stream, for every protocol that speaks in lines. Bytes in, texts out; no I/O here.
+"""Lines of ASCII cut out of a byte stream, for every protocol that speaks in lines, and numbers in them. No I/O here.
 
 Survived: lines cut into packets at any byte, several in one packet, empty lines, a CR before the LF, and noise: bytes
 before and after a line's text that print nothing (a break on a serial line shows as NUL) are dropped, others inside it
@@ -7,9 +7,16 @@ show as escapes. A line beyond `MAX_LINE` bytes is an error, and the memory it t
 
 from __future__ import annotations
 
+import math
+import re
+
 from instruments.errors import InstrumentError, UsageError
 
 MAX_LINE = 4096
+MOST_SHOWN = 64
+"""So much of a line an error repeats."""
+
+_NUMBER = re.compile(r"[+-]?([0-9]{1,20}(\.[0-9]{0,20})?|\.[0-9]{1,20})([eE][+-]?[0-9]{1,3})?")
 
 _PRINTING = bytes(range(0x21, 0x7F))
 _NOT_PRINTING = bytes(set(range(256)) - set(_PRINTING))  # blanks among them
@@ -46,6 +53,17 @@ class LineCutter:
             raise InstrumentError(f"more than {MAX_LINE} bytes without an end of line, beginning {longest[:32]!r}")
         texts = (line.strip(self._trimmed).decode("ascii", "backslashreplace") for line in complete)
         return [text for text in texts if text.strip()]
+
+
+def parse_number(text: str) -> float:
+    """A finite number in decimal digits, blanks around it left out; `InstrumentError` for whatever else.
+
+    Python itself would take words, digits of other scripts and digits parted by `_` too.
+    """
+    number = float(text) if _NUMBER.fullmatch(text.strip(" ")) else math.nan
+    if not math.isfinite(number):
+        raise InstrumentError(f"expected a number, got {text[:MOST_SHOWN]!r}")
+    return number
 
 
 def encode_line(text: str, end: bytes = b"\r\n") -> bytes:

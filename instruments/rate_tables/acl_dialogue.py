@@ -12,6 +12,7 @@ from instruments.errors import InstrumentError, LinkError
 from instruments.links.recovered import note_recovered
 from instruments.links.tcp import LinkCutError, TcpLink
 from instruments.protocols.acl import Reply, ReplyReader, encode
+from instruments.protocols.lines import MOST_SHOWN, parse_number
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,13 +103,13 @@ class AclDialogue:
         """The finite numbers in reply to a query, exactly `count` of them."""
         said = self.ask(query)
         try:
-            numbers = tuple(float(word) for word in said.split(parted_by))
-        except ValueError:
+            numbers = tuple(parse_number(word) for word in said.split(parted_by))
+        except InstrumentError:
             numbers = ()
-        if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        if len(numbers) != count:
             wanted = f"{count} numbers parted by {parted_by!r}" if count > 1 else "a number"
             raise InstrumentError(
-                f"{self._name}: asked {query.format(axis=self._axis)!r}, expected {wanted}, got {said!r};"
+                f"{self._name}: asked {query.format(axis=self._axis)!r}, expected {wanted}, got {said[:MOST_SHOWN]!r};"
                 " check that the controller speaks the dialect of the ACUTROL3000"
             )
         return numbers
@@ -119,7 +120,9 @@ class AclDialogue:
         with self._lock:
             reply = self._attempt(text) if once else self._exchange(text)
         if not reply.ok:
-            raise InstrumentError(f"{self._name}: sent {text!r}, expected OK, got {reply.data!r}; {self._explain()}")
+            raise InstrumentError(
+                f"{self._name}: sent {text!r}, expected OK, got {reply.data[:MOST_SHOWN]!r}; {self._explain()}"
+            )
 
     def write(self, setting: Setting, *values: float) -> None:
         """Send numbers and read them back."""

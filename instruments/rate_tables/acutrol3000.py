@@ -39,6 +39,7 @@ from instruments.errors import InstrumentError, LinkError, UsageError
 from instruments.interfaces import Clock, Identity, TableLimits, TableReading, TableState
 from instruments.links.tcp import Reconnect, TcpLink
 from instruments.links.wirelog import WireLog
+from instruments.protocols.lines import MOST_SHOWN
 from instruments.rate_tables.acl_dialogue import AclDialogue, Setting
 
 
@@ -298,7 +299,7 @@ class Acutrol3000:
             if said.lower().startswith(mode.value):
                 return mode
         raise InstrumentError(
-            f"{self._name}: asked for the mode, expected a name such as Rate or Position, got {said!r};"
+            f"{self._name}: asked for the mode, expected a name such as Rate or Position, got {said[:MOST_SHOWN]!r};"
             " check that the address is an ACUTROL3000's"
         )
 

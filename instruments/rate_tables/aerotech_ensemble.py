@@ -11,7 +11,8 @@ here:
 - A bare `%` can precede the answer to a query and is left out. Since one could precede a refusal too, no
   acknowledgement is believed: behind every command the status or the parameter is asked for.
 - The controller is not asked for a limit on the rate: the driver keeps it and refuses what lies beyond.
-- No public source describes a sinusoid: `oscillate` is refused.
+- No public source describes a sinusoid: `oscillate` is refused. Nor does one name a query for the acceleration: the one
+  that is read is what successive rates prove.
 
 What it does about faults: what is not answered, or not so that it can be read, is said once more on a new connection,
 but for a move by an angle and the acknowledgement of faults. A refused command is an `InstrumentError` with the faults
@@ -26,30 +27,17 @@ before trusting either.
 from __future__ import annotations
 
 import math
-import threading
-from typing import Self
 
-from instruments.errors import InstrumentError, LinkError, UsageError
-from instruments.interfaces import Clock, Identity, TableLimits, TableReading, TableState
+from instruments.errors import InstrumentError
+from instruments.interfaces import Clock, Identity, TableLimits, TableState
 from instruments.links.byte_link import byte_link
 from instruments.links.tcp import Reconnect
 from instruments.links.wirelog import WireLog
-from instruments.protocols.ensemble import (
-    ABORT_DECELERATION,
-    PLANE_MOVES,
-    AxisStatus,
-    fault_names,
-    parse_bits,
-    parse_number,
-)
+from instruments.protocols.ensemble import ABORT_DECELERATION, PLANE_MOVES, AxisStatus, fault_names, parse_bits
+from instruments.protocols.lines import parse_number
+from instruments.rate_tables.constant_rate_table import LEAST, ConstantRateTable
 from instruments.rate_tables.ensemble_dialogue import EnsembleDialogue
-from instruments.rate_tables.kept_limits import (
-    KeptLimits,
-    check_finite,
-    refuse_to_oscillate,
-    short_way_deg,
-    wait_until,
-)
+from instruments.rate_tables.kept_limits import check_finite, short_way_deg, wait_until
 
 ASK_STATUS = "AXISSTATUS(@{axis})"
 ASK_FAULT = "AXISFAULT(@{axis})"
@@ -69,10 +57,9 @@ MOVE_BY = "LINEAR @{axis} {} F{}"
 ABORT = "ABORT @{axis}"
 
 CONFIRM_S = 0.5  # bench time that a status is given to follow its command
-LEAST = 1e-6  # deg, deg/s: less than this is written as nothing
 
 
-class Ensemble:
+class Ensemble(ConstantRateTable[EnsembleDialogue]):
     """One axis of an Ensemble; an `instruments.interfaces.RateTable`. Safe to call from several threads.
 
     Parameters
@@ -86,8 +73,12 @@ class Ensemble:
     timeout_s
         How long to wait for a connection, and for a reply; wall time.
     rest_rate_dps
-        Up to this rate the table counts as at rest.
+        Up to this rate the table counts as at rest; no rate that is read is off by more.
     """
+
+    _controller = "Ensemble's ASCII interface"
+    _ask_angle = ASK_ANGLE
+    _ask_rate = ASK_RATE
 
     def __init__(
         self,
@@ -101,47 +92,18 @@ class Ensemble:
         reconnect: Reconnect | None = None,
         wire_log: WireLog | None = None,
     ) -> None:
-        self._line = EnsembleDialogue(
+        line = EnsembleDialogue(
             byte_link(address, reconnect=reconnect, wire_log=wire_log),
             axis=axis,
             timeout_s=timeout_s,
             clock=clock,
             explain=self._explained_refusal,
         )
-        self._name = self._line.who
-        self._limits = KeptLimits(self._name)
-        self._clock = clock
-        self._sign = -1.0 if clockwise else 1.0
-        self._rest_rate_dps = rest_rate_dps
-        self._lock = threading.RLock()  # a method's commands and their confirmation belong together
-
-    # What every instrument does ---------------------------------------------------------------------------------------
-
-    def open(self) -> None:
-        """Connect; whoever answers with the status of the axis is taken for an Ensemble."""
-        self._line.open()
-        try:
-            self._status()
-        except (LinkError, InstrumentError):
-            self._line.close()
-            raise
-
-    def close(self) -> None:
-        """Let go of the link; the table goes on with what it was doing."""
-        self._line.close()
+        super().__init__(line, clock=clock, clockwise=clockwise, rest_rate_dps=rest_rate_dps)
 
     def identify(self) -> Identity:
         """Nothing: no public source describes a question for it."""
         return Identity()
-
-    def __enter__(self) -> Self:
-        self.open()
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self.close()
-
-    # What a rate table does -------------------------------------------------------------------------------------------
 
     def set_limits(self, limits: TableLimits) -> None:
         """Program the acceleration, of rates, angles and ABORT; keep the limit on the rate."""
@@ -165,16 +127,6 @@ class Ensemble:
                 self._fail_on_fault("its faults were acknowledged and are back")
             self._line.tell(ENABLE)
             self._stop("enabling")
-
-    def disable(self) -> None:
-        """Disable the axis; `UsageError` while the table moves."""
-        with self._lock:
-            rate_dps = self._rate_dps()
-            if abs(rate_dps) > self._rest_rate_dps:
-                raise UsageError(f"{self._name}: it turns at {rate_dps:.3f} deg/s, stop it before it is disabled")
-            self._line.tell(DISABLE)
-            if not wait_until(self._clock, lambda: not self._status() & AxisStatus.ENABLED, CONFIRM_S):
-                raise InstrumentError(f"{self._name}: it was told to disable its axis, and the axis is still enabled")
 
     def go_to_rate(self, rate_dps: float) -> None:
         """Turn at a constant rate; returns at once, but a table on its way to an angle is brought to rest first."""
@@ -203,10 +155,6 @@ class Ensemble:
                 self._line.tell(MOVE_BY, self._sign * by_deg, rate_dps, once=True)
             self._confirm(f"an angle of {angle_deg:g} deg", AxisStatus.ENABLED)
 
-    def oscillate(self, amplitude_dps: float, frequency_hz: float) -> None:
-        """Always `UsageError`: nobody has published how to ask for it."""
-        refuse_to_oscillate(self._name, "Ensemble's ASCII interface")
-
     def stop(self) -> None:
         """Stop as fast as ABORT does; a disabled table without a fault is left alone."""
         with self._lock:
@@ -219,13 +167,6 @@ class Ensemble:
             if refusal is not None and self._status() & AxisStatus.ENABLED:
                 raise refusal
 
-    def read(self) -> TableReading:
-        """Angle and rate, by two queries; the controller does not say the acceleration: not a number."""
-        with self._lock:
-            return TableReading(
-                angle_deg=self._angle_deg() % 360.0, rate_dps=self._rate_dps(), acceleration_dps2=math.nan
-            )
-
     def state(self) -> TableState:
         """A fault before disabled before moving."""
         with self._lock:
@@ -237,19 +178,21 @@ class Ensemble:
 
     # Hooks ------------------------------------------------------------------------------------------------------------
 
+    def _check(self) -> None:
+        """Whoever answers with the status of the axis is taken for an Ensemble."""
+        self._status()
+
+    def _switch_off(self) -> None:
+        self._line.tell(DISABLE)
+        if not wait_until(self._clock, lambda: not self._status() & AxisStatus.ENABLED, CONFIRM_S):
+            raise InstrumentError(f"{self._name}: it was told to disable its axis, and the axis is still enabled")
+
+    def _begin_to_stop(self) -> None:
+        self._stop("a stop before the next motion")
+
     def _stop(self, what: str) -> None:
         self._line.tell(ABORT)
         self._confirm(what, AxisStatus.ENABLED)
-
-    def _come_to_rest(self) -> None:
-        if not self._moves():
-            return
-        self._stop("a stop before the next motion")
-        if not wait_until(self._clock, lambda: not self._moves(), self._limits.longest_stop_s()):
-            raise InstrumentError(
-                f"{self._name}: it was told to stop before its next motion, and still moves, at"
-                f" {self._rate_dps():.3f} deg/s; look at the controller"
-            )
 
     def _moves(self) -> bool:
         return (
@@ -260,12 +203,6 @@ class Ensemble:
 
     def _goes_to_angle(self) -> bool:
         return bool(self._line.ask(ASK_PLANE, parse_bits) & PLANE_MOVES)
-
-    def _angle_deg(self) -> float:
-        return self._sign * self._line.ask(ASK_ANGLE, parse_number)
-
-    def _rate_dps(self) -> float:
-        return self._sign * self._line.ask(ASK_RATE, parse_number) + 0.0  # which makes 0 of -0
 
     def _status(self) -> int:
         return self._line.ask(ASK_STATUS, parse_bits)

@@ -9,17 +9,18 @@ from instruments.errors import InstrumentError
 from instruments.interfaces import Clock
 from instruments.links.byte_link import ByteLink
 from instruments.links.lines import LineDialogue, Manners
-from instruments.links.recovered import note_recovered
 from instruments.protocols.ensemble import END, Outcome, is_bare, is_reply, parse_reply
+from instruments.protocols.lines import MOST_SHOWN
+from instruments.rate_tables.axis_dialogue import AxisDialogue
 
 Parsed = TypeVar("Parsed")
 
 
-class EnsembleDialogue:
-    """Queries and commands in which `{axis}` stands for the axis; every exchange is safe from several threads.
+class EnsembleDialogue(AxisDialogue):
+    """An `AxisDialogue` in which every line is answered.
 
-    Junk in place of an answer is asked for once more, as silence is: `instruments.links.lines` says how. A command is
-    said again too, since it sets something and does not change it by some amount: all but those told `once`.
+    A command is said again too, since it sets something and does not change it by some amount: all but those told
+    `once`.
 
     Parameters
     ----------
@@ -37,36 +38,16 @@ class EnsembleDialogue:
         self, link: ByteLink, *, axis: int, timeout_s: float, clock: Clock, explain: Callable[[], str]
     ) -> None:
         manners = Manners(sent_end=END, answer_end=END, timeout_s=timeout_s)
-        self._line = LineDialogue("rate table", link, manners=manners, clock=clock)
-        self._axis = axis
+        super().__init__(LineDialogue("rate table", link, manners=manners, clock=clock), axis=axis)
         self._explain = explain
-        self.who = self._line.who
-
-    def open(self) -> None:
-        """Connect; whether an Ensemble answers shows with the first question."""
-        self._line.open()
-
-    def close(self) -> None:
-        """Let go of the link; safe to call twice, and never raises."""
-        self._line.close()
-
-    def ask(self, query: str, parse: Callable[[str], Parsed]) -> Parsed:
-        """What `parse` makes of the data that answer a query; it raises `InstrumentError` for what they cannot be."""
-        text = query.format(axis=self._axis)
-        try:
-            return self._ask_once(text, parse)
-        except InstrumentError as err:
-            value = self._ask_once(text, parse)
-            note_recovered(str(err))
-            return value
 
     def say(self, command: str) -> None:
         """Send a command, whatever comes of it."""
-        self._line.tell(command.format(axis=self._axis), repeatable=True)
+        self._line.tell(self._text(command), repeatable=True)
 
     def tell(self, command: str, *values: float, once: bool = False) -> None:
         """Send a command, its `{}` filled with values; it must be acknowledged."""
-        text = command.format(*(f"{value:.6f}" for value in values), axis=self._axis)
+        text = self._text(command, *values)
         line = self._line.tell(text, repeatable=not once)
         if not (once or is_reply(line)):
             line = self._line.tell(text)
@@ -75,14 +56,16 @@ class EnsembleDialogue:
         except InstrumentError as err:
             raise InstrumentError(f"{self.who}: sent {text!r}, {err}; check that the address is an Ensemble's") from err
         if outcome is not Outcome.DONE:
-            raise InstrumentError(f"{self.who}: sent {text!r}, expected %, got {line!r}; {self._reason(outcome)}")
+            raise InstrumentError(
+                f"{self.who}: sent {text!r}, expected %, got {line[:MOST_SHOWN]!r}; {self._reason(outcome)}"
+            )
 
     def _ask_once(self, text: str, parse: Callable[[str], Parsed]) -> Parsed:
         line = self._line.ask(text, skip=is_bare)
         try:
             reply = parse_reply(line)
             if reply.outcome is not Outcome.DONE:
-                raise InstrumentError(f"expected % and data, got {line!r}")
+                raise InstrumentError(f"expected % and data, got {line[:MOST_SHOWN]!r}")
             return parse(reply.data)
         except InstrumentError as err:
             raise InstrumentError(

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TypeVar
 
-from instruments.errors import InstrumentError
+from instruments.errors import InstrumentError, LinkError
 from instruments.interfaces import Clock
 from instruments.links.byte_link import ByteLink
 from instruments.links.lines import LineDialogue, Manners
 from instruments.links.recovered import note_recovered
-from instruments.protocols.esp301 import ANSWER_END, SENT_END, Error, is_unasked, parse_error, parse_number
+from instruments.protocols.esp301 import ANSWER_END, SENT_END, Error, held_an_error, is_unasked, parse_error
+from instruments.protocols.lines import parse_number
+from instruments.rate_tables.axis_dialogue import AxisDialogue
 
 Parsed = TypeVar("Parsed")
 
@@ -19,12 +21,17 @@ ASK_ERROR = "TE?"
 MOST_ERRORS = 20  # more than the queue can hold
 
 
-class Esp301Dialogue:
-    """Queries and commands in which `{axis}` stands for the axis; every exchange is safe from several threads.
+class Esp301Dialogue(AxisDialogue):
+    """An `AxisDialogue` in which nothing but a query is answered.
 
-    Nothing but a query is answered, so the queue is emptied after each command, and what is set is read back. Junk in
-    place of an answer is asked for once more, as silence is: `instruments.links.lines` says how. An error that was
-    taken out of the queue and lost on the line is lost.
+    So the queue of errors is emptied after each command, and what is set is read back. An error leaves the queue when
+    it is asked for, and its code may be lost on the line:
+
+    | what comes for `TE?`                | what is done                                                         |
+    |-------------------------------------|----------------------------------------------------------------------|
+    | a 0 with junk                       | asked once more                                                      |
+    | what cannot be read, and was no 0   | a fault, "an error whose code was lost on the line"; asked once more |
+    | nothing in time                     | asked once more, and told that an error may have been lost           |
 
     Parameters
     ----------
@@ -42,36 +49,17 @@ class Esp301Dialogue:
         self, link: ByteLink, *, axis: int, timeout_s: float, clock: Clock, on_fault: Callable[[Error], None]
     ) -> None:
         manners = Manners(sent_end=SENT_END, answer_end=ANSWER_END, timeout_s=timeout_s, commands_answered=False)
-        self._line = LineDialogue("rate table", link, manners=manners, clock=clock)
-        self._axis = axis
+        self._counting = _CountingLine("rate table", link, manners=manners, clock=clock)
+        super().__init__(self._counting, axis=axis)
         self._on_fault = on_fault
-        self.who = self._line.who
-
-    def open(self) -> None:
-        """Connect; whether an ESP301 answers shows with the first question."""
-        self._line.open()
-
-    def close(self) -> None:
-        """Let go of the link; safe to call twice, and never raises."""
-        self._line.close()
-
-    def ask(self, query: str, parse: Callable[[str], Parsed]) -> Parsed:
-        """What `parse` makes of the answer to a query; it raises `InstrumentError` for what that cannot be."""
-        text = query.format(axis=self._axis)
-        try:
-            return self._ask_once(text, parse)
-        except InstrumentError as err:
-            value = self._ask_once(text, parse)
-            note_recovered(str(err))
-            return value
 
     def say(self, command: str) -> None:
         """Send a command and ask nothing."""
-        self._line.tell(command.format(axis=self._axis))
+        self._line.tell(self._text(command))
 
     def tell(self, command: str, *values: float) -> None:
         """Send a command, its `{}` filled with values; no error may come of it."""
-        text = command.format(*(f"{value:.6f}" for value in values), axis=self._axis)
+        text = self._text(command, *values)
         self._line.tell(text)
         if errors := self.take_errors():
             raise InstrumentError(
@@ -84,14 +72,14 @@ class Esp301Dialogue:
         actual = self.ask(f"{setting}?", parse_number)
         if not math.isclose(actual, value, rel_tol=1e-3, abs_tol=1e-3):
             raise InstrumentError(
-                f"{self.who}: {setting.format(axis=self._axis)} should be {value:g}, it was not refused and reads back"
+                f"{self.who}: {self._text(setting)} should be {value:g}, it was not refused and reads back"
                 f" {actual:g}; check the controller's own limits, and that nothing else commands it"
             )
 
     def take_errors(self) -> list[Error]:
         """Empty the queue."""
         errors: list[Error] = []
-        while error := self.ask(ASK_ERROR, parse_error):
+        for error in self._queued():
             errors.append(error)
             if error.fault:
                 self._on_fault(error)
@@ -102,12 +90,43 @@ class Esp301Dialogue:
                 )
         return errors
 
+    def _queued(self) -> Iterator[Error]:
+        """What comes out of the queue, until it is empty."""
+        while True:
+            failures = self._counting.failures
+            answer = self._line.ask(ASK_ERROR, skip=is_unasked)
+            try:
+                error = parse_error(answer)
+            except InstrumentError as err:
+                if held_an_error(answer):
+                    yield Error(code=None)
+                error = self._ask_once(ASK_ERROR, parse_error)
+                note_recovered(f"{self.who}: asked {ASK_ERROR!r}, {err}")
+            if self._counting.failures > failures:
+                note_recovered(f"{self.who}: asked {ASK_ERROR!r} twice", "an error may have been lost on the line")
+            if error is None:
+                return
+            yield error
+
     def _ask_once(self, text: str, parse: Callable[[str], Parsed]) -> Parsed:
         answer = self._line.ask(text, skip=is_unasked)
         try:
             return parse(answer)
         except InstrumentError as err:
             raise InstrumentError(f"{self.who}: asked {text!r}, {err}; check that the address is an ESP301's") from err
+
+
+class _CountingLine(LineDialogue):
+    """Counts what fails, be it got over by asking again: an answer that was lost is gone where asking takes it away."""
+
+    failures = 0
+
+    def _once(self, text: str, data: bytes, *, answered: bool, skip: Callable[[str], bool] | None) -> str:
+        try:
+            return super()._once(text, data, answered=answered, skip=skip)
+        except LinkError:
+            self.failures += 1
+            raise
 
 
 def listed(errors: list[Error]) -> str:

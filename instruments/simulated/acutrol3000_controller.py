@@ -12,8 +12,9 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from instruments.errors import UsageError
+from instruments.errors import InstrumentError, UsageError
 from instruments.protocols.acl import Command, parse_commands
+from instruments.protocols.lines import parse_number
 from instruments.simulated.machines import TableMachine
 
 IDENTITY = "simulated,ACUTROL3000,1,0"
@@ -298,10 +299,10 @@ def _of_axis_1(arguments: Sequence[str]) -> Sequence[str]:
 
 def _numbers(words: Sequence[str], count: int) -> tuple[float, ...]:
     try:
-        numbers = tuple(float(word) for word in words)
-    except ValueError:
+        numbers = tuple(map(parse_number, words))
+    except InstrumentError:
         numbers = ()
-    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+    if len(numbers) != count:
         raise UsageError(f"expected {count} numbers, not {','.join(words)!r}")
     return numbers
 

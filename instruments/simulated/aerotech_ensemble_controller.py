@@ -20,9 +20,9 @@ from instruments.protocols.ensemble import (
     Outcome,
     Reply,
     parse_command,
-    parse_number,
     written_bits,
 )
+from instruments.protocols.lines import parse_number
 from instruments.simulated.machines import TableMachine
 
 POSITION_ERROR, CW_SOFTWARE_LIMIT, CCW_SOFTWARE_LIMIT, RATE_COMMAND, EMERGENCY_STOP, RATE_ERROR = 0, 4, 5, 10, 11, 12

@@ -13,7 +13,8 @@ import threading
 from collections import deque
 
 from instruments.errors import InstrumentError
-from instruments.protocols.esp301 import DEGREES, Command, Error, parse_commands, parse_number
+from instruments.protocols.esp301 import DEGREES, Command, Error, parse_commands
+from instruments.protocols.lines import parse_number
 from instruments.simulated.machines import TableMachine
 
 VERSION = "ESP301 Version 3.0.1 simulated"

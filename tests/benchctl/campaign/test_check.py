@@ -90,3 +90,25 @@ def test_what_a_campaign_has_on_the_disk_already_counts_as_room(
     assert room_problems(plan, BENCH, tmp_path)
     (tmp_path / "campaign.h5").touch()
     assert room_problems(plan, BENCH, tmp_path) == []
+
+
+@pytest.mark.parametrize("model", ["aerotech_ensemble", "newport_esp301"])
+def test_what_swings_is_named_on_a_table_without_a_sinusoid_and_what_turns_is_not(model: str) -> None:
+    bench = BENCH.model_copy(update={"rate_table": BENCH.rate_table.model_copy(update={"model": model})})
+    plan = _plan(
+        Static(duration_s=1.0),
+        ConstantRate(rate_dps=50.0, duration_s=1.0),
+        ThermalRamp(from_c=0.0, to_c=20.0, ramp_c_per_min=1.0, rate_dps=10.0),
+        Sine(amplitude_dps=50.0, frequency_hz=1.0, cycles=3),
+        ThermalRamp(from_c=0.0, to_c=20.0, ramp_c_per_min=1.0, swing_dps=10.0),
+    )
+    found = problems(plan, bench)
+    assert [problem.step for problem in found] == [4, 5]
+    says = f"swings, and the bench's table, {model}, has no sinusoid: take a procedure of constant rates (rate_sweep,"
+    assert all(says in problem.says for problem in found)
+    assert problems(plan, BENCH) == []
+
+
+def test_of_a_table_that_is_not_known_here_no_plan_is_refused() -> None:
+    bench = BENCH.model_copy(update={"rate_table": BENCH.rate_table.model_copy(update={"model": "acme_9000"})})
+    assert problems(_plan(Sine(amplitude_dps=50.0, frequency_hz=1.0, cycles=3)), bench) == []

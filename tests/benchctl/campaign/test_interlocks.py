@@ -155,3 +155,26 @@ def test_both_sides_are_followed_each_by_itself() -> None:
     limits = limits_of(Interlock(quantity="gyro_v", above=5.0, below=-5.0))
     assert [limit.says for limit in limits] == ["gyro_v above 5", "gyro_v below -5"]
     assert all(isinstance(limit, Limit) for limit in limits)
+
+
+def test_on_the_acceleration_controller_and_encoder_are_followed_each_by_itself() -> None:
+    interlocks = Interlocks([Interlock(quantity="acceleration_dps2", above=5.0, for_s=2.0)])
+    assert interlocks.see(0.0, {"encoder_dps2": (-1.0, 6.0)}) == []
+    assert interlocks.see(1.0, {"acceleration_dps2": (0.0, 0.0)}) == []  # a poll that is inside ends nothing
+    (change,) = interlocks.see(2.0, {"encoder_dps2": (-1.0, 7.0)})
+    assert (change.on, change.value, change.says) == (True, 7.0, "acceleration_dps2 by the encoder above 5 for 2 s")
+    interlocks.see(3.0, {"acceleration_dps2": (6.0, 6.0)})
+    (change,) = interlocks.see(5.0, {"acceleration_dps2": (6.0, 6.0)})
+    assert change.says == "acceleration_dps2 above 5 for 2 s"
+
+
+def test_a_hold_on_the_acceleration_does_not_wait_for_an_encoder_that_nobody_reads_during_a_hold() -> None:
+    interlocks = Interlocks([Interlock(quantity="acceleration_dps2", above=5.0, action="hold", give_up_s=60.0)])
+    assert interlocks.see(0.0, {"encoder_dps2": (6.0, 6.0)}) == []
+    interlocks.see(1.0, {"acceleration_dps2": (6.0, 6.0)})
+    interlocks.see(2.0, {"acceleration_dps2": (0.0, 0.0)})
+    assert interlocks.holds == []
+
+
+def test_an_interlock_on_the_acceleration_is_told_once() -> None:
+    assert words([Interlock(quantity="acceleration_dps2", above=5.0)]) == "acceleration_dps2 above 5 (stop)"

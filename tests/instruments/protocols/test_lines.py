@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+import math
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from instruments.errors import InstrumentError, UsageError
-from instruments.protocols.lines import MAX_LINE, LineCutter, encode_line
+from instruments.protocols.lines import MAX_LINE, LineCutter, encode_line, parse_number
 
 TEXTS = st.text(st.characters(min_codepoint=0x20, max_codepoint=0x7E), min_size=1).map(str.strip).filter(bool)
 
@@ -73,3 +75,68 @@ def test_a_line_is_sent_with_the_end_that_was_asked_for() -> None:
 def test_what_is_not_one_line_of_ascii_is_never_sent(text: str) -> None:
     with pytest.raises(UsageError, match="not one line"):
         encode_line(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "number"),
+    [
+        ("0", 0.0),
+        ("-0.000000", 0.0),
+        ("+12.5", 12.5),
+        (" -12.5 ", -12.5),
+        ("12.", 12.0),
+        (".5", 0.5),
+        ("1.5E+003", 1500.0),
+        ("2e-7", 2e-7),
+        ("12345678901234567890", 12345678901234567890.0),
+    ],
+)
+def test_a_number_is_digits_with_a_point_and_an_exponent_where_there_is_one(text: str, number: float) -> None:
+    assert parse_number(text) == number
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *(
+            "",
+            " ",
+            "fast",
+            "nan",
+            "-inf",
+            "Infinity",
+            "1_0",
+            "1,5",
+            "1;2",
+            "1 2",
+            "0x10",
+            "+-1",
+            "--1",
+            "1e",
+            "e5",
+            ".",
+        ),
+        *("1e400", "1e9999", "1\n", "\t1", "\u0661", "\uff11", "1\x00", "1" * 21, "0." + "0" * 4000 + "1"),
+    ],
+)
+def test_whatever_else_python_takes_for_a_number_is_an_instrument_error_in_one_short_line(text: str) -> None:
+    with pytest.raises(InstrumentError, match="expected a number, got") as caught:
+        parse_number(text)
+    assert len(str(caught.value)) < 120
+    assert "\n" not in str(caught.value)
+
+
+@given(st.floats(-1e15, 1e15))
+def test_a_number_as_any_instrument_prints_it_survives(number: float) -> None:
+    assert parse_number(f"{number:.6f}") == pytest.approx(number, abs=1e-6)
+    assert parse_number(f"{number:.17e}") == number
+
+
+@given(st.text() | st.text("0123456789+-.eE_nainf "))
+def test_no_text_breaks_the_reading_of_numbers(text: str) -> None:
+    said = ""
+    try:
+        assert math.isfinite(parse_number(text))
+    except InstrumentError as err:
+        said = str(err)
+    assert said.isprintable()

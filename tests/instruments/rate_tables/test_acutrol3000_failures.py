@@ -156,6 +156,8 @@ def test_what_is_cut_off_is_said_again_but_not_a_command_that_changes_things_by_
         ),
         ({":read:pos? 1;rate? 1;acc? 1": "1;2"}, lambda d: d.read(), "expected 3 numbers parted by ';', got '1;2'"),
         ({":read:pos? 1;rate? 1;acc? 1": "1;nan;3"}, lambda d: d.read(), "got '1;nan;3'"),
+        ({":read:pos? 1;rate? 1;acc? 1": "1;1_0;3"}, lambda d: d.read(), "got '1;1_0;3'"),
+        ({":read:pos? 1;rate? 1;acc? 1": "1;2;" + "3" * 3000}, lambda d: d.read(), "got '1;2;3{60}';"),
         ({":con:osc 1,Enable,0.795775,0.500000,Pos,Lin": "no"}, lambda d: d.oscillate(10.0, 1.0), "got 'no'"),
         ({":dem:osc? 1": "1.591549,2,0"}, lambda d: d.oscillate(10.0, 1.0), "should be 1.59155, 1, 0"),
         ({":dem:pos? 1": "180"}, lambda d: d.go_to_angle(90.0), "angle demand"),

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from instruments.errors import InstrumentError, UsageError
+from instruments.errors import InstrumentError
 from instruments.interfaces import Identity, RateTable, TableLimits, TableState
 from instruments.links.wirelog import WireLog
 from instruments.rate_tables.aerotech_ensemble import Ensemble
@@ -117,15 +117,6 @@ def test_a_rate_follows_a_rate_without_a_stop(enabled: Ensemble, table: InstantT
     assert enabled.state() is TableState.AT_REST
 
 
-@pytest.mark.parametrize(("angle_deg", "reached_deg"), [(10.0, 370.0), (300.0, 300.0), (-20.0, 340.0), (1085.0, 365.0)])
-def test_an_angle_is_reached_the_short_way_round(
-    enabled: Ensemble, table: InstantTable, angle_deg: float, reached_deg: float
-) -> None:
-    enabled.go_to_angle(angle_deg)
-    assert [demand[1] for demand in table.demands if demand[0] == "angle"] == pytest.approx([reached_deg])
-    assert enabled.state() is TableState.AT_REST
-
-
 def test_an_angle_where_it_stands_already_needs_no_move(enabled: Ensemble, table: InstantTable) -> None:
     enabled.go_to_angle(-10.0)
     assert table.demands == []
@@ -138,64 +129,11 @@ def test_a_turning_table_is_brought_to_rest_before_an_angle(enabled: Ensemble, t
     assert table.demands[1] == ("rate", 0.0)
 
 
-def test_limits_are_programmed_and_the_rate_s_is_kept_by_the_driver(enabled: Ensemble, table: InstantTable) -> None:
-    enabled.go_to_rate(100.0)
-    assert table.limits() == (1000.0, 500.0)
-    enabled.go_to_angle(0.0)
-    assert table.limits() == (300.0, 500.0)
-    table.demands.clear()
-    with pytest.raises(UsageError, match=r"asked for 301 deg/s, the limit that was set is 300 deg/s"):
-        enabled.go_to_rate(301.0)
-    assert table.demands == []
-
-
 def test_an_acceleration_beyond_the_drive_s_is_refused_by_name(driver: Ensemble) -> None:
     with pytest.raises(
         InstrumentError, match=r"sent 'RAMP RATE @0 9000.000000', expected %, got '!'.*check the axis, the limits"
     ):
         driver.set_limits(TableLimits(rate_dps=300.0, acceleration_dps2=9000.0))
-
-
-def test_nothing_moves_before_limits_are_set(driver: Ensemble, table: InstantTable) -> None:
-    driver.enable()
-    table.demands.clear()
-    moves: list[Callable[[], None]] = [lambda: driver.go_to_rate(1.0), lambda: driver.go_to_angle(1.0)]
-    for move in moves:
-        with pytest.raises(UsageError, match=r"before its limits were set"):
-            move()
-    assert table.demands == []
-
-
-def test_an_oscillation_is_refused_with_what_can_run_instead(enabled: Ensemble, table: InstantTable) -> None:
-    with pytest.raises(UsageError, match=r"no public source describes one.*sine_sweep.*take one of constant rates"):
-        enabled.oscillate(10.0, 1.0)
-    assert table.demands == []
-
-
-@pytest.mark.parametrize("bad", [math.nan, math.inf])
-def test_numbers_that_mean_nothing_never_reach_the_wire(enabled: Ensemble, log: WireLog, bad: float) -> None:
-    before = len(log.last(1000))
-    calls: list[Callable[[], None]] = [
-        lambda: enabled.go_to_rate(bad),
-        lambda: enabled.go_to_angle(bad),
-        lambda: enabled.set_limits(TableLimits(rate_dps=bad, acceleration_dps2=1.0)),
-        lambda: enabled.set_limits(TableLimits(rate_dps=1.0, acceleration_dps2=0.0)),
-    ]
-    for call in calls:
-        with pytest.raises(UsageError, match="expected a finite number"):
-            call()
-    assert len(log.last(1000)) == before
-
-
-def test_a_moving_table_is_not_disabled(enabled: Ensemble, table: InstantTable) -> None:
-    enabled.go_to_rate(5.0)
-    with pytest.raises(UsageError, match=r"turns at 5.000 deg/s, stop it before"):
-        enabled.disable()
-    assert enabled.state() is TableState.MOVING
-    enabled.stop()
-    enabled.disable()
-    assert enabled.state() is TableState.DISABLED
-    assert table.demands[-1] == ("open",)
 
 
 def test_a_disabled_table_does_not_move_and_can_be_stopped(driver: Ensemble, table: InstantTable) -> None:

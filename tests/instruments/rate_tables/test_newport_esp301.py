@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from instruments.errors import InstrumentError, UsageError
+from instruments.errors import InstrumentError
 from instruments.interfaces import Identity, RateTable, TableLimits, TableState
 from instruments.links.byte_link import byte_link
 from instruments.links.wirelog import WireLog
@@ -149,26 +149,6 @@ def test_a_table_that_turns_already_when_the_driver_comes_is_stopped_first(
     assert table.demands == [("rate", 0.0), ("rate", 10.0)]
 
 
-@pytest.mark.parametrize(("angle_deg", "reached_deg"), [(10.0, 370.0), (300.0, 300.0), (-20.0, 340.0), (1085.0, 365.0)])
-def test_an_angle_is_reached_the_short_way_round(
-    enabled: Esp301, table: InstantTable, angle_deg: float, reached_deg: float
-) -> None:
-    enabled.go_to_angle(angle_deg)
-    assert table.demands[-1][1] == pytest.approx(reached_deg)
-    assert enabled.state() is TableState.AT_REST
-
-
-def test_limits_are_programmed_and_the_rate_s_is_kept_by_the_driver(enabled: Esp301, table: InstantTable) -> None:
-    enabled.go_to_rate(100.0)
-    assert table.limits() == (1000.0, 500.0)
-    enabled.go_to_angle(0.0)
-    assert table.limits() == (300.0, 500.0)
-    table.demands.clear()
-    with pytest.raises(UsageError, match=r"asked for 301 deg/s, the limit that was set is 300 deg/s"):
-        enabled.go_to_rate(301.0)
-    assert table.demands == []
-
-
 def test_what_the_controller_does_not_take_is_named(driver: Esp301, table: InstantTable) -> None:
     with pytest.raises(
         InstrumentError, match=r"sent '1AC9000.000000', it reports 111 \(axis 1: maximum acceleration exceeded\)"
@@ -182,48 +162,6 @@ def test_what_the_controller_does_not_take_is_named(driver: Esp301, table: Insta
         driver.go_to_rate(1500.0)
     assert table.rate_dps == 0.0
     assert driver.state() is TableState.AT_REST
-
-
-def test_nothing_moves_before_limits_are_set(driver: Esp301, table: InstantTable) -> None:
-    driver.enable()
-    table.demands.clear()
-    moves: list[Callable[[], None]] = [lambda: driver.go_to_rate(1.0), lambda: driver.go_to_angle(1.0)]
-    for move in moves:
-        with pytest.raises(UsageError, match=r"before its limits were set"):
-            move()
-    assert table.demands == []
-
-
-def test_an_oscillation_is_refused_with_what_can_run_instead(enabled: Esp301, table: InstantTable) -> None:
-    with pytest.raises(UsageError, match=r"no public source describes one.*sine_sweep.*take one of constant rates"):
-        enabled.oscillate(10.0, 1.0)
-    assert table.demands == []
-
-
-@pytest.mark.parametrize("bad", [math.nan, math.inf])
-def test_numbers_that_mean_nothing_never_reach_the_wire(enabled: Esp301, log: WireLog, bad: float) -> None:
-    before = len(log.last(1000))
-    calls: list[Callable[[], None]] = [
-        lambda: enabled.go_to_rate(bad),
-        lambda: enabled.go_to_angle(bad),
-        lambda: enabled.set_limits(TableLimits(rate_dps=bad, acceleration_dps2=1.0)),
-        lambda: enabled.set_limits(TableLimits(rate_dps=1.0, acceleration_dps2=0.0)),
-    ]
-    for call in calls:
-        with pytest.raises(UsageError, match="expected a finite number"):
-            call()
-    assert len(log.last(1000)) == before
-
-
-def test_a_moving_table_is_not_disabled(enabled: Esp301, table: InstantTable) -> None:
-    enabled.go_to_rate(5.0)
-    with pytest.raises(UsageError, match=r"turns at 5.000 deg/s, stop it before"):
-        enabled.disable()
-    assert enabled.state() is TableState.MOVING
-    enabled.stop()
-    enabled.disable()
-    assert enabled.state() is TableState.DISABLED
-    assert table.demands[-1] == ("open",)
 
 
 def test_a_disabled_table_does_not_move_and_can_be_stopped(driver: Esp301, table: InstantTable) -> None:

@@ -200,6 +200,8 @@ Act = Callable[[Esp301], object]
         ({"TE?": "none"}, lambda d: d.stop(), "expected the code of an error, 0 to 999, got 'none'"),
         ({"TE?": "6"}, lambda d: d.state(), "queue of errors does not come to an end"),
         ({"1TV?": "nan"}, lambda d: d.read(), "expected a number, got 'nan'"),
+        ({"1TV?": "1_0"}, lambda d: d.read(), "expected a number, got '1_0'"),
+        ({"1TV?": "9" * 4000}, lambda d: d.read(), "expected a number, got '9{64}';"),
         ({"1MD?": "1"}, lambda d: d.go_to_rate(10.0), "in fault: it turned, and has come to rest by itself"),
         ({}, lambda d: d.go_to_angle(5.0), "1VA should be 300"),
         ({"1VA?": "300"}, lambda d: d.go_to_angle(5.0), "asked for and not refused, and the table stands still at 0"),
@@ -252,6 +254,90 @@ def test_a_fault_is_remembered_after_the_queue_has_told_it(scripted: Scripted) -
                 move()
         driver.enable()
         assert driver.state() is TableState.AT_REST
+
+
+class Damaged(Scripted):
+    """The next answers to `TE?` are `damaged`, one after the other; None is no answer."""
+
+    damaged: list[bytes | None]
+
+    def feed(self, data: bytes) -> bytes:
+        answer = super().feed(data)
+        if data.endswith(b"TE?\r") and self.damaged:  # a packet may hold the command before it, too
+            return self.damaged.pop(0) or b""
+        return answer
+
+
+@pytest.fixture
+def damaged() -> Damaged:
+    conversation = Damaged()
+    conversation.damaged = []
+    return conversation
+
+
+@pytest.mark.parametrize("line", [b"10\xff4\r\n", b"1\x004\r\n", b"?\r\n"])
+def test_an_error_whose_code_was_lost_on_the_line_is_a_fault_and_stops_the_table(damaged: Damaged, line: bytes) -> None:
+    damaged.answers["1MD?"] = "0"
+    with TcpServer(lambda: damaged) as server, connected(server.address) as driver:
+        damaged.damaged = [line]
+        assert [driver.state() for _ in range(2)] == [TableState.FAULT] * 2
+        assert damaged.heard.count("1ST") == 1
+        with pytest.raises(InstrumentError, match="in fault: an error whose code was lost on the line; remove the"):
+            driver.go_to_rate(0.0)
+        driver.enable()
+        assert driver.state() is TableState.MOVING
+
+
+def test_an_error_that_is_lost_behind_a_command_is_reported_with_it(damaged: Damaged) -> None:
+    with TcpServer(lambda: damaged) as server, connected(server.address) as driver:
+        damaged.damaged = [b"1\xff4\r\n", b"6\r\n"]
+        complaint = r"sent '1AC500.000000', it reports an error whose code was lost on the line, 6 \(no such command\)"
+        with pytest.raises(InstrumentError, match=complaint):
+            driver.set_limits(LIMITS)
+
+
+def test_a_lost_code_is_remembered_where_the_line_falls_silent_behind_it(damaged: Damaged) -> None:
+    with TcpServer(lambda: damaged) as server, connected(server.address, timeout_s=0.3) as driver:
+        damaged.damaged = [b"10\xff4\r\n", None, None]
+        with pytest.raises(LinkError, match=r"sent 'TE\?', no answer within 0.3 s"):
+            driver.state()
+        assert driver.state() is TableState.FAULT
+
+
+@pytest.mark.parametrize("line", [b"0\xff\x00Z\r\n", b"Z\x910\r\n"])
+def test_a_0_with_junk_in_it_is_no_error(damaged: Damaged, line: bytes, caplog: pytest.LogCaptureFixture) -> None:
+    with TcpServer(lambda: damaged) as server, connected(server.address) as driver:
+        damaged.damaged = [line]
+        assert driver.state() is TableState.AT_REST
+    (record,) = caplog.records
+    assert "asked 'TE?', expected the code of an error, 0 to 999, got " in record.getMessage()
+
+
+def test_where_no_answer_came_it_is_told_that_an_error_may_be_lost(
+    damaged: Damaged, caplog: pytest.LogCaptureFixture
+) -> None:
+    with TcpServer(lambda: damaged) as server, connected(server.address, timeout_s=0.3) as driver:
+        damaged.damaged = [None]
+        assert driver.state() is TableState.AT_REST
+    said = [record.getMessage() for record in caplog.records]
+    assert said[-1].endswith("asked 'TE?' twice; an error may have been lost on the line")
+
+
+def test_errors_that_nobody_asked_for_are_told_and_change_nothing(
+    scripted: Scripted, caplog: pytest.LogCaptureFixture
+) -> None:
+    with TcpServer(lambda: scripted) as server, connected(server.address) as driver:
+        scripted.errors += ["6", "113"]
+        assert driver.state() is TableState.AT_REST
+        scripted.errors += ["7"]
+        driver.enable()
+        scripted.errors += ["27"]
+        driver.stop()  # says it twice
+    assert [record.getMessage().partition(": ")[2] for record in caplog.records] == [
+        "it reports 6 (no such command), 113 (axis 1: motor not enabled); none of that is a fault",
+        "it reports 7 (parameter out of range); none of that is a fault",
+        "it reports 27 (command not allowed); none of that is a fault",
+    ]
 
 
 def test_a_stop_is_sent_before_anything_is_asked(scripted: Scripted) -> None:
