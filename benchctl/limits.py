@@ -5,10 +5,11 @@ nothing that costs memory or time: sizes are held against the bytes that are rea
 They are generous: 60 hours at 100 kHz, or a recording of 10 GB, stay far below all of them.
 
 What no limit in this process can mend: HDF5 is decoded by a library in C. A file made for one of its faults can keep
-it busy, make it allocate gigabytes (a text's length stands where Python cannot see it) or end the program. Of 5000
-recordings with random damage one did (HDF5 2.0.0; `tests/fuzz`). To read each file in a process of its own first would
-cost a third of a second, as long as most verbs take, and reading all samples twice; so whoever opens files from nowhere
-does so where the program may die: `(ulimit -v 8000000 -t 60; benchctl verify FILE)`.
+it busy, make it allocate gigabytes (a text's length stands where Python cannot see it) or end the program. What random
+damage has brought about in thousands of recordings (HDF5 2.0.0; `tests/fuzz`) is refused beforehand: see
+`benchctl.recordings.hdf5_heaps`. To read each file in a process of its own first would cost a third of a second, as
+long as most verbs take, and reading all samples twice; so whoever opens files from nowhere does so where the program
+may die: `(ulimit -v 8000000 -t 60; benchctl verify FILE)`.
 """
 
 from __future__ import annotations
@@ -46,8 +47,11 @@ LONGEST_TIME_S = 1e12
 MOST_COUNTS_PER_REV = 1 << 40
 """A count of an encoder of that many would be a millionth of an arc second."""
 
-MOST_JOURNAL_BYTES = 256 << 20
-"""A campaign's journal: a million lines. Also any other text that a recording may carry as an attribute."""
+MOST_JOURNAL_BYTES = 64 << 20
+"""A campaign's journal: a year, an event a minute. Also any other text that a recording carries as an attribute."""
+
+MOST_JOURNAL_LINES = 1 << 19
+"""The same in lines; each takes ten microseconds to read."""
 
 MOST_LINE_BYTES = 1 << 20
 """A line of delimited text: a hundred thousand columns. The parser takes sixteen bytes for each byte of a line."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -13,8 +14,10 @@ from benchctl.limits import MOST_DESCRIPTION_BYTES, cut, read_whole, shown
 from instruments.errors import UsageError
 
 Model = TypeVar("Model", bound=BaseModel)
+Place = tuple[str | int, ...]
+"""The way to a field: names of tables and, in a list of tables, the number of one, from 0."""
 
-_HEADER = re.compile(r"\s*\[\[?([^\[\]]+)\]")
+_HEADER = re.compile(r"\s*(\[\[?)([^\[\]]+)\]\]?\s*(?:#|$)")
 _KEY = re.compile(r"\s*([A-Za-z0-9_.\-\"']+)\s*=")
 
 
@@ -41,23 +44,27 @@ def parse_toml(text: str, model: type[Model], name: str) -> Model:
     UsageError
         One line that names the file, the line and the first field that is wrong, and how many more there are.
     """
+    document = toml_document(text, name)
     try:
-        return model.model_validate(toml_document(text, name))
+        return model.model_validate(document)
     except ValidationError as err:
-        raise UsageError(f"{name}, {_first_fault(err, text)}") from err
+        raise UsageError(f"{name}, {_first_fault(err, text, document)}") from err
 
 
-def line_of(text: str, place: tuple[str, ...]) -> int:
+def line_of(text: str, place: Place) -> int:
     r"""The line, from 1, on which a field is set; the line of its table where it is not set.
 
     >>> line_of('[a]\nb = 1\n', ("a", "b"))
     2
+    >>> line_of('[[a]]\nb = 1\n[[a]]\nb = 2\n', ("a", 1, "b"))
+    4
     """
-    table: tuple[str, ...] = ()
+    table: Place = ()
+    latest: dict[Place, int] = {}
     best = 1
     for number, line in enumerate(text.splitlines(), 1):
         if header := _HEADER.match(line):
-            table = _parts(header[1])
+            table = _table(_parts(header[2]), latest, place, is_new=header[1] == "[[")
             if table == place[: len(table)]:
                 best = number
         elif key := _KEY.match(line):
@@ -67,13 +74,40 @@ def line_of(text: str, place: tuple[str, ...]) -> int:
     return best
 
 
+def _table(parts: tuple[str, ...], latest: dict[Place, int], place: Place, *, is_new: bool) -> Place:
+    """The table of a header, as far as it leads towards a place.
+
+    `latest` counts the tables of each list on that way so far; a header that `is_new` adds one.
+    """
+    found: Place = ()
+    for count, part in enumerate(parts, 1):
+        found += (part,)
+        if found != place[: len(found)]:
+            break
+        if is_new and count == len(parts):
+            latest[found] = latest.get(found, -1) + 1
+        if found in latest:
+            found += (latest[found],)
+    return found
+
+
 def _parts(dotted: str) -> tuple[str, ...]:
     return tuple(part.strip().strip("\"'") for part in dotted.split("."))
 
 
-def _first_fault(err: ValidationError, text: str) -> str:
+def _in_document(loc: Place, document: Any) -> Place:
+    """The place of a fault, without what pydantic puts in between: the kind of a table that may be of several."""
+    found: Place = ()
+    for part in loc:
+        with suppress(IndexError, KeyError, TypeError):
+            document = document[part]
+            found += (part,)
+    return found
+
+
+def _first_fault(err: ValidationError, text: str, document: dict[str, Any]) -> str:
     first, *more = err.errors(include_url=False, include_context=False)
-    line = line_of(text, tuple(part for part in first["loc"] if isinstance(part, str)))
+    line = line_of(text, _in_document(first["loc"], document))
     field = cut(".".join(str(part) for part in first["loc"]))
     rest = f" (and {len(more)} more)" if more else ""
     if first["type"] == "value_error":

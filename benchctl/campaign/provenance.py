@@ -1,4 +1,4 @@
-"""Where a recording comes from: procedure, bench, instruments, software, operator, time."""
+"""Where a recording comes from: procedure, bench, instruments, software, operator, time; and the bench again."""
 
 from __future__ import annotations
 
@@ -10,18 +10,27 @@ import platform
 import sys
 from dataclasses import asdict
 from importlib.metadata import version
+from typing import Any
 
 import benchctl
-from benchctl.bench import Bench
+from benchctl.bench import Bench, InstrumentEntry, bench_of_text
 from benchctl.campaign.opened import OpenBench
+from benchctl.documents import json_document
+from benchctl.limits import shown
 from benchctl.plan import Plan
 from benchctl.recordings.model import BenchFacts, Meta, Status, Unit
+from instruments.errors import UsageError
 
 
 def describe(opened: OpenBench, plan: Plan, status: Status) -> Meta:
     """Everything about a campaign that is not a sample, as its recording keeps it."""
     bench = opened.bench
-    entries = {"rate_table": bench.rate_table, "chamber": bench.chamber, "digitizer": bench.digitizer}
+    entries: dict[str, InstrumentEntry] = {
+        "rate_table": bench.rate_table,
+        "chamber": bench.chamber,
+        "digitizer": bench.digitizer,
+        **({"gyro": bench.gyro} if bench.gyro else {}),
+    }
     instruments = {
         name: {
             **asdict(opened.identities[name]),
@@ -43,6 +52,7 @@ def describe(opened: OpenBench, plan: Plan, status: Status) -> Meta:
             "parameters": json.dumps(dict(plan.parameters), sort_keys=True),
             "bench": bench.name,
             "bench_toml": bench.text,
+            "chamber_profile": bench.chamber_profile,
             "bench_physics": json.dumps(bench.physics, sort_keys=True) if bench.simulated else "",
             "bench_effects": json.dumps(bench.effects, sort_keys=True) if bench.simulated else "",
             "instruments_reached": opened.reached,
@@ -52,6 +62,30 @@ def describe(opened: OpenBench, plan: Plan, status: Status) -> Meta:
             "started_utc": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         },
     )
+
+
+def recorded_bench(meta: Meta, whose: str) -> Bench:
+    """The bench that a recording was made on, as it keeps it; `whose` names the recording in an error.
+
+    Raises
+    ------
+    UsageError
+        Where it keeps none, or its texts are no bench.
+    """
+    told = meta.provenance
+    text = told.get("bench_toml", "")
+    bench = bench_of_text(text, f"the bench.toml of {whose}", told.get("chamber_profile", ""))
+    obeyed = {name: table_of(meta, f"bench_{name}", whose) for name in ("physics", "effects")}
+    return bench.model_copy(update={name: table for name, table in obeyed.items() if told.get(f"bench_{name}")})
+
+
+def table_of(meta: Meta, name: str, whose: str) -> dict[str, Any]:
+    """A table that a recording's provenance keeps as JSON; empty where there is none, `UsageError` where it is none."""
+    text = meta.provenance.get(name)
+    found = json_document(text, f"{name} of {whose}") if text else {}
+    if not isinstance(found, dict):
+        raise UsageError(f"{name} of {whose}: expected a table (a JSON object), got {shown(found)}")
+    return found
 
 
 def bench_facts(bench: Bench) -> BenchFacts:

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from benchctl.bench import Bench
 from benchctl.campaign.opened import another_day
-from benchctl.campaign.sameness import bench_of, refuse_another
+from benchctl.campaign.provenance import recorded_bench
+from benchctl.campaign.sameness import refuse_another
+from benchctl.limits import LONGEST_TIME_S
 from benchctl.locks import Lock
 from benchctl.plan import Plan, Soak, Step, ThermalRamp
 from benchctl.recordings.campaign_folder import CampaignWriter, campaign_lock
 from benchctl.recordings.campaign_state import described, require_campaign
-from benchctl.recordings.journal import events_in, journal_text
+from benchctl.recordings.journal import Events, events_in, journal_text
 from benchctl.recordings.model import Meta, StepInfo
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.reopen import free_index, reopen
@@ -132,10 +132,10 @@ def _look_back(folder: Path, lock: Lock, plan: Plan, bench: Bench, seeded: bool)
         infos = recording.infos
     whole = whole_steps(plan, infos)
     if bench.simulated and not seeded and "bench_physics" in meta.provenance:
-        bench = bench.with_seed(bench_of(meta).physics.get("seed"))
+        bench = bench.with_seed(recorded_bench(meta, "the campaign").physics.get("seed"))
     refuse_another(meta, whole, plan, bench)
-    events = events_in(journal_text(folder / JOURNAL))
-    day = 1 + sum(event.get("kind") == "resume" for event in events)
+    journal = journal_text(folder / JOURNAL)
+    day = 1 + sum(event.get("kind") == "resume" for event in events_in(journal))
     numbers = range(1, len(plan.steps) + 1)
     return Past(
         folder=folder,
@@ -145,18 +145,18 @@ def _look_back(folder: Path, lock: Lock, plan: Plan, bench: Bench, seeded: bool)
         bench=another_day(bench, day) if bench.simulated else bench,
         infos=infos,
         first=next((number for number in numbers if number not in whole), len(plan.steps) + 1),
-        elapsed_s=elapsed_s(bench, infos, events),
+        elapsed_s=elapsed_s(bench, infos, events_in(journal)),
         day=day,
     )
 
 
-def elapsed_s(bench: Bench, infos: Sequence[StepInfo], events: Sequence[dict[str, Any]]) -> float:
+def elapsed_s(bench: Bench, infos: Sequence[StepInfo], events: Events) -> float:
     """Bench time since the start of the recording: by the wall clock on a real bench, whose time has gone on."""
     known_s = max((info.t_end for info in infos), default=0.0)
     by_the_wall_s = 0.0
     for event in events:
         bench_s = event.get("bench_s")
-        if isinstance(bench_s, int | float) and math.isfinite(bench_s):
+        if isinstance(bench_s, int | float) and abs(bench_s) <= LONGEST_TIME_S:
             known_s = max(known_s, bench_s)
             by_the_wall_s = bench_s + _seconds_since(str(event.get("wall_time", ""))) * bench.time_factor
     return max(known_s + _APART_S, 0.0 if bench.simulated else by_the_wall_s)

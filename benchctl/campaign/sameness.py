@@ -8,27 +8,30 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from benchctl.bench import Bench
+from benchctl.campaign.provenance import recorded_bench, table_of
+from benchctl.limits import cut
 from benchctl.plan import Plan
 from benchctl.recordings.model import Meta, StepInfo
-from benchctl.toml_file import parse_toml
+from instruments.chambers.profile_file import parse_profile
 from instruments.errors import UsageError
 from instruments.interfaces import Identity
 
-_MAY_CHANGE = {"name", "operator", "text", "time_factor", "interlocks", "faults"}
+_MAY_CHANGE = {"name", "operator", "text", "chamber_profile", "time_factor", "interlocks", "faults"}
 """Tables of bench.toml that say who runs it, how fast and how it is watched: nothing of what is measured."""
 
-_MAY_CHANGE_ANYWHERE = {"address", "stream_address", "silence_s", "hang_s"}
-"""Fields that say how an instrument is reached and waited for."""
+_MAY_CHANGE_IN_A_TABLE = {"address", "stream_address", "silence_s", "hang_s"}
+"""Fields of its tables that say how an instrument is reached and waited for."""
+
+_MAY_CHANGE_OF_PROFILE: dict[str, Any] = {
+    "name": True,
+    "source": True,
+    "transport": {"unit_id", "baud", "pause_s", "timeout_s"},
+}
+"""Words, and how the controller is reached and waited for."""
 
 _NAMED_AT_MOST = 3
-
-
-def bench_of(meta: Meta) -> Bench:
-    """The bench that a campaign was begun on, as its recording keeps it; `UsageError` where it keeps none."""
-    told = meta.provenance
-    bench = parse_toml(told.get("bench_toml", ""), Bench, "the bench.toml of the campaign")
-    obeyed = {name: json.loads(told[f"bench_{name}"]) for name in ("physics", "effects") if told.get(f"bench_{name}")}
-    return bench.model_copy(update={**obeyed, "text": told["bench_toml"]})
+_LONGEST_WORD = 200
+_CAMPAIGN = "the campaign"
 
 
 def refuse_another(meta: Meta, infos: Mapping[int, StepInfo], plan: Plan, bench: Bench) -> None:
@@ -38,12 +41,12 @@ def refuse_another(meta: Meta, infos: Mapping[int, StepInfo], plan: Plan, bench:
 
 def refuse_other_instruments(meta: Meta, identities: Mapping[str, Identity]) -> None:
     """Raise `UsageError` where an instrument states another model or serial number than when it was begun."""
-    begun: dict[str, dict[str, str]] = json.loads(meta.provenance.get("instruments") or "{}")
+    begun = _flat(table_of(meta, "instruments", _CAMPAIGN), "")
     found = [
-        f"{name}: {what} was {before!r}, is {now!r}"
+        f"{name}: {what} was {_word(before)!r}, is {now!r}"
         for name, identity in identities.items()
         for what in ("model", "serial")
-        if (before := begun.get(name, {}).get(what)) and (now := getattr(identity, what)) and before != now
+        if (before := begun.get(f"{name}.{what}")) and (now := getattr(identity, what)) and before != now
     ]
     _refuse("another instrument answers", found)
 
@@ -55,10 +58,10 @@ def _differences(meta: Meta, infos: Mapping[int, StepInfo], plan: Plan, bench: B
         return
     if told.get("procedure_sha256") != (digest := hashlib.sha256(plan.source.encode()).hexdigest()):
         yield _changed("source of the procedure (SHA-256)", str(told.get("procedure_sha256"))[:12], digest[:12])
-    yield from _changes("parameter ", json.loads(told.get("parameters") or "{}"), _plain(dict(plan.parameters)))
+    yield from _changes("parameter ", table_of(meta, "parameters", _CAMPAIGN), _plain(dict(plan.parameters)))
     if meta.unit.serial != bench.unit.serial:
         yield _changed("unit.serial", meta.unit.serial, bench.unit.serial)
-    yield from _changes("", _compared(bench_of(meta)), _compared(bench))
+    yield from _changes("", _compared(recorded_bench(meta, _CAMPAIGN)), _compared(bench))
     for number, step in enumerate(plan.steps, 1):
         info = infos.get(number)
         if info is not None and (info.kind != step.kind or not info.name.startswith(step.label)):
@@ -66,14 +69,24 @@ def _differences(meta: Meta, infos: Mapping[int, StepInfo], plan: Plan, bench: B
 
 
 def _compared(bench: Bench) -> dict[str, Any]:
-    """What must be the same of a bench, by dotted names."""
+    """What must be the same of a bench, by dotted names; of a chamber's profile what it says, not where it lies."""
     tables = _plain(bench.model_dump(mode="json", exclude=_MAY_CHANGE))
-    return {name: value for name, value in _flat(tables, "").items() if name.split(".")[-1] not in _MAY_CHANGE_ANYWHERE}
+    if bench.chamber_profile:
+        profile = parse_profile(bench.chamber_profile, "the chamber profile of the campaign")
+        tables["chamber"]["model"] = "a profile"
+        tables["chamber_profile"] = profile.model_dump(mode="json", exclude=_MAY_CHANGE_OF_PROFILE)
+    found = _flat(tables, "")
+    for table in tables:
+        for field in _MAY_CHANGE_IN_A_TABLE:
+            found.pop(f"{table}.{field}", None)
+    return found
 
 
 def _flat(tables: Mapping[str, Any], prefix: str) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name, value in tables.items():
+        if isinstance(value, list) and any(isinstance(item, dict) for item in value):
+            value = {str(place): item for place, item in enumerate(value)}
         if isinstance(value, dict):
             found |= _flat(value, f"{prefix}{name}.")
         else:
@@ -92,7 +105,7 @@ def _changed(what: str, before: object, now: object) -> str:
 
 
 def _word(value: object) -> str:
-    return "not there" if value is None else str(value)
+    return "not there" if value is None else cut(str(value), _LONGEST_WORD)
 
 
 def _plain(value: Any) -> Any:

@@ -5,11 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchctl.limits import listed
 from benchctl.recordings.campaign_folder import campaign_lock
 from benchctl.recordings.campaign_state import described, require_campaign
 from benchctl.recordings.gather import finished_steps, gather, remove_gathered
 from benchctl.recordings.hdf5_files import RecordingFile
-from benchctl.recordings.journal import Events, append_event, events_in, journal_text, last_word, mend_journal
+from benchctl.recordings.journal import (
+    append_event,
+    events_in,
+    journal_text,
+    last_word,
+    mend_journal,
+    planned_steps,
+)
 from benchctl.recordings.model import Meta, Status, StepInfo
 from benchctl.recordings.schema import CAMPAIGN, JOURNAL, RECORDING, STEPS, UNREADABLE
 from benchctl.recordings.torn import described_step, put_in_order
@@ -66,17 +74,17 @@ def recover(folder: Path) -> Recovered:
 
 def _close(folder: Path, meta: Meta) -> None:
     mend_journal(folder / JOURNAL)
-    events = events_in(journal_text(folder / JOURNAL))
+    journal = journal_text(folder / JOURNAL)
     put_in_order(folder, meta)
-    status, reason = _how_it_ended(events, folder)
+    status, reason = _how_it_ended(journal, folder)
     append_event(folder / JOURNAL, "recover", {"status": status, "reason": reason})
     gather(folder, meta, status, reason)
 
 
-def _how_it_ended(events: Events, folder: Path) -> tuple[Status, str]:
+def _how_it_ended(journal: str, folder: Path) -> tuple[Status, str]:
     """As the program said, but complete where, and only where, every planned step is whole."""
-    status, reason = last_word(events)
-    planned = next((event["planned"] for event in reversed(events) if isinstance(event.get("planned"), int)), None)
+    status, reason = last_word(events_in(journal))
+    planned = planned_steps(events_in(journal))
     if planned is None:
         return status, reason
     whole = {info.index for info in map(described_step, finished_steps(folder)) if info.whole}
@@ -84,5 +92,5 @@ def _how_it_ended(events: Events, folder: Path) -> tuple[Status, str]:
     if not missing:
         return "complete", ""
     if status == "complete":
-        return "aborted", f"of the planned steps {', '.join(missing)} cannot be read"
+        return "aborted", f"of the planned steps {listed(missing)} cannot be read"
     return status, reason

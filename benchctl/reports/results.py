@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import os
 from pathlib import Path
 
+from benchctl.documents import json_document
+from benchctl.limits import shown
 from benchctl.recordings.model import Meta
 from benchctl.recordings.reader import OPEN_DESCRIPTION, Recording
 from benchctl.recordings.schema import CAMPAIGN, RECORDING
@@ -23,11 +24,18 @@ def make_folder(folder: Path) -> None:
 
 
 def source_digest(recording: Recording) -> str:
-    """Our own digest, or those of the files that a foreign recording came in."""
+    """Our own digest, or those of the files that a foreign recording came in.
+
+    Raises `UsageError` where the recording names those files in another way than an import does.
+    """
     if recording.digest:
         return recording.digest
-    sources = json.loads(recording.meta.provenance.get("sources", "{}"))
-    return " ".join(source["sha256"] for source in sources.values())
+    name = f"the sources that {recording.path} names"
+    sources = json_document(recording.meta.provenance.get("sources", "{}"), name)
+    try:
+        return " ".join(str(source["sha256"]) for source in sources.values())
+    except (AttributeError, KeyError, TypeError) as err:
+        raise UsageError(f"{name}: expected a SHA-256 by each name, got {shown(sources)}; import them again") from err
 
 
 def may_be_made(folder: Path) -> bool:

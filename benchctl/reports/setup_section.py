@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from benchctl.documents import json_document
+from benchctl.limits import cut
 from benchctl.recordings.model import Meta, StepInfo
 from benchctl.reports import text
+from instruments.errors import UsageError
 
 _KIND_NAMES: Mapping[str, str] = {
     "soak": "soak",
@@ -162,7 +164,7 @@ def _listed(value: object) -> str:
 def _mapping(told: str) -> dict[str, object]:
     """A JSON object of the provenance; one that cannot be read is shown as it is, rather than lost."""
     try:
-        found = json.loads(told) if told else {}
-    except json.JSONDecodeError:
-        return {"as recorded": told}
-    return found if isinstance(found, dict) else {"as recorded": told}
+        found = json_document(told, "provenance") if told else {}
+    except UsageError:
+        return {"as recorded": cut(told)}
+    return found if isinstance(found, dict) else {"as recorded": cut(told)}

@@ -16,24 +16,39 @@ from instruments.chambers.profile_rules import contradiction
 from instruments.errors import UsageError
 
 LONGEST_SHOWN = 60
+MOST_BYTES = 1 << 17
+"""Of a profile; ours have 2000."""
+MOST_DOTS = 200
+"""In a line. The time that Python's TOML reader takes for a dotted key grows with the square of its parts."""
 
 
-def load_profile(path: str | Path) -> Profile:
-    """The profile in a file.
+def profile_name(path: str | Path) -> str:
+    """What errors call the profile in a file."""
+    return _one_line(f"chamber profile {path}")
+
+
+def profile_text(path: Path) -> str:
+    """The text of a profile's file.
 
     Raises
     ------
     UsageError
-        Where it cannot be read, is not TOML, or declares what cannot be; names the file and the first wrong field.
+        Where it cannot be read, is no file (a pipe might never end), not UTF-8, or too large to have been meant.
     """
-    name = _one_line(f"chamber profile {path}")
+    name = profile_name(path)
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        if path.exists() and not path.is_file():
+            raise UsageError(f"{name}: cannot be read: it is no file")
+        with path.open("rb") as file:
+            content = file.read(MOST_BYTES + 1)
+        text = content.decode("utf-8")
     except OSError as err:
         raise UsageError(f"{name}: cannot be read: {err.strerror or err}") from err
     except ValueError as err:  # not UTF-8, or a name that no file can have
         raise UsageError(f"{name}: cannot be read as UTF-8 text: {_one_line(str(err))}") from err
-    return parse_profile(text, name)
+    if len(content) > MOST_BYTES:
+        raise UsageError(f"{name}: is larger than {MOST_BYTES >> 10} KiB, which no profile needs")
+    return text
 
 
 @cache
@@ -44,7 +59,18 @@ def shipped_profile(name: str) -> Profile:
 
 
 def parse_profile(text: str, name: str) -> Profile:
-    """The profile that a TOML text declares; `name` is what errors call the text."""
+    """The profile that a TOML text declares; `name` is what errors call the text.
+
+    Raises
+    ------
+    UsageError
+        Where it is too large, is not TOML, or declares what cannot be; names the first wrong field.
+    """
+    if len(text) > MOST_BYTES:
+        raise UsageError(f"{name}: {len(text)} characters, expected at most {MOST_BYTES}")
+    for number, line in enumerate(text.split("\n"), 1):
+        if (dots := line.count(".")) > MOST_DOTS:
+            raise UsageError(f"{name}, line {number}: {dots} dots, expected at most {MOST_DOTS} in a line")
     try:
         document = tomllib.loads(text)
     except (ValueError, RecursionError) as err:  # also numbers of thousands of digits, and nesting as deep

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from benchctl.bench import SIMULATED, Bench, load_bench, template
 from benchctl.model_file import read_model
 from benchctl.recordings.column_map import parse_map
-from benchctl.toml_file import parse_toml, read_text
+from benchctl.toml_file import line_of, parse_toml, read_text
 from instruments.errors import UsageError
 
 
@@ -98,3 +98,78 @@ def test_a_model_with_a_number_for_a_table_is_refused(tmp_path: Path, text: str)
 
 def test_the_simulated_bench_is_a_bench() -> None:
     assert load_bench(SIMULATED).text == template()
+
+
+FAULTS = """
+[[faults]]                  # the first
+on = "chamber"
+kind = "silence"
+[[faults]]
+on = "chamber"
+kind = "late"
+after_s = 1.0
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "says", "line"),
+    [
+        (f"{FAULTS}nth = 'x'\n", "faults.1.late.nth", "nth = 'x'"),
+        (FAULTS.replace('"late"', '"never"'), "faults.1: input tag 'never'", "[[faults]]\n"),
+        (FAULTS.replace('"silence"', '"silence"\nnth = "y"'), "faults.0.silence.nth", 'nth = "y"'),
+        (
+            '[[interlocks]]\nquantity = "air_c"\nabove = 1.0\n[[interlocks]]\nquantity = "air_c"\nabove = "hot"\n',
+            "interlocks.1.above",
+            'above = "hot"',
+        ),
+        (
+            '[[interlocks]]\nquantity = "air_c"\nabove = 1.0\n[[interlocks]]\nquantity = "gyro_c"\n',
+            "interlocks.1: gyro_c: expected above, below or both",
+            '[[interlocks]]\nquantity = "gyro_c"',
+        ),
+    ],
+)
+def test_a_fault_in_a_second_table_of_a_list_has_that_table_s_line(text: str, says: str, line: str) -> None:
+    whole = template() + text
+    message = _refusal(whole)
+    number = whole[: whole.rindex(line)].count("\n") + 1
+    assert message.startswith(f"bench.toml, line {number}: {says}")
+
+
+@pytest.mark.parametrize(
+    ("place", "line"),
+    [
+        (("a", 0, "b", 1, "c"), 7),
+        (("a", 1, "b", 0, "c"), 12),
+        (("a", 1, "b", 0), 11),
+        (("a", 1, "x", "y"), 10),
+        (("a", 1, "z"), 8),
+        (("d",), 1),
+        (("e", 1), 15),
+        (("f", "g"), 17),
+    ],
+)
+def test_lists_of_tables_in_lists_of_tables_are_counted_each_for_itself(
+    place: tuple[str | int, ...], line: int
+) -> None:
+    text = """d = 1
+[[a]]
+[[a.b]]
+c = 1
+
+[[a.b]]
+c = 2
+[[a]]
+[a.x]
+y = 1
+[[a.b]]
+c = 3
+[[e]]
+f = 1
+[[e]]
+[f]   # a table
+g = [
+  [1, 2],
+]
+"""
+    assert line_of(text, place) == line

@@ -18,6 +18,7 @@ import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from tests.fuzz.harness import clear_workplace, harness, harness_names
 
@@ -112,7 +113,19 @@ def _fuzz(name: str, inputs: int, seconds: int, keep: Path) -> Outcome:
 
 
 def _run(outcome: Outcome, inputs: int, seconds: int, scratch: Path) -> bool:
-    """One process; adds what it did to the outcome and returns whether it crashed."""
+    """One process after the other, as long as each ends because it was full; whether the last one crashed."""
+    asked, begun = outcome.inputs + inputs, time.monotonic()
+    while True:
+        left = max(1, seconds - int(time.monotonic() - begun)) if seconds else 0
+        told, crashed = _process(outcome, asked - outcome.inputs, left, scratch)
+        is_over = outcome.inputs >= asked or 0 < seconds <= time.monotonic() - begun
+        if crashed or is_over or not told.get("full"):
+            return crashed
+
+
+def _process(outcome: Outcome, inputs: int, seconds: int, scratch: Path) -> tuple[dict[str, Any], bool]:
+    """One process; adds what it did to the outcome. Returns what it told, and whether it crashed."""
+    (scratch / "told.json").unlink(missing_ok=True)
     log = scratch / "log.txt"
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "TMPDIR": str(scratch)}
     module = "isolated" if harness(outcome.name).native else "worker"
@@ -122,7 +135,7 @@ def _run(outcome: Outcome, inputs: int, seconds: int, scratch: Path) -> bool:
         _, status, used = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
     clear_workplace(process.pid)
-    told = json.loads((scratch / "told.json").read_text()) if (scratch / "told.json").exists() else {}
+    told: dict[str, Any] = json.loads((scratch / "told.json").read_text()) if (scratch / "told.json").exists() else {}
     outcome.inputs += told.get("inputs", 0)
     outcome.seconds += told.get("seconds", 0.0)
     outcome.crashes += told.get("crashes", 0)
@@ -130,7 +143,7 @@ def _run(outcome: Outcome, inputs: int, seconds: int, scratch: Path) -> bool:
     outcome.slow += told.get("slow", 0)
     outcome.slowest_s = max(outcome.slowest_s, told.get("slowest_s", 0.0))
     outcome.peak_bytes = max(outcome.peak_bytes, used.ru_maxrss * (1 if sys.platform == "darwin" else 1024))
-    return process.returncode != 0
+    return told, process.returncode != 0
 
 
 def _keep(scratch: Path, kept: Path, *, crashed: bool) -> None:

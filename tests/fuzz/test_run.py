@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from tests.fuzz import run
 from tests.fuzz.harness import Harness, clear_workplace, harness_names
 from tests.fuzz.isolated import changes, run_isolated
 
@@ -52,6 +55,25 @@ def test_without_atheris_it_says_what_to_install() -> None:
     assert "Traceback" not in done.stderr
 
 
+def test_a_worker_that_was_full_is_followed_by_others_until_all_inputs_are_had(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    def takes_400_at_most(
+        outcome: run.Outcome, inputs: int, seconds: int, scratch: Path
+    ) -> tuple[dict[str, Any], bool]:
+        asked.append((inputs, seconds, scratch))
+        outcome.inputs += min(inputs, 400)
+        return {"full": inputs > 400}, False
+
+    monkeypatch.setattr(run, "_process", takes_400_at_most)
+    outcome = run.Outcome("frames", inputs=50)
+    assert not run._run(outcome, 1000, 0, tmp_path)
+    assert asked == [(1000, 0, tmp_path), (600, 0, tmp_path), (200, 0, tmp_path)]
+    assert outcome.inputs == 1050
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_with_atheris_every_harness_runs_and_stands_in_the_table(tmp_path: Path) -> None:
@@ -66,3 +88,19 @@ def test_with_atheris_every_harness_runs_and_stands_in_the_table(tmp_path: Path)
     assert done.returncode == 0, done.stdout + done.stderr
     named = [line.split(" | ")[0].removeprefix("| ") for line in done.stdout.splitlines() if line.startswith("| ")]
     assert named == ["parsers", *harness_names(), "all"]
+
+
+@pytest.mark.slow
+def test_a_worker_that_has_grown_too_large_says_so_and_ends_without_a_crash(tmp_path: Path) -> None:
+    pytest.importorskip("atheris")
+    script = (
+        "from tests.fuzz import worker\n"
+        "worker._MOST_RESIDENT_BYTES = 0\n"
+        f"sys.argv = ['worker', 'addresses', '5000', '0', {str(tmp_path)!r}]\n"
+        "worker.main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", f"import sys\n{script}"], cwd=ROOT, capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr
+    told = json.loads((tmp_path / "told.json").read_text())
+    assert told["full"]
+    assert 0 < told["inputs"] < 5000

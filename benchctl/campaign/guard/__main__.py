@@ -52,7 +52,7 @@ def _learn(orders: Orders) -> None:
 
     with contextlib.suppress(BenchError):  # what is wrong with them shows when they are used
         driver("rate_table", orders.rate_table.model)
-        driver("chamber", orders.chamber.model)
+        driver("chamber", orders.chamber.model, orders.chamber.profile)
 
 
 def _answer() -> None:

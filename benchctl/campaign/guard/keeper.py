@@ -148,15 +148,16 @@ def _orders(bench: Bench, journal: Path) -> Orders:
         rest_within_s=rest_within_s(bench.limits.rate_dps, bench.limits.acceleration_dps2),
         safe_c=bench.safe.chamber_c,
         rate_table=_reached(bench.rate_table),
-        chamber=_reached(bench.chamber),
+        chamber=_reached(bench.chamber, bench.chamber_profile),
     )
 
 
-def _reached(entry: InstrumentEntry) -> Reached:
+def _reached(entry: InstrumentEntry, profile: str = "") -> Reached:
     address = entry.address or ""
     return Reached(
         model=entry.model,
         address=address,
         options=entry.options,
         lock=str(lock_folder() / f"{lock_name(address)}.lock"),
+        profile=profile,
     )

@@ -86,7 +86,7 @@ def rescue(orders: Orders, tell: Callable[[str], None], give_up_s: float = GIVE_
     clock = ScaledClock(orders.time_factor)
     said: Said = queue.SimpleQueue()
     table = _Task("rate_table", lambda: _stop(orders, clock), give_up_s, said)
-    chamber = _Task("chamber", lambda: _go_home(orders, clock), give_up_s, said)
+    chamber = _Task("chamber", lambda: _go_home(orders, clock, said.put), give_up_s, said)
     tell("taking over")
     deadline_s = time.monotonic() + give_up_s + GRACE_S
     busy = 2
@@ -109,9 +109,9 @@ def _stop(orders: Orders, clock: Clock) -> float:
         return stop_table(table, clock, orders.rest_within_s, lambda: None)
 
 
-def _go_home(orders: Orders, clock: Clock) -> float:
+def _go_home(orders: Orders, clock: Clock, remark: Callable[[str], None]) -> float:
     with _opened("chamber", orders.chamber, clock) as chamber:
-        return send_home(chamber, orders.safe_c)
+        return send_home(chamber, orders.safe_c, remark)
 
 
 @contextlib.contextmanager
@@ -125,7 +125,8 @@ def _opened(kind: Kind, reached: Reached, clock: Clock) -> Iterator[Any]:
         if is_held(path):
             raise  # else the locks' folder is gone, with the user's session say: that must not keep a table turning
     try:
-        with driver(kind, reached.model)(reached.address, clock=clock, **reached.options) as instrument:
+        make = driver(kind, reached.model, reached.profile)
+        with make(reached.address, clock=clock, **reached.options) as instrument:
             yield instrument
     finally:
         lock.release()

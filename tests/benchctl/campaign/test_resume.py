@@ -332,7 +332,7 @@ def test_a_description_that_makes_no_sense_is_refused_in_one_line(interrupted: P
     shutil.copytree(interrupted, tmp_path / "c")
     with h5py.File(tmp_path / "c" / "recording.h5", "r+") as file:
         file.attrs["provenance_parameters"] = "{"
-    damaged = pytest.raises(UsageError, match=r"c: its description is damaged \(JSONDecodeError: ")
+    damaged = pytest.raises(UsageError, match=r"^parameters of the campaign, line 1: not JSON: ")
     with damaged as caught, past_of(tmp_path / "c", PLAN, BENCH):
         pass
     assert "\n" not in str(caught.value)

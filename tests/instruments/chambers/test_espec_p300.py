@@ -25,7 +25,7 @@ def machine() -> FakeChamber:
 
 @pytest.fixture(params=[False, SERIAL], ids=["tcp", "serial"])
 def twin(machine: FakeChamber, request: pytest.FixtureRequest) -> Iterator[SimulatedEspecP300]:
-    with SimulatedEspecP300(machine, serial=request.param) as twin:
+    with SimulatedEspecP300(machine, over_tcp=not request.param) as twin:
         yield twin
 
 
@@ -176,7 +176,7 @@ def test_a_controller_that_does_not_do_what_it_said_ok_to_is_found_out(
 def test_on_rs485_the_number_goes_before_every_line_and_another_one_is_silence(
     machine: FakeChamber, serial: bool
 ) -> None:
-    with SimulatedEspecP300(machine, rs485_address=3, serial=serial) as twin:
+    with SimulatedEspecP300(machine, rs485_address=3, over_tcp=not serial) as twin:
         with EspecP300(twin.address, clock=InstantClock(), rs485_address=3) as chamber:
             chamber.go_to(30.0)
         for wrong in (4, None):
@@ -195,7 +195,7 @@ def test_a_number_where_none_is_needed_is_said_by_the_chamber(twin: SimulatedEsp
 @pytest.mark.skipif(sys.platform == "win32", reason="needs pseudo-terminals")
 def test_a_serial_line_as_slow_as_the_real_one_is_fast_enough(machine: FakeChamber) -> None:
     with (
-        SimulatedEspecP300(machine, serial=True, pace_baud=9600) as twin,
+        SimulatedEspecP300(machine, over_tcp=False, pace_baud=9600) as twin,
         EspecP300(twin.address, clock=InstantClock()) as chamber,
     ):
         chamber.go_to(30.0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import time
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +15,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from instruments.chambers.profile import Profile
-from instruments.chambers.profile_file import changed, load_profile, parse_profile, profile_of, shipped_profile
+from instruments.chambers.profile_file import (
+    MOST_BYTES,
+    changed,
+    parse_profile,
+    profile_of,
+    profile_text,
+    shipped_profile,
+)
 from instruments.chambers.profiled import ProfiledChamber
 from instruments.errors import UsageError
 from instruments.simulated.profiled import SimulatedProfiled
@@ -186,28 +195,56 @@ def test_a_mistake_is_one_line_that_names_the_file_and_the_field(changes: dict[s
 
 
 @pytest.mark.parametrize(
-    ("content", "says"),
+    ("text", "says"),
     [
-        (b"name = ", "not TOML: Invalid value"),
-        (b"\xff\xfe", "cannot be read as UTF-8 text"),
-        (b"a = " + b"9" * 5000, "not TOML: "),
-        (b"a = " + b"[" * 5000, "not TOML: "),
-        (SMALLEST.encode() + b"decimals = 0x" + b"f" * 5000, "got a number that is far too long"),
-        (b"", "name: this field is needed and is not there"),
+        ("name = ", "not TOML: Invalid value"),
+        ("a = " + "9" * 5000, "not TOML: "),
+        ("a = " + "[" * 5000, "not TOML: "),
+        (SMALLEST + "decimals = 0x" + "f" * 5000, "got a number that is far too long"),
+        ("", "name: this field is needed and is not there"),
+        ("a = 1\n" + "a." * 5000 + "a = 1", ", line 2: 5000 dots, expected at most 200 in a line"),
+        ("#" * (MOST_BYTES + 1), "expected at most 131072"),
     ],
+)
+def test_a_text_that_is_no_profile_is_named_in_time(text: str, says: str) -> None:
+    begun = time.process_time()
+    with pytest.raises(UsageError, match=r"lab\.toml") as caught:
+        parse_profile(text, "lab.toml")
+    assert says in str(caught.value)
+    assert time.process_time() - begun < 1.0
+
+
+def test_a_profile_of_a_thousand_alarms_is_read_in_time() -> None:
+    alarms = "".join(f'[[alarms]]\nname = "a{k}"\naddress = {k + 9}\nbits = {{ 1 = "x" }}\n' for k in range(1000))
+    begun = time.process_time()
+    assert len(parse_profile(SMALLEST + alarms, "lab.toml").alarms) == 1000
+    assert time.process_time() - begun < 2.0
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [(b"\xff\xfe", "cannot be read as UTF-8 text"), (b"#" * (MOST_BYTES + 1), "is larger than 128 KiB")],
 )
 def test_a_file_that_is_no_profile_is_named(tmp_path: Path, content: bytes, says: str) -> None:
     file = tmp_path / "lab.toml"
     file.write_bytes(content)
     with pytest.raises(UsageError, match=r"lab\.toml") as caught:
-        load_profile(file)
+        profile_text(file)
     assert says in str(caught.value)
 
 
 @pytest.mark.parametrize("name", ["not_there.toml", ".", "nul\0.toml"])
 def test_a_file_that_cannot_be_read_is_named(tmp_path: Path, name: str) -> None:
-    with pytest.raises(UsageError, match=r"chamber profile .*: cannot be read"):
-        load_profile(f"{tmp_path}/{name}")
+    with pytest.raises(UsageError, match=r"chamber profile .*: cannot be read") as caught:
+        profile_text(Path(f"{tmp_path}/{name}"))
+    assert str(caught.value).isprintable()
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="Windows has no such pipes")
+def test_a_pipe_is_no_profile_and_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "lab.toml")
+    with pytest.raises(UsageError, match=r"lab\.toml: cannot be read: it is no file"):
+        profile_text(tmp_path / "lab.toml")
 
 
 def usable(profile: Profile) -> Profile:

@@ -14,7 +14,7 @@ from instruments.links.modbus import Retry
 from instruments.protocols.words import WordOrder
 from instruments.simulated.modbus_server import ModbusTcpServer
 from instruments.simulated.registers import RegisterTable, word
-from instruments.simulated.watlow_f4t import SimulatedWatlowF4T, SwitchedBy
+from instruments.simulated.watlow_f4t import OnBy, SimulatedWatlowF4T
 from tests.instruments.chamber_machine import FakeChamber, InstantClock
 
 RUNNING: dict[str, Any] = {"running_output": [1, 1]}
@@ -119,7 +119,7 @@ def test_a_loop_that_is_not_there_is_refused(twin: SimulatedWatlowF4T) -> None:
 
 
 @pytest.mark.parametrize(
-    ("switched_by", "wiring"),
+    ("on_by", "wiring"),
     [
         ("toggle_key", {}),
         ("toggle_key", {"on_by": "toggle_key", "on_number": 1, **RUNNING}),
@@ -129,10 +129,10 @@ def test_a_loop_that_is_not_there_is_refused(twin: SimulatedWatlowF4T) -> None:
     ],
 )
 def test_conditioning_is_switched_however_it_is_wired_and_only_where_it_must_be(
-    machine: FakeChamber, switched_by: SwitchedBy, wiring: dict[str, Any]
+    machine: FakeChamber, on_by: OnBy, wiring: dict[str, Any]
 ) -> None:
     with (
-        SimulatedWatlowF4T(machine, switched_by=switched_by) as twin,
+        SimulatedWatlowF4T(machine, on_by=on_by) as twin,
         driver_at(twin.address, **wiring) as chamber,
     ):
         for _ in range(2):
@@ -145,7 +145,7 @@ def test_conditioning_is_switched_however_it_is_wired_and_only_where_it_must_be(
 
 def test_a_chamber_that_does_not_start_is_found_out_by_its_running_output(machine: FakeChamber) -> None:
     with (
-        SimulatedWatlowF4T(machine, switched_by="event") as twin,
+        SimulatedWatlowF4T(machine, on_by="event") as twin,
         driver_at(twin.address, on_by="event", on_number=2, **RUNNING) as chamber,
         pytest.raises(
             InstrumentError, match=r"output 1 of module 1 \(register 33718\) should be 63 and still reads 62"
