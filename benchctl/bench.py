@@ -11,7 +11,9 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from benchctl.limits import HIGHEST_RATE_HZ, MOST_COUNTS_PER_REV
 from benchctl.model_file import Model
-from benchctl.toml_file import parse_toml, read_text
+from benchctl.toml_file import line_of, parse_toml, read_text
+from instruments.catalog import find_profile, is_profile
+from instruments.chambers.profile_file import parse_profile, profile_name
 from instruments.errors import UsageError
 from instruments.interfaces import FloatArray
 from instruments.simulated.faults.bench import AnyFault
@@ -159,8 +161,15 @@ class DigitizerEntry(InstrumentEntry):
         return self.thermistor_c_at_0v + self.thermistor_c_per_v * thermistor_v
 
 
+class GyroEntry(InstrumentEntry):
+    """A digital gyro under test, which sends frames; `options` say among others which of its axes the table turns."""
+
+    frame_rate_hz: float = Field(default=1000.0, gt=0, le=HIGHEST_RATE_HZ)
+    sign: Literal[1, -1] = 1
+
+
 class Bench(_Table):
-    """A whole bench; `text` is the file as it was read."""
+    """A whole bench; `text` is the file as it was read, `chamber_profile` that which `chamber.model` names, if any."""
 
     name: str
     operator: str = ""
@@ -174,11 +183,13 @@ class Bench(_Table):
     rate_table: InstrumentEntry
     chamber: InstrumentEntry
     digitizer: DigitizerEntry
+    gyro: GyroEntry | None = None
     simulation: Simulation | None = None
     physics: dict[str, Any] = Field(default_factory=dict)
     effects: dict[str, Any] = Field(default_factory=dict)
     faults: tuple[AnyFault, ...] = ()
     text: str = ""
+    chamber_profile: str = ""
 
     @model_validator(mode="after")
     def _reachable(self) -> Bench:
@@ -193,11 +204,20 @@ class Bench(_Table):
             for name in ("rate_table", "chamber", "digitizer"):
                 if getattr(self, name).address is None:
                     raise ValueError(f"{name}.address is needed where simulated is not true")
+            if self.gyro is not None and self.gyro.address is None:
+                raise ValueError("gyro.address is needed where simulated is not true")
             if self.effects:
                 raise ValueError("[effects] is played by simulated instruments only, and simulated is not true")
             if self.faults:
                 raise ValueError("[[faults]] happen to simulated instruments only, and simulated is not true")
+        if self.gyro is None and any(fault.on == "gyro" for fault in self.faults):
+            raise ValueError('[[faults]] on = "gyro" happen to a digital gyro, and there is no [gyro]')
         return self
+
+    @property
+    def recorded_hz(self) -> float:
+        """Rows of four channels that a streamed step records a second: scans, and frames."""
+        return self.digitizer.sample_rate_hz + (self.gyro.frame_rate_hz if self.gyro else 0.0)
 
     def with_seed(self, seed: int | None) -> Bench:
         """The same bench, its simulated physics drawn with another seed."""
@@ -223,18 +243,36 @@ def load_bench(source: str) -> Bench:
     ------
     UsageError
         Where the file is not there, is not TOML, or has a wrong field; names the file, the line and the field.
+        Likewise of the chamber's profile, whose path begins in the folder of this file.
     """
+    path = Path(source)
     if source == SIMULATED:
         text, name = template(), "simulated bench"
+    elif path.is_dir():
+        raise UsageError(f"bench {path}: expected a bench.toml, this is a folder")
     else:
-        path = Path(source)
-        if path.is_dir():
-            raise UsageError(f"bench {path}: expected a bench.toml, this is a folder")
         text, name = read_text(path, "bench"), str(path)
-    bench = parse_toml(text, Bench, name).model_copy(update={"text": text})
+    bench = bench_of_text(text, name)
+    if is_profile(bench.chamber.model):
+        bench = _with_profile(bench, path.parent, name)
     if bench.effects:
         _check_effects(bench.effects, name)
     return bench
+
+
+def bench_of_text(text: str, name: str, chamber_profile: str = "") -> Bench:
+    """The bench of a text that is read already, and of that of its chamber's profile; raises what `parse_toml` does."""
+    return parse_toml(text, Bench, name).model_copy(update={"text": text, "chamber_profile": chamber_profile})
+
+
+def _with_profile(bench: Bench, folder: Path, name: str) -> Bench:
+    try:
+        path, text = find_profile(bench.chamber.model, folder)
+    except UsageError as err:
+        raise UsageError(f"{name}, line {line_of(bench.text, ('chamber', 'model'))}: {err}") from err
+    parse_profile(text, profile_name(path))
+    chamber = bench.chamber.model_copy(update={"model": str(path)})
+    return bench.model_copy(update={"chamber": chamber, "chamber_profile": text})
 
 
 def _check_effects(tables: dict[str, Any], name: str) -> None:

@@ -49,7 +49,7 @@ class TableLimits:
 class TableReading:
     """Angle [0, 360), rate and acceleration in one combined read, as the controller states them.
 
-    `acceleration_dps2` is not a number where the controller does not state it.
+    Where the controller states no acceleration, `acceleration_dps2` is what reads of the rate prove, or not a number.
     """
 
     angle_deg: float
@@ -75,7 +75,10 @@ class Instrument(Protocol):
 
 
 class RateTable(Instrument, Protocol):
-    """A single-axis rate table."""
+    """A single-axis rate table.
+
+    A driver whose controller has no sinusoid says so beforehand, by an attribute of its class, `oscillates = False`.
+    """
 
     def set_limits(self, limits: TableLimits) -> None:
         """Program the controller's own limits."""
@@ -93,7 +96,10 @@ class RateTable(Instrument, Protocol):
         """Turn to an angle, the short way round, and hold it; returns at once."""
 
     def oscillate(self, amplitude_dps: float, frequency_hz: float) -> None:
-        """Oscillate about the present angle; `amplitude_dps` is the peak of the rate. Returns at once."""
+        """Oscillate about the present angle; `amplitude_dps` is the peak of the rate. Returns at once.
+
+        Raises `UsageError` where the controller has no sinusoid.
+        """
 
     def stop(self) -> None:
         """A controlled stop; returns at once, the rate reaches zero within the acceleration limit."""
@@ -226,7 +232,7 @@ class GyroBlock:
     `sequence` counts samples from the start of the stream, lost ones included: by the gyro's own clock sample i was
     taken at sequence[i] / rate_hz. `rate_dps` is about the gyro's own axis. `status` is as the gyro states it, `valid`
     whether it vouches for the sample, and `faults` are the words of everything that was wrong anywhere in the block.
-    `counts` are those of the whole stream.
+    `counts` are those of the whole stream. After `wrap` samples the gyro's own numbers come again.
     """
 
     sequence: IntArray
@@ -237,6 +243,7 @@ class GyroBlock:
     faults: tuple[str, ...]
     gaps: tuple[GyroGap, ...]
     counts: GyroCounts
+    wrap: int
 
 
 class Gyro(Instrument, Protocol):

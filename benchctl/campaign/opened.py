@@ -11,7 +11,7 @@ from benchctl.bench import Bench, InstrumentEntry
 from benchctl.campaign.reserved import reserved
 from instruments.catalog import Kind, driver
 from instruments.errors import BenchError, BenchNotReadyError, UsageError
-from instruments.interfaces import Chamber, Clock, Digitizer, Identity, Instrument, RateTable
+from instruments.interfaces import Chamber, Clock, Digitizer, Gyro, Identity, Instrument, RateTable
 from instruments.physics.effects.effect import PhysicalEffect
 from instruments.physics.effects.making import make_effects
 from instruments.simulated.bench import SimulatedBench
@@ -19,6 +19,7 @@ from instruments.simulated.clock import ScaledClock, VirtualClock
 from instruments.simulated.direct import DirectChamber, DirectDigitizer, DirectRateTable
 from instruments.simulated.sensor import sensor_of
 from instruments.simulated.settings import WorldSettings
+from instruments.simulated.wiring import twin_keywords
 from instruments.simulated.world import World
 
 FASTEST = 2.0
@@ -31,7 +32,7 @@ class OpenBench:
 
     `epoch_s` is the clock at the start of the recording, `elapsed_s` how far the recording had come when the
     digitizer's own counter was at zero; `reached` says how they were reached. `simulated` are the servers, where they
-    run in this process.
+    run in this process. `gyro` is the digital one, where the bench has one.
     """
 
     bench: Bench
@@ -44,6 +45,7 @@ class OpenBench:
     identities: Mapping[str, Identity]
     elapsed_s: float = 0.0
     simulated: SimulatedBench | None = None
+    gyro: Gyro | None = None
 
 
 @contextmanager
@@ -69,13 +71,15 @@ def open_bench(
             reached = "at their addresses"
             stack.enter_context(reserved(bench, purpose))
             clock: Clock = ScaledClock(bench.time_factor)
-            instruments = _drivers(bench, clock, {})
+            instruments = drivers_at(bench, clock, {})
         elif wires:
             reached = "simulated, over their wires"
             virtual = VirtualClock()
             simulated = stack.enter_context(simulated_bench(bench, virtual))
-            clock, instruments = virtual, _drivers(bench, virtual, simulated.addresses)
+            clock, instruments = virtual, drivers_at(bench, virtual, simulated.addresses)
         else:
+            if bench.gyro is not None:
+                raise UsageError("gyro: it sends over a wire, and this simulation does without; leave [gyro] out")
             if bench.faults:
                 raise UsageError("faults: they happen on wires, and this simulation does without; leave [[faults]] out")
             reached = "simulated, without wires"
@@ -100,22 +104,38 @@ def open_bench(
             identities=identities,
             elapsed_s=elapsed_s,
             simulated=simulated,
+            gyro=instruments.get("gyro"),
         )
 
 
 def simulated_bench(bench: Bench, clock: VirtualClock | ScaledClock, **options: Any) -> SimulatedBench:
-    """The simulated twin of a bench, not yet started."""
+    """The simulated twin of a bench, not yet started: wired as its drivers believe, and with further `options`."""
     settings = world_settings(bench)
     return SimulatedBench(
         settings,
         clock,
         rate_table=bench.rate_table.model,
         chamber=bench.chamber.model,
+        chamber_profile=bench.chamber_profile,
         digitizer=bench.digitizer.model,
         effects=effects_of(bench, settings),
-        options=options,
+        options=_wired(bench, options),
         faults=bench.faults,
+        gyro=None if bench.gyro is None else bench.gyro.model,
     )
+
+
+def _wired(bench: Bench, more: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    kinds: tuple[Kind, ...] = ("rate_table", "chamber", "digitizer", *(("gyro",) if bench.gyro else ()))
+    found: dict[str, dict[str, Any]] = {}
+    for kind in kinds:
+        entry: InstrumentEntry = getattr(bench, kind)
+        profile = bench.chamber_profile if kind == "chamber" else ""
+        wired = twin_keywords(kind, entry.model, options=entry.options, address=entry.address, profile=profile)
+        found[kind] = wired | more.get(kind, {})
+    if bench.gyro is not None:
+        found["gyro"]["rate_hz"] = bench.gyro.frame_rate_hz
+    return found
 
 
 def world_settings(bench: Bench) -> WorldSettings:
@@ -156,24 +176,33 @@ def effects_of(bench: Bench, settings: WorldSettings) -> tuple[PhysicalEffect, .
     return make_effects(bench.effects, circumstances)
 
 
-def _drivers(bench: Bench, clock: Clock, addresses: Mapping[str, str]) -> dict[str, Any]:
+def drivers_at(bench: Bench, clock: Clock, addresses: Mapping[str, str]) -> dict[str, Any]:
+    """The drivers of a bench, not yet opened, at these addresses or at their own; `UsageError` for wrong options."""
     entry = bench.digitizer
     fastest_counts_per_s = FASTEST * bench.limits.rate_dps / 360.0 * entry.encoder_counts_per_rev
     digitizer: dict[str, Any] = {"range_v": entry.adc_range_v, "fastest_counts_per_s": fastest_counts_per_s}
     stream = addresses.get("digitizer_stream", bench.digitizer.stream_address)
     if stream is not None:
         digitizer["stream_address"] = stream
-    return {
+    found = {
         "rate_table": _driver("rate_table", bench.rate_table, clock, addresses, {}),
-        "chamber": _driver("chamber", bench.chamber, clock, addresses, {}),
+        "chamber": _driver("chamber", bench.chamber, clock, addresses, {}, bench.chamber_profile),
         "digitizer": _driver("digitizer", bench.digitizer, clock, addresses, digitizer),
     }
+    if bench.gyro is not None:
+        found["gyro"] = _driver("gyro", bench.gyro, clock, addresses, {})
+    return found
 
 
 def _driver(
-    kind: Kind, entry: InstrumentEntry, clock: Clock, addresses: Mapping[str, str], more: Mapping[str, Any]
+    kind: Kind,
+    entry: InstrumentEntry,
+    clock: Clock,
+    addresses: Mapping[str, str],
+    more: Mapping[str, Any],
+    profile: str = "",
 ) -> Any:
-    make: Callable[..., Any] = driver(kind, entry.model)
+    make: Callable[..., Any] = driver(kind, entry.model, profile)
     try:
         return make(addresses.get(kind, entry.address), clock=clock, **more, **entry.options)
     except (AttributeError, TypeError, ValueError) as err:

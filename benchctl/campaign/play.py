@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from benchctl.campaign.frames import NoFrames, StepFrames, frames_of
 from benchctl.campaign.opened import OpenBench
 from benchctl.campaign.rest import wait_for_rest
 from benchctl.campaign.safety import Supervisor, rest_s
@@ -16,7 +17,7 @@ from benchctl.campaign.stop import StopRequest
 from benchctl.campaign.stream import STREAM_CHANNELS, StreamRecorder
 from benchctl.plan import ConstantRate, Sine, Soak, Static, Step, ThermalRamp
 from benchctl.recordings.campaign_folder import CampaignWriter, StepWriter
-from benchctl.recordings.model import FloatArray, StepInfo
+from benchctl.recordings.model import FRAME_CHANNELS, FloatArray, StepInfo
 from instruments.errors import InstrumentError
 from instruments.interfaces import ChamberReading
 
@@ -40,7 +41,7 @@ class StepPlayer:
     """Plays the steps of one campaign, in order, into one writer; `notify` is told what is being done.
 
     `setpoint_c`, `gyro_c`, `streamed` and `gaps` are where it is: set point, thermistor, scans of this step so far and
-    gaps in them.
+    gaps in them; `frames` are those of the step's digital gyro.
     """
 
     opened: OpenBench
@@ -52,6 +53,7 @@ class StepPlayer:
     gyro_c: float = math.nan
     streamed: int = 0
     gaps: int = 0
+    frames: StepFrames = field(default_factory=NoFrames)
     _torn: tuple[StepWriter, StepInfo] | None = None
 
     def play(self, index: int, step: Step) -> StepInfo:
@@ -69,7 +71,8 @@ class StepPlayer:
                 self._swing(step.swing_dps, step.swing_hz, step.settle_s)
             case ThermalRamp():
                 self._turn(step.rate_dps, step.settle_s)
-        return self._record(index, step, STREAM_CHANNELS, lambda into: self._stream(step, into))
+        channels = (*STREAM_CHANNELS, *(FRAME_CHANNELS if self.opened.gyro else ()))
+        return self._record(index, step, channels, lambda into: self._stream(step, into))
 
     def close_torn(self) -> int:
         """Close the step that was torn, if one was, marked as cut; returns the samples in it.
@@ -79,7 +82,8 @@ class StepPlayer:
         if self._torn is None:
             return 0
         into, info = self._torn
-        return into.cut(info).samples
+        self.frames.close()
+        return into.cut(self.frames.counted(info)).samples
 
     def wait(self, seconds: float) -> None:
         """Let bench time pass, looking at the table and heeding a wish to stop at least every chunk."""
@@ -93,14 +97,15 @@ class StepPlayer:
     def _record(self, index: int, step: Step, channels: Sequence[str], act: Callable[[StepWriter], Span]) -> StepInfo:
         info = self._describe(index, step)
         into = self.writer.begin_step(info, channels)
-        self.gaps = 0
+        self.gaps, self.frames = 0, NoFrames()
         try:
             span = act(into)
         except BaseException:
             self._torn = into, replace(info, t_end=self._now_s(), gaps=self.gaps)
             raise
-        self.supervisor.guard.beat(more_s=self.streamed * CLOSING_S_PER_SCAN)
+        self.supervisor.guard.beat(more_s=(self.streamed + self.frames.written) * CLOSING_S_PER_SCAN)
         self.streamed = 0
+        info = self.frames.counted(info)
         return into.close(replace(info, t_start=span.t_start, t_end=span.t_end, gaps=span.gaps, whole=True))
 
     def _describe(self, index: int, step: Step) -> StepInfo:
@@ -122,6 +127,7 @@ class StepPlayer:
             amplitude_dps=amplitude_dps,
             frequency_hz=frequency_hz,
             sample_rate_hz=self.opened.bench.digitizer.sample_rate_hz if moving else None,
+            frame_rate_hz=gyro.frame_rate_hz if moving and (gyro := self.opened.bench.gyro) else None,
         )
 
     def _now_s(self) -> float:
@@ -148,6 +154,7 @@ class StepPlayer:
 
     def _stream(self, step: Step, into: StepWriter) -> Span:
         self.notify("recording")
+        self.frames = frames_of(self.opened, self.supervisor, into)
         recorder = StreamRecorder(self.opened, self.supervisor, into, step.streamed_s)
         begin_s = self.opened.clock.now()
         while recorder.wants_more:
@@ -155,6 +162,7 @@ class StepPlayer:
                 self._ramp(step, self.opened.clock.now() - begin_s)
             self.opened.clock.sleep(recorder.next_chunk_s)
             recorder.take()
+            self.frames.take(recorder)
             self.gyro_c, self.streamed, self.gaps = recorder.last_gyro_c, recorder.samples, recorder.gaps
             self.stop.heed()
             self.supervisor.check_state()
@@ -164,6 +172,7 @@ class StepPlayer:
             self.notify("recording")
         # Where an error left the loop, the table comes before the stream: `bring_to_rest` stops both.
         self.opened.digitizer.stop_stream()
+        self.frames.finish(recorder)
         if isinstance(step, ThermalRamp):
             self.setpoint_c = step.to_c
         return Span(t_start=recorder.t_start, t_end=recorder.t_end, gaps=recorder.gaps)

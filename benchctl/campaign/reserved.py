@@ -64,7 +64,7 @@ def lock_name(address: str) -> str:
 def _places(bench: Bench) -> dict[str, tuple[str, str]]:
     """Name of the lock -> instrument and address; two instruments on one bus or gateway share a lock."""
     found: dict[str, tuple[str, str]] = {}
-    for name in ("rate_table", "chamber", "digitizer"):
+    for name in ("rate_table", "chamber", "digitizer", *(["gyro"] if bench.gyro else [])):
         address = getattr(bench, name).address
         found.setdefault(lock_name(address), (name, address))
     return found

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from instruments.errors import SafetyError
+from instruments.errors import InstrumentError, SafetyError
 from instruments.interfaces import Chamber, Clock, RateTable, TableState
 
 AT_REST_DPS = 0.05
@@ -51,10 +51,18 @@ def wait_for_rest(table: RateTable, clock: Clock, within_s: float, beat: Callabl
         clock.sleep(_LOOK_AGAIN_S)
 
 
-def send_home(chamber: Chamber, safe_c: float) -> float:
-    """Send the chamber to its safe set point; returns the set point [°C] that it then has."""
+def send_home(chamber: Chamber, safe_c: float, remark: Callable[[str], None]) -> float:
+    """Send the chamber to its safe set point; returns the set point [°C] that it then has.
+
+    It is the set point that is safe, and its driver has read it back by then. A chamber that cannot tell its air, as
+    with a sensor over range, has gone there all the same: what it says of its air goes to `remark`.
+    """
     chamber.go_to(safe_c)
-    return chamber.read().setpoint_c
+    try:
+        return chamber.read().setpoint_c
+    except InstrumentError as err:
+        remark(f"chamber: its set point was read back, its air is not known: {err}")
+        return safe_c
 
 
 def rest_within_s(rate_dps: float, acceleration_dps2: float) -> float:

@@ -132,11 +132,15 @@ class Supervisor:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SafeState:
-    """What was read back once the bench was brought to rest; `problems` is empty where all of it was confirmed."""
+    """What was read back once the bench was brought to rest; `problems` is empty where all of it was confirmed.
+
+    `remarks` are failures that leave it at rest: a chamber at its safe set point whose air nobody knows.
+    """
 
     rate_dps: float | None
     chamber_setpoint_c: float | None
     problems: tuple[str, ...]
+    remarks: tuple[str, ...] = ()
 
     @property
     def confirmed(self) -> bool:
@@ -150,12 +154,14 @@ def bring_to_rest(opened: OpenBench, beat: Callable[[], None] = lambda: None) ->
     One instrument's failure does not keep the others from being brought to rest. `beat` is called while it takes time.
     """
     problems: list[str] = []
+    remarks: list[str] = []
+    safe_c = opened.bench.safe.chamber_c
     rate_dps = _guarded(problems, "rate_table", lambda: stop_table(opened.table, opened.clock, rest_s(opened), beat))
     beat()
-    setpoint_c = _guarded(problems, "chamber", lambda: send_home(opened.chamber, opened.bench.safe.chamber_c))
+    setpoint_c = _guarded(problems, "chamber", lambda: send_home(opened.chamber, safe_c, remarks.append))
     beat()
     _guarded(problems, "digitizer", opened.digitizer.stop_stream)
-    return SafeState(rate_dps=rate_dps, chamber_setpoint_c=setpoint_c, problems=tuple(problems))
+    return SafeState(rate_dps=rate_dps, chamber_setpoint_c=setpoint_c, problems=tuple(problems), remarks=tuple(remarks))
 
 
 def rest_s(opened: OpenBench) -> float:

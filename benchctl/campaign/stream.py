@@ -6,11 +6,14 @@ import math
 
 import numpy as np
 
+from benchctl.campaign.encoder_motion import EncoderMotion
 from benchctl.campaign.interlocks import Range
+from benchctl.campaign.lasting_stream import LastingStream
 from benchctl.campaign.opened import OpenBench
-from benchctl.campaign.safety import Supervisor
+from benchctl.campaign.safety import RATE_MARGIN, Supervisor
 from benchctl.recordings.campaign_folder import StepWriter
-from instruments.interfaces import FloatArray, IntArray, ScanBlock
+from instruments.errors import SafetyError
+from instruments.interfaces import FloatArray, ScanBlock
 
 POLL_CHANNELS = ("poll_time_s", "poll_chamber_temp_c", "poll_chamber_setpoint_c")
 STREAM_CHANNELS = ("time_s", "encoder_deg", "gyro_v", "gyro_temp_c", *POLL_CHANNELS)
@@ -18,35 +21,47 @@ STREAM_CHANNELS = ("time_s", "encoder_deg", "gyro_v", "gyro_temp_c", *POLL_CHANN
 IN_FLIGHT_SCANS = 128
 """Scans may wait in a packet that is not yet full: this many are not asked for until later."""
 
-ENCODER_LOOK_S = 0.05
-"""A rate is taken from the encoder over this time: a count of a coarse encoder is then no great rate."""
+PATIENCE = 0.5
+"""Scans are waited for so much of `silence_s`, then the table and the chamber are looked at again."""
 
 
 class StreamRecorder:
-    """Records `duration_s` of the stream, which begins at once; the supervisor sees what is recorded."""
+    """Records `duration_s` of the stream, which begins at once; the supervisor sees what is recorded.
+
+    `t_start` is the first scan's instant, seconds since the start of the recording.
+    """
 
     def __init__(self, opened: OpenBench, supervisor: Supervisor, into: StepWriter, duration_s: float) -> None:
         self._opened, self._supervisor, self._into = opened, supervisor, into
         entry = opened.bench.digitizer
-        self._start = opened.digitizer.start_stream(entry.sample_rate_hz)
-        self._start_s = opened.elapsed_s + self._start.start_s
+        self._stream = LastingStream(
+            opened.digitizer,
+            opened.clock,
+            rate_hz=entry.sample_rate_hz,
+            patience_s=PATIENCE * opened.bench.limits.silence_s,
+            first_scans_s=min(opened.clock.chunk_s, (IN_FLIGHT_SCANS + 1) / entry.sample_rate_hz),
+            beat=supervisor.guard.beat,
+        )
         self._begin_s = opened.clock.now()
-        self._wanted = round(duration_s * self._start.rate_hz)
+        self._wanted = round(duration_s * self._stream.rate_hz)
         self._next_index = 0
+        self._silent = False
+        self.t_start = self.t_end
         self._degrees_per_count = entry.encoder_sign * 360.0 / entry.encoder_counts_per_rev
+        self._motion = EncoderMotion(opened.bench, self._stream.rate_hz)
         self._gyro_celsius = entry.gyro_celsius
         self.gaps = self.samples = 0
         self.last_gyro_c = math.nan
 
     @property
-    def t_start(self) -> float:
-        """The first scan's instant, seconds since the start of the recording."""
-        return self._start_s
+    def began_s(self) -> float:
+        """The host's clock when the stream had been started."""
+        return self._begin_s
 
     @property
     def t_end(self) -> float:
-        """The instant after the last scan that was taken."""
-        return self._start_s + self._next_index / self._start.rate_hz
+        """The instant after the last scan that was taken, seconds since the start of the recording."""
+        return self._opened.elapsed_s + self._stream.instant_s(float(self._next_index))
 
     @property
     def wants_more(self) -> bool:
@@ -56,49 +71,63 @@ class StreamRecorder:
     @property
     def next_chunk_s(self) -> float:
         """How much bench time to let pass before the next `take`."""
-        needed_s = (self._wanted + IN_FLIGHT_SCANS + 1) / self._start.rate_hz
+        if self._silent:  # else a step whose time is over would be asked for without a pause
+            return self._opened.clock.chunk_s
+        needed_s = (self._wanted + IN_FLIGHT_SCANS + 1) / self._stream.rate_hz
         elapsed_s = self._opened.clock.now() - self._begin_s
-        return max(1 / self._start.rate_hz, min(self._opened.clock.chunk_s, needed_s - elapsed_s))
+        return max(1 / self._stream.rate_hz, min(self._opened.clock.chunk_s, needed_s - elapsed_s))
 
     def take(self) -> None:
-        """Take what is due by now and write it."""
+        """Take what is due by now and write it; less while the digitizer is silent for a moment."""
         elapsed_s = self._opened.clock.now() - self._begin_s
-        due = min(self._wanted, int(elapsed_s * self._start.rate_hz) - IN_FLIGHT_SCANS)
+        due = min(self._wanted, int(elapsed_s * self._stream.rate_hz) - IN_FLIGHT_SCANS)
         while self._next_index < due:
-            block = self._opened.digitizer.read_stream(
-                due - self._next_index, timeout_s=self._opened.bench.limits.silence_s
-            )
+            block = self._supervisor.ask("digitizer", lambda: self._stream.read(due - self._next_index))
+            self._silent = block is None
+            if block is None:
+                return
             self._write(block)
 
     def _write(self, block: ScanBlock) -> None:
         if block.first_index > self._next_index:
-            missing = block.first_index - self._next_index
+            missing = min(block.first_index, self._wanted) - self._next_index
             self.gaps += 1
             self._supervisor.event("gap", time_s=self.t_end, scans=missing)
         keep = min(len(block.gyro_v), self._wanted - block.first_index)
-        self._next_index = block.first_index + len(block.gyro_v)
+        self._next_index = min(block.first_index + len(block.gyro_v), self._wanted)
         if keep <= 0:
             return
-        index = np.arange(block.first_index, block.first_index + keep)
+        index = np.arange(block.first_index, block.first_index + keep, dtype=np.float64)
         gyro_v, gyro_c = block.gyro_v[:keep], self._gyro_celsius(block.thermistor_v[:keep])
         self.last_gyro_c = float(gyro_c[-1])
-        self._next_index = min(self._next_index, self._wanted)
         self.samples += keep
         self._into.append(
             {
-                "time_s": self._start_s + index / self._start.rate_hz,
+                "time_s": self._opened.elapsed_s + self._stream.instant_s(index),
                 "encoder_deg": np.mod(block.encoder_count[:keep] * self._degrees_per_count, 360.0),
                 "gyro_v": gyro_v,
                 "gyro_temp_c": gyro_c,
             }
         )
-        looks = {"gyro_v": gyro_v, "gyro_c": gyro_c, "encoder_dps": self._encoder_dps(block.encoder_count[:keep])}
+        count = block.encoder_count[:keep]
+        accelerations_dps2 = self._motion.accelerations_dps2(block.first_index, count)
+        self._refuse_beyond(accelerations_dps2)
+        looks = {
+            "gyro_v": gyro_v,
+            "gyro_c": gyro_c,
+            "encoder_dps": self._motion.rates_dps(count),
+            "encoder_dps2": accelerations_dps2,
+        }
         self._supervisor.see(**{name: _range(samples) for name, samples in looks.items() if samples.size})
 
-    def _encoder_dps(self, count: IntArray) -> FloatArray:
-        """Mean rates over `ENCODER_LOOK_S` each, of scans without a gap; none of fewer scans than that."""
-        stride = max(1, round(ENCODER_LOOK_S * self._start.rate_hz))
-        return np.diff(count[::stride]) * (self._degrees_per_count * self._start.rate_hz / stride)
+    def _refuse_beyond(self, accelerations_dps2: FloatArray) -> None:
+        limit_dps2 = self._opened.bench.limits.acceleration_dps2
+        beyond = accelerations_dps2[np.abs(accelerations_dps2) > limit_dps2 * RATE_MARGIN]
+        if beyond.size:
+            raise SafetyError(
+                f"rate_table: {beyond[0]:+.0f} deg/s² measured by the encoder, "
+                f"the bench's limit is {limit_dps2:g} deg/s²"
+            )
 
 
 def _range(samples: FloatArray) -> Range:

@@ -71,6 +71,7 @@ def summary(outcome: Outcome) -> str:
             f"bench: table at {outcome.safe.rate_dps} deg/s, chamber set to {outcome.safe.chamber_setpoint_c} °C, "
             f"{confirmed}"
         )
+    lines += outcome.safe.remarks
     return "\n".join(lines)
 
 

@@ -45,7 +45,7 @@ def check(
         found = problems(plan, stands)
         playable = not found
         takes_s = bench_time_s(plan, stands) if playable else None
-        needs = disk_bytes(plan, stands.digitizer.sample_rate_hz) if playable else None
+        needs = disk_bytes(plan, stands.recorded_hz) if playable else None
         free = free_bytes(out)
         found += room_problems(plan, stands, out) if playable else []
         result.values |= {

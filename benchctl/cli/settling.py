@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -67,16 +66,13 @@ def _plan(following: NextExperiment) -> Plan:
 
 
 def _recorded_on(path: Path) -> Bench:
-    from benchctl.bench import Bench
+    from benchctl.campaign.provenance import recorded_bench
     from benchctl.recordings.reader import open_recording
-    from benchctl.toml_file import parse_toml
 
     with open_recording(path) as recording:
-        told = recording.meta.provenance
-    if not told.get("bench_physics"):
+        meta = recording.meta
+    if not meta.provenance.get("bench_physics"):
         raise UsageError(
             f"--settle: {path} was not made by a simulated bench; name one that stands for it with --bench"
         )
-    bench = parse_toml(told["bench_toml"], Bench, f"bench.toml of {path}")
-    obeyed = {name: json.loads(told.get(f"bench_{name}") or "{}") for name in ("physics", "effects")}
-    return bench.model_copy(update={**obeyed, "text": told["bench_toml"]})
+    return recorded_bench(meta, str(path))

@@ -45,7 +45,9 @@ _INTEGRITY = {True: "nothing changed since it was written", False: "CHANGED sinc
 
 
 def _line(step: dict[str, Any]) -> str:
-    marks = [mark for mark, here in (("CUT", not step["whole"]), (f"{step['gaps']} gaps", step["gaps"])) if here]
+    lost = step.get("frames_lost", 0)
+    told = (("CUT", not step["whole"]), (f"{step['gaps']} gaps", step["gaps"]), (f"{lost} frames lost", lost))
+    marks = [mark for mark, here in told if here]
     return (
         f"{step['index']:4d}  {step['name']:<32} {step['kind']:<14} {step['role']:<7} {step['samples']:>9,} samples  "
         f"{step['t_start']:.1f} to {step['t_end']:.1f} s  {' '.join(marks)}"

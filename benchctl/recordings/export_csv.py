@@ -17,12 +17,16 @@ from benchctl.recordings.step_writer import file_stem
 from benchctl.recordings.text_rows import csv_rows
 
 FORMAT = "benchctl-csv/1"
+OF_FRAMES = ("frame_rate_hz", "frames_lost", "frames_bad")
+"""What only steps with a digital gyro have."""
 
-_SUFFIXES: Mapping[Axis, str] = {"time_s": ".csv", "poll_time_s": "_polled.csv"}
+_SUFFIXES: Mapping[Axis, str] = {"time_s": ".csv", "poll_time_s": "_polled.csv", "frame_time_s": "_frames.csv"}
 
 
 def export_csv(recording: Recording, folder: Path) -> None:
     """Write `0001_name.csv` (the scans), `0001_name_polled.csv` (the polls) for each step, and `recording.json`.
+
+    The frames of a digital gyro go to `0001_name_frames.csv`.
 
     The first line names the channels, units are in `recording.json`. Numbers give back the same float64 when they are
     read. Raises `UsageError` where the folder exists and holds something, or the disk refuses.
@@ -32,7 +36,10 @@ def export_csv(recording: Recording, folder: Path) -> None:
         steps = []
         for step in recording.steps():
             files = [_write_axis(step, axis, temporary, decimals) for axis in _SUFFIXES]
-            steps.append({**asdict(step.info), "files": [name for name in files if name]})
+            described = {
+                key: value for key, value in asdict(step.info).items() if key not in OF_FRAMES or value is not None
+            }
+            steps.append({**described, "files": [name for name in files if name]})
         names = dict.fromkeys(name for info in recording.infos for name in recording.channels(info.index))
         description = {
             "format": FORMAT,

@@ -26,7 +26,7 @@ from benchctl.recordings.hdf5_guard import (
     plain_errors,
 )
 from benchctl.recordings.hdf5_heaps import check_heaps
-from benchctl.recordings.model import Axis, Meta, Step, StepInfo, axis_of
+from benchctl.recordings.model import AXES, Axis, Meta, Step, StepInfo, axis_of
 from benchctl.recordings.schema import FORMAT, PART_SUFFIX, STEPS, group_name
 from instruments.errors import UsageError
 
@@ -124,7 +124,7 @@ def _so_far(info: StepInfo, group: h5py.Group) -> StepInfo:
     channels = _channels(group)
     lengths = {name: length_of(dataset) for name, dataset in channels.items()}
     with plain_errors():
-        ends = [float(channels[axis][-1]) for axis in ("time_s", "poll_time_s") if lengths.get(axis)]
+        ends = [float(channels[axis][-1]) for axis in AXES if lengths.get(axis)]
     samples = min((length for name, length in lengths.items() if axis_of(name) == "time_s"), default=0)
     return replace(info, t_end=max([info.t_start, *(end for end in ends if math.isfinite(end))]), samples=samples)
 

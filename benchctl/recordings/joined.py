@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
-from benchctl.recordings.model import Step, StepInfo
+from benchctl.recordings.model import AXES, Step, StepInfo
 from benchctl.recordings.reader import Recording
 from instruments.errors import UsageError
 
 APART_S = 86400.0
 """Recordings that are read as one are put a day apart: the bias has walked freely in between."""
-
-_TIMES = ("time_s", "poll_time_s")
 
 
 def join(recordings: Sequence[Recording]) -> Recording:
@@ -61,7 +59,7 @@ class _Joined:
         shift_s = info.t_start - origin.t_start
         if not shift_s:
             return Step(info, step.channels)
-        return Step(info, {n: samples + shift_s if n in _TIMES else samples for n, samples in step.channels.items()})
+        return Step(info, {n: samples + shift_s if n in AXES else samples for n, samples in step.channels.items()})
 
     def close(self) -> None:
         """They are closed by who opened them."""

@@ -1,18 +1,19 @@
 """A recording in memory: what the writer is given, what the reader gives back, what fits and reports work on.
 
-A recording is a list of steps. A step holds channels; each channel lies on one of the step's two time axes:
+A recording is a list of steps. A step holds channels; each channel lies on one of the step's time axes:
 
 - `time_s`: the digitizer's scans (encoder, gyro output, gyro thermistor, in one hardware scan);
-- `poll_time_s`: what is asked now and then (the chamber, and while soaking the gyro), much slower.
+- `poll_time_s`: what is asked now and then (the chamber, and while soaking the gyro), much slower;
+- `frame_time_s`: the frames that a digital gyro sends by itself, where the bench has one.
 
-Both count seconds from the start of the recording. A soak has only polled channels.
+All count seconds from the start of the recording. A soak has only polled channels.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +21,11 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 
 Status = Literal["running", "complete", "interrupted", "aborted", "imported", "simulated"]
-Axis = Literal["time_s", "poll_time_s"]
+Axis = Literal["time_s", "poll_time_s", "frame_time_s"]
+AXES: tuple[Axis, ...] = get_args(Axis)
+
+FRAME_CHANNELS = ("frame_time_s", "frame_rate_dps", "frame_temp_c", "frame_status")
+"""What is recorded of a digital gyro."""
 
 UNITS: Mapping[str, str] = {
     "time_s": "s",
@@ -33,6 +38,10 @@ UNITS: Mapping[str, str] = {
     "poll_chamber_setpoint_c": "degC",
     "poll_gyro_temp_c": "degC",
     "poll_gyro_v": "V",
+    "frame_time_s": "s",
+    "frame_rate_dps": "degree/s",
+    "frame_temp_c": "degC",
+    "frame_status": "1",
 }
 """The channels that benchctl itself records or imports, with their CF units; `poll_` begins those that are polled."""
 
@@ -47,11 +56,17 @@ DESCRIPTIONS: Mapping[str, str] = {
     "poll_chamber_setpoint_c": "set point of the chamber",
     "poll_gyro_temp_c": "thermistor in the housing of the gyro",
     "poll_gyro_v": "output of the gyro",
+    "frame_time_s": "time of the digital gyro's sample since the start of the recording",
+    "frame_rate_dps": "rate that the digital gyro states, positive counter-clockwise",
+    "frame_temp_c": "temperature that the digital gyro states",
+    "frame_status": "0: the digital gyro vouches for the sample; otherwise 256 + the status that it states",
 }
 
 
 def axis_of(channel: str) -> Axis:
     """The time axis on which a channel lies."""
+    if channel in FRAME_CHANNELS:
+        return "frame_time_s"
     return "poll_time_s" if channel.startswith("poll_") else "time_s"
 
 
@@ -62,7 +77,8 @@ class StepInfo:
     `kind` is `soak`, `static`, `constant_rate`, `sine` or `thermal_ramp`; of imports also `motion` (any movement),
     `static_points` or `unassigned`. `role` is `fit`, `verify` (kept aside: no fit may see it) or `none` (soaks).
     `t_start` and `t_end` are seconds since the start of the recording. `gaps` counts the gaps in the stream. `digest`
-    is empty until the step is closed.
+    is empty until the step is closed. `frame_rate_hz` is how often the digital gyro samples, `frames_lost` how many of
+    its frames are missing and `frames_bad` how many failed their check, which are missing, too; None: there is none.
     """
 
     index: int
@@ -79,6 +95,9 @@ class StepInfo:
     sample_rate_hz: float | None = None
     samples: int = 0
     gaps: int = 0
+    frame_rate_hz: float | None = None
+    frames_lost: int | None = None
+    frames_bad: int | None = None
     digest: str = ""
 
     @property

@@ -7,6 +7,7 @@
 /steps/0001/gyro_v      float64 (n,), V       on time_s
 /steps/0001/poll_time_s float64 (m,), s       dimension scale: the polls
 /steps/0001/poll_gyro_v float64 (m,), V       on poll_time_s
+/steps/0001/frame_time_s float64 (k,), s      dimension scale: a digital gyro's frames, where the bench has one
 ```
 
 A group a step, named by the step's index; one dataset a channel, with the attributes `units` (CF), `long_name` and

@@ -18,7 +18,7 @@ import numpy as np
 
 from benchctl.atomic import disk_errors, require_room, whole_file
 from benchctl.recordings.digests import seal_recording
-from benchctl.recordings.model import Axis, FloatArray, Meta, StepInfo, axis_of
+from benchctl.recordings.model import AXES, FloatArray, Meta, StepInfo, axis_of
 from benchctl.recordings.schema import (
     FINISHED_SUFFIX,
     PART_SUFFIX,
@@ -32,7 +32,6 @@ from benchctl.recordings.writer import new_file, write_step
 from instruments.errors import UsageError
 
 _SWMR_LIBVER = ("v110", "v110")
-_AXES: tuple[Axis, ...] = ("time_s", "poll_time_s")
 _FLUSH_EVERY_S = 0.25
 """Half of what may be lost, so that a step fed every 0.25 s or less is never behind by more than 0.5 s."""
 _FLUSH_SAMPLES = 1 << 17
@@ -70,7 +69,7 @@ class StepWriter:
             self._file.swmr_mode = True
 
     def append(self, channels: Mapping[str, FloatArray]) -> None:
-        """Add samples: all channels of one of the two time axes, or of both; arrays of shape (n,), n equal on an axis.
+        """Add samples: all channels of one time axis, or of several; arrays of shape (n,), n equal on an axis.
 
         They are in the file, for a reader and for a crash, within half a second of wall time as long as this is
         called at least every half second; `flush` does it at once. Raises `UsageError` for channels that were not
@@ -78,7 +77,7 @@ class StepWriter:
         """
         where = f"step {self.info.index} {self.info.name!r}"
         check_channels(where, channels)
-        for axis in _AXES:
+        for axis in AXES:
             given = {name for name in channels if axis_of(name) == axis}
             announced = {name for name in self._datasets if axis_of(name) == axis}
             if given and given != announced:

@@ -14,9 +14,9 @@ from benchctl.recordings.verify import verify
 def summarise(recording: Recording) -> dict[str, Any]:
     """The keys that `benchctl show --json` promises; reads all samples to check the digests.
 
-    `status`; `steps` with `name`, `kind`, `role`, `whole`, `samples`, `t_start`, `t_end`; `channels` with `name`,
-    `unit` and `rate_hz` (None for what is polled); `provenance`; `digest_ok` (None where a recording has no digests
-    yet); `problems`, in words.
+    `status`; `steps` with `name`, `kind`, `role`, `whole`, `samples`, `t_start`, `t_end`, of a digital gyro also
+    `frames_lost` and `frames_bad`; `channels` with `name`, `unit` and `rate_hz` (None for what is polled);
+    `provenance`; `digest_ok` (None where a recording has no digests yet); `problems`, in words.
     """
     problems = [str(problem) for problem in verify(recording.path)] if recording.digest else []
     return {
@@ -31,18 +31,22 @@ def summarise(recording: Recording) -> dict[str, Any]:
 
 def _step(info: StepInfo) -> dict[str, Any]:
     keys = ("index", "name", "kind", "role", "whole", "samples", "gaps", "t_start", "t_end", "chamber_setpoint_c")
-    return {key: getattr(info, key) for key in keys}
+    frames = {key: value for key in ("frames_lost", "frames_bad") if (value := getattr(info, key)) is not None}
+    return {key: getattr(info, key) for key in keys} | frames
 
 
 def _channels(recording: Recording) -> list[dict[str, Any]]:
     """Every channel that any step has, in the order of their first appearance."""
     names = dict.fromkeys(name for info in recording.infos for name in recording.channels(info.index))
-    rate_hz = _common(info.sample_rate_hz for info in recording.infos if info.samples)
+    rates_hz = {
+        "time_s": _common(info.sample_rate_hz for info in recording.infos if info.samples),
+        "frame_time_s": _common(info.frame_rate_hz for info in recording.infos if info.frame_rate_hz),
+    }
     return [
         {
             "name": name,
             "unit": unit_of(name, recording.meta),
-            "rate_hz": rate_hz if axis_of(name) == "time_s" else None,
+            "rate_hz": rates_hz.get(axis_of(name)),
         }
         for name in names
     ]

@@ -75,7 +75,7 @@ def _close_part(folder: Path, part: Path, meta: Meta) -> None:
         except UsageError as err:
             _put_aside(folder, part, str(err))
             return
-        info = replace(step.info, whole=False, gaps=_gaps(step))
+        info = replace(step.info, whole=False, gaps=_gaps(step), frames_lost=_frames_lost(step))
         write_step_file(folder, Step(info, step.channels), meta)
         append_event(folder / JOURNAL, "cut", {"index": info.index, "name": info.name, "samples": info.samples})
     with disk_errors(part):
@@ -97,6 +97,14 @@ def _gaps(step: Step) -> int:
     if not rate_hz or "time_s" not in step.channels:
         return 0
     return int(np.count_nonzero(np.diff(step["time_s"]) * rate_hz > _GAP))
+
+
+def _frames_lost(step: Step) -> int | None:
+    """How many frames of a digital gyro are missing among those that are there; None where it has none."""
+    rate_hz = step.info.frame_rate_hz
+    if not rate_hz or "frame_time_s" not in step.channels:
+        return None
+    return int(np.sum(np.rint(np.diff(step["frame_time_s"]) * rate_hz) - 1.0))
 
 
 def _damage(finished: Path) -> str:

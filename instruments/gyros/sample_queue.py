@@ -98,6 +98,7 @@ class SampleQueue:
                 bad_frames=self._reader.bad_frames,
                 junk_bytes=self._reader.junk_bytes,
             ),
+            wrap=self._numbers.period,
         )
 
     def _faults(self, samples: Samples) -> tuple[str, ...]:

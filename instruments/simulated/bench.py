@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from typing import Any, Self
 
-from instruments.catalog import twin
+from instruments.catalog import Kind, twin
+from instruments.errors import UsageError
 from instruments.physics.chain import Effect
 from instruments.simulated.clock import ScaledClock, VirtualClock
 from instruments.simulated.faults.bench import BenchFaults
@@ -27,12 +28,16 @@ class SimulatedBench:
         Virtual for a campaign in this process, scaled wall time for other programs.
     rate_table, chamber, digitizer
         Models, as in bench.toml.
+    chamber_profile
+        The text of the profile that `chamber` names, where it names one that is read already.
     effects
         Physics beside the baseline.
     options
         Further keywords of the twins, by instrument: a port, a pace.
     faults
         What goes wrong on the links and in the machines, and when.
+    gyro
+        The model of a digital gyro, which turns with the table as well; None: there is none.
     """
 
     def __init__(
@@ -43,25 +48,32 @@ class SimulatedBench:
         rate_table: str,
         chamber: str,
         digitizer: str,
+        chamber_profile: str = "",
         effects: Sequence[Effect] = (),
         options: dict[str, dict[str, Any]] | None = None,
         faults: Sequence[FaultTable] = (),
+        gyro: str | None = None,
     ) -> None:
         self.world = World(clock, settings, effects)
         self.clock = clock
         more = options or {}
         self._faults = BenchFaults(faults, clock.now)
         table, climate, inputs = self.world.table, self.world.chamber, self.world.inputs
-        self.rate_table = twin("rate_table", rate_table)(self._faults.table(table), **more.get("rate_table", {}))
-        self.chamber = twin("chamber", chamber)(self._faults.chamber(climate), **more.get("chamber", {}))
-        self.digitizer = twin("digitizer", digitizer)(self._faults.inputs(inputs), **more.get("digitizer", {}))
-        for name in ("rate_table", "chamber", "digitizer"):
-            self._faults.befall(name, getattr(self, name))
+        make_chamber = twin("chamber", chamber, chamber_profile)
+        self.rate_table = _made("rate_table", twin("rate_table", rate_table), self._faults.table(table), more)
+        self.chamber = _made("chamber", make_chamber, self._faults.chamber(climate), more)
+        self.digitizer = _made("digitizer", twin("digitizer", digitizer), self._faults.inputs(inputs), more)
+        self._servers = {"rate_table": self.rate_table, "chamber": self.chamber, "digitizer": self.digitizer}
+        if gyro is not None:
+            make = twin("gyro", gyro)
+            self._servers["gyro"] = make(self.world.second_gyro(), settings, **more.get("gyro", {}))
+        for name, server in self._servers.items():
+            self._faults.befall(name, server)
         self._stack = ExitStack()
 
     def __enter__(self) -> Self:
         with ExitStack() as stack:
-            for server in (self.rate_table, self.chamber, self.digitizer):
+            for server in self._servers.values():
                 stack.enter_context(server)
             self._stack = stack.pop_all()
         return self
@@ -77,11 +89,18 @@ class SimulatedBench:
     @property
     def addresses(self) -> dict[str, str]:
         """Where the instruments answer, by their names in bench.toml; the stream has an address of its own."""
-        found = {
-            "rate_table": self.rate_table.address,
-            "chamber": self.chamber.address,
-            "digitizer": self.digitizer.address,
-        }
+        found: dict[str, str] = {name: server.address for name, server in self._servers.items()}
         if stream := getattr(self.digitizer, "stream_address", None):
             found["digitizer_stream"] = stream
         return found
+
+
+def _made(kind: Kind, make: Any, machine: Any, options: Mapping[str, Mapping[str, Any]]) -> Any:
+    """A twin over its machine; a wrong value among its options is a `UsageError`."""
+    keywords = options.get(kind, {})
+    try:
+        return make(machine, **keywords)
+    except (AttributeError, TypeError, ValueError) as err:
+        if not keywords:
+            raise
+        raise UsageError(f"{kind}.options: its simulated twin cannot be made with {dict(keywords)}: {err}") from err

@@ -2,10 +2,11 @@
 
     rate = (U - U0) / K0,    temperature = (thermistor volts - offset) / slope
 
-so its rate is that of the simulated sensor, with all its physics and noise, scaled as it leaves the factory at T0. What
-this leaves out: compensation inside the gyro, so it errs as an analog one does; axes across the table's; filters of
-its own; a clock of its own, its rate is exact. It samples the same inputs as a digitizer does: if both run at once,
-each is right, but which noise falls to whom is chance.
+so its rate is that of the simulated sensor, with all its physics and noise, scaled as it leaves the factory at T0 and
+rounded as its frames demand. What this leaves out: compensation inside the gyro, so it errs as an analog one does; axes
+across the table's; filters of its own; a clock of its own, its rate is exact. On a whole bench it is a second gyro of
+the same make beside the analog one (`World.second_gyro`): both turn with one table and warm up in one chamber, and each
+has its own noise.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from instruments.simulated.machines import AnalogInputs
 from instruments.simulated.push_line import PushLine
 from instruments.simulated.settings import WorldSettings
 
+AXES = ("x", "y", "z")
 BITS_PER_BYTE = 10  # 8N1
 LARGEST_BATCH = 4096  # frames that are made at once
 ROUNDING = 1e-6  # of a sample interval: how long after its instant a frame counts as due
@@ -64,6 +66,7 @@ class DigitalGyro(ABC):
         self._rate_hz = math.nan
         self._made = 0  # in this stream
         self.sent = 0
+        self._batch_s: FloatArray = np.empty(0)  # the instants of the frames that were made last
         self.line = PushLine(self, baud=baud, over_tcp=over_tcp)
 
     @property
@@ -91,26 +94,40 @@ class DigitalGyro(ABC):
     def feed(self, data: bytes) -> bytes:
         """Take what the host said, and answer what is complete."""
 
+    @property
+    def batch_s(self) -> FloatArray:
+        """Bench times [s] at which the frames that `due` gave last were sampled, shape (n,)."""
+        return self._batch_s
+
+    @abstractmethod
+    def _skip(self, frames: int) -> None:
+        """Count frames that are not made."""
+
     @abstractmethod
     def _frames(self, rate_dps: FloatArray, temperature_c: FloatArray) -> bytes:
         """Frames of samples, each of shape (n,), about the table's axis."""
 
     def due(self) -> bytes:
         """The frames that should have left by now, at most a batch."""
-        if math.isnan(self._first_s):
-            return b""
-        late_s = self._inputs.now() - self._first_s - self._wire_s
-        samples = min(math.floor(late_s * self._rate_hz - ROUNDING) + 1 - self._made, LARGEST_BATCH)
+        samples = min(self._late, LARGEST_BATCH)
         if samples < 1:
             return b""
         interval_s = 1.0 / self._rate_hz
         _, gyro_v, thermistor_v = self._inputs.sample(self._first_s + self._made * interval_s, interval_s, samples)
+        self._batch_s = self._first_s + np.arange(self._made, self._made + samples, dtype=np.float64) * interval_s
         self._made += samples
         self.sent += samples
         self._inputs.hold_history(self._first_s + self._made * interval_s)
         return self._frames(
             (gyro_v - self._U0_v) / self._K0_v_per_dps, (thermistor_v - self._offset_v) / self._slope_v_per_c
         )
+
+    def lose(self) -> None:
+        """Nobody listens: what is late by now is lost as well, and never made."""
+        if (late := self._late) > 0:
+            self._skip(late)
+            self._made += late
+            self._inputs.hold_history(self._first_s + self._made / self._rate_hz)
 
     def wait(self, timeout_s: float) -> bool:
         """Wait for the next frame; at once false while no stream runs."""
@@ -119,6 +136,14 @@ class DigitalGyro(ABC):
         next_s = self._first_s + (self._made + 2.0 * ROUNDING) / self._rate_hz + self._wire_s
         self._inputs.wait_until(next_s, timeout_s)
         return True
+
+    @property
+    def _late(self) -> int:
+        """How many frames should have left by now and are not made."""
+        if math.isnan(self._first_s):
+            return 0
+        late_s = self._inputs.now() - self._first_s - self._wire_s
+        return math.floor(late_s * self._rate_hz - ROUNDING) + 1 - self._made
 
     @property
     def _wire_s(self) -> float:
@@ -139,6 +164,13 @@ class DigitalGyro(ABC):
     def _end_stream(self) -> None:
         self._first_s = math.nan
         self._inputs.hold_history(None)
+
+
+def axis_index(axis: str) -> int:
+    """The place of "x", "y" or "z" among a gyro's axes."""
+    if axis not in AXES:
+        raise UsageError(f"axis {axis!r}: a simulated gyro has x, y and z")
+    return AXES.index(axis)
 
 
 def on_axis(values: FloatArray, axis: int) -> FloatArray:

@@ -218,16 +218,18 @@ class P300Controller:
 class SimulatedEspecP300:
     """A chamber with a P-300 at `tcp://host:port`, or on a serial line; a driver takes its `address`.
 
+    Both carry the same lines.
+
     Parameters
     ----------
     chamber
         What it controls.
     rs485_address
         Its number on RS-485; None: it is not on RS-485.
-    serial
-        A serial line at 9600 baud (a pseudo-terminal where the system has them) instead of TCP.
+    over_tcp
+        Whether at a serial-to-Ethernet box; else on a serial line at 9600 baud, see `SerialLine`.
     host, port
-        Where to listen, without `serial`; several clients may talk to it at once.
+        Where to listen, `over_tcp`; several clients may talk to it at once.
     pace_baud
         Bytes move as a line at this speed would let them; None: at once.
 
@@ -241,17 +243,17 @@ class SimulatedEspecP300:
         chamber: ChamberMachine,
         *,
         rs485_address: int | None = None,
-        serial: bool = False,
+        over_tcp: bool = True,
         host: str = "127.0.0.1",
         port: int = 0,
         pace_baud: int | None = None,
     ) -> None:
         self.controller = P300Controller(chamber, rs485_address=rs485_address)
         self._server: TcpServer | SerialLine
-        if serial:
-            self._server = SerialLine(self._connect, baud=BAUD, pace_baud=pace_baud)
-        else:
+        if over_tcp:
             self._server = TcpServer(self._connect, host=host, port=port, pace_baud=pace_baud)
+        else:
+            self._server = SerialLine(self._connect, baud=BAUD, pace_baud=pace_baud)
 
     @property
     def address(self) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 
 from instruments.interfaces import FloatArray
 from instruments.protocols import kvh1760 as kvh
-from instruments.simulated.digital_gyro import DigitalGyro, on_axis
+from instruments.simulated.digital_gyro import DigitalGyro, axis_index, on_axis
 from instruments.simulated.machines import AnalogInputs
 from instruments.simulated.settings import WorldSettings
 
@@ -19,7 +19,7 @@ CHOICES = {
 
 
 class SimulatedKvhDsp1760(DigitalGyro):
-    """A DSP-1760 with its Z axis along the table's; as delivered it sends angles in radians, 1000 a second.
+    """A DSP-1760 with one axis along the table's; as delivered it sends angles in radians, 1000 a second.
 
     Settings are as strict as the sources are silent: outside of `config,1`, and for values it does not know, there is
     no answer. A data rate may be any whole number that the line can carry.
@@ -28,6 +28,10 @@ class SimulatedKvhDsp1760(DigitalGyro):
     ----------
     inputs, settings
         The bench: as of `DigitalGyro`.
+    rate_hz
+        How many frames a second it sends as it is delivered; the driver may ask for another rate.
+    axis
+        "x", "y" or "z": the one that turns.
     baud
         The line's speed.
     over_tcp
@@ -46,12 +50,15 @@ class SimulatedKvhDsp1760(DigitalGyro):
         inputs: AnalogInputs,
         settings: WorldSettings | None = None,
         *,
+        rate_hz: float = 1000.0,
+        axis: str = "z",
         baud: int = kvh.DEFAULT_BAUD,
         over_tcp: bool = False,
     ) -> None:
         super().__init__(inputs, settings or WorldSettings(), baud=baud, over_tcp=over_tcp)
         self.status = kvh.GYROS_VALID
-        self._settings = {"config": "0", "rotfmt": "delta", "rotunits": "rad", "tempunits": "c", "dr": "1000"}
+        self._settings = {"config": "0", "rotfmt": "delta", "rotunits": "rad", "tempunits": "c", "dr": f"{rate_hz:.0f}"}
+        self._axis = axis_index(axis)
         self._heard = kvh.SettingReader()
         self._sequence = 0
 
@@ -81,9 +88,12 @@ class SimulatedKvhDsp1760(DigitalGyro):
             return value.isdecimal() and 0.0 < int(value) * self._wire_s <= 1.0
         return value in CHOICES.get(name, ())
 
+    def _skip(self, frames: int) -> None:
+        self._sequence += frames
+
     def _frames(self, rate_dps: FloatArray, temperature_c: FloatArray) -> bytes:
         degrees = rate_dps if self._settings["rotfmt"] == "rate" else rate_dps / self._rate_hz
-        rotation = on_axis(degrees / kvh.ROTATION_DEGREES[self._settings["rotunits"]], kvh.AXES.index("z"))
+        rotation = on_axis(degrees / kvh.ROTATION_DEGREES[self._settings["rotunits"]], self._axis)
         temperature = np.rint(temperature_c / kvh.TEMPERATURE_STEP_C[self._settings["tempunits"]])
         first, self._sequence = self._sequence, self._sequence + len(rotation)
         return kvh.encode_frames(rotation, temperature, first_sequence=first, status=self.status)

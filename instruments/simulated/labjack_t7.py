@@ -49,6 +49,8 @@ class SimulatedLabJackT7:
     ----------
     inputs
         What its terminals see.
+    encoder_channel, gyro_ain, thermistor_ain
+        What is wired to which terminals, as in `T7Terminals`.
     serial
         Its serial number.
     host, port, stream_port
@@ -61,6 +63,9 @@ class SimulatedLabJackT7:
         self,
         inputs: AnalogInputs,
         *,
+        encoder_channel: int = 0,
+        gyro_ain: int = 0,
+        thermistor_ain: int = 1,
         serial: int = 470_012_345,
         host: str = "127.0.0.1",
         port: int = 0,
@@ -68,7 +73,9 @@ class SimulatedLabJackT7:
     ) -> None:
         self._inputs = inputs
         self._serial = serial
-        self._terminals = T7Terminals(inputs)
+        self._terminals = T7Terminals(
+            inputs, encoder_channel=encoder_channel, gyro_ain=gyro_ain, thermistor_ain=thermistor_ain
+        )
         self._last_error = 0
         self._settings: dict[int, float] = dict(AS_DELIVERED)
         self._flash_pointer = 0

@@ -7,7 +7,8 @@ what the profile says that it is, so a wrong number in the profile is wrong here
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from instruments.chambers.profile import (
     BitSwitch,
@@ -19,8 +20,10 @@ from instruments.chambers.profile import (
     RegisterSwitch,
     Switch,
 )
+from instruments.chambers.profile_file import changed
 from instruments.chambers.profile_rules import words
 from instruments.protocols.modbus import ILLEGAL_VALUE, ModbusRefusal
+from instruments.protocols.words import WordOrder
 from instruments.simulated.machines import ChamberMachine
 from instruments.simulated.modbus_server import ModbusRtuServer
 from instruments.simulated.registers import Register, RegisterTable, f32, signed_word, word
@@ -37,8 +40,10 @@ class SimulatedProfiled(ModbusRtuServer):
         What it controls.
     profile
         The controller.
-    unit_id
-        Its Modbus address, by default the profile's.
+    changes
+        Fields of the profile to be taken otherwise, as the driver takes them.
+    word_order, unit_id
+        In place of the profile's.
     pace_baud, over_tcp
         See `ModbusRtuServer`.
 
@@ -50,10 +55,16 @@ class SimulatedProfiled(ModbusRtuServer):
         chamber: ChamberMachine,
         *,
         profile: Profile,
+        changes: Mapping[str, Any] | None = None,
+        word_order: WordOrder | None = None,
         unit_id: int | None = None,
         pace_baud: int | None = None,
         over_tcp: bool = False,
     ) -> None:
+        if changes is not None:
+            profile = changed(profile, changes, "chamber.options.changes")
+        if word_order is not None:
+            profile = changed(profile, {"transport": {"word_order": word_order}}, "chamber.options")
         self._chamber = chamber
         self._profile = profile
         self._pending_c = chamber.setpoint_c()

@@ -18,7 +18,10 @@ PIECE_S = 0.004
 """Wall time between two looks at what is due: as coarse as a good serial converter hands it on."""
 
 PATIENCE_S = 0.02
-"""Wall time between two looks at what the client says, and for which a full line may hold up the device."""
+"""Wall time between two looks at what the client says."""
+
+FULL_LINE_S = 0.5
+"""Wall time for which a full line may hold up the device: on a busy machine a client that listens may be slow."""
 
 MOST_BYTES = 4096
 
@@ -32,6 +35,9 @@ class Talker(Protocol):
     def due(self) -> bytes:
         """What should have been sent by now and was not; b"" where nothing."""
 
+    def lose(self) -> None:
+        """What is due was not taken: leave out what else should have been sent by now."""
+
     def wait(self, timeout_s: float) -> bool:
         """Wait until something is due, at most `timeout_s` of wall time; at once false where nothing will ever be."""
 
@@ -39,8 +45,8 @@ class Talker(Protocol):
 class PushLine:
     """A device's line from `start()` to `stop()`, or in a `with`; `address` is what a driver is given.
 
-    A client that does not take what is sent holds up the device for 20 ms, then the rest of what was due is dropped, as
-    a receiver that overruns does. TCP has one client, the one that connected last; without one, all is dropped.
+    A client that does not take what is sent holds up the device for 0.5 s, then all that was due is dropped, as a
+    receiver that overruns does. TCP has one client, the one that connected last; without one, all is dropped.
 
     Parameters
     ----------
@@ -101,21 +107,24 @@ class PushLine:
         while not self._stopping.is_set():
             self._send(self._device.feed(self._end.receive(0.0)))
             if data := self._device.due():
-                self._send(data)
+                if not self._send(data):
+                    self._device.lose()
                 time.sleep(PIECE_S)
             elif not self._device.wait(PATIENCE_S):
                 self._send(self._device.feed(self._end.receive(PATIENCE_S)))
 
-    def _send(self, data: bytes) -> None:
+    def _send(self, data: bytes) -> bool:
+        """Whether the client took all of it."""
         left = memoryview(self.disturb(data)) if data else memoryview(b"")
-        give_up_s = time.monotonic() + PATIENCE_S
+        give_up_s = time.monotonic() + FULL_LINE_S
         while left:
             sent = self._end.send(left[:MOST_BYTES], max(0.0, give_up_s - time.monotonic()))
             if not sent:
                 self.dropped_bytes += len(left)
-                return
+                return False
             left = left[sent:]
-            give_up_s = time.monotonic() + PATIENCE_S
+            give_up_s = time.monotonic() + FULL_LINE_S
+        return True
 
 
 class _PtyEnd:

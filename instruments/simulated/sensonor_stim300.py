@@ -9,18 +9,18 @@ from instruments.interfaces import FloatArray
 from instruments.protocols import stim300 as stim
 from instruments.protocols import stim300_answers as answers
 from instruments.protocols.stim300_answers import StimConfiguration
-from instruments.simulated.digital_gyro import DigitalGyro, on_axis
+from instruments.simulated.digital_gyro import DigitalGyro, axis_index, on_axis
 from instruments.simulated.machines import AnalogInputs
 from instruments.simulated.settings import WorldSettings
 
 RANGE_DPS = 400.0
-OVERLOAD = 1 << 4 | 1 << stim.AXES.index("z")
+OVERLOAD = 1 << 4
 LATENCY_US = 500
 GYRO_UNITS = ("angular rate", "average angular rate", "incremental angle")
 
 
 class SimulatedStim300(DigitalGyro):
-    """A STIM300 with its Z axis along the table's; it sends without end. It has no service mode.
+    """A STIM300 with one axis along the table's; it sends without end. It has no service mode.
 
     Parameters
     ----------
@@ -36,6 +36,8 @@ class SimulatedStim300(DigitalGyro):
         "angular rate", "average angular rate" or "incremental angle"; the first two are alike here.
     counter_step
         What the counter goes up by from one datagram to the next.
+    axis
+        "x", "y" or "z": the one that turns.
     serial
         14 digits.
     baud
@@ -59,6 +61,7 @@ class SimulatedStim300(DigitalGyro):
         crlf: bool = False,
         gyro_unit: str = "angular rate",
         counter_step: int = 1,
+        axis: str = "z",
         serial: str = "25582112345678",
         baud: int = stim.DEFAULT_BAUD,
         over_tcp: bool = False,
@@ -77,7 +80,7 @@ class SimulatedStim300(DigitalGyro):
         self._configuration = StimConfiguration(
             datagram_id=datagram_id, crlf=crlf, rate_hz=rate_hz, gyro_unit=gyro_unit, revision="F", firmware=31
         )
-        self._serial = serial
+        self._serial, self._axis = serial, axis_index(axis)
         self._counter, self._counter_step = 0, counter_step
         self._heard = b""
 
@@ -99,6 +102,9 @@ class SimulatedStim300(DigitalGyro):
             return answers.encode_serial(self._serial, crlf=self._configuration.crlf)
         return b""
 
+    def _skip(self, frames: int) -> None:
+        self._counter += self._counter_step * frames
+
     def _frames(self, rate_dps: FloatArray, temperature_c: FloatArray) -> bytes:
         overload = np.abs(rate_dps) > RANGE_DPS
         measured_dps = np.clip(rate_dps, -RANGE_DPS, RANGE_DPS)
@@ -110,10 +116,10 @@ class SimulatedStim300(DigitalGyro):
         self._counter += self._counter_step * rate_dps.size
         return stim.encode_frames(
             self._configuration.datagram_id,
-            on_axis(np.rint(steps), stim.AXES.index("z")),
+            on_axis(np.rint(steps), self._axis),
             counter=counter,
             temperature_c=temperature_c,
-            status=np.where(overload, self.status | OVERLOAD, self.status),
+            status=np.where(overload, self.status | OVERLOAD | 1 << self._axis, self.status),
             latency_us=LATENCY_US,
             crlf=self._configuration.crlf,
         )

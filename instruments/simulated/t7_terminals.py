@@ -1,7 +1,7 @@
 """The inputs of a simulated T7: what is wired to them, how they are configured, and what its converters make of them.
 
-The encoder is on DIO0 and DIO1, the gyro on AIN0, its thermistor on AIN1; the other analog inputs see 0 V. Streamed
-volts are 16-bit codes; the slow converter of single readings resolves 24 bits. Both are ideal, and so is the
+As delivered the encoder is on DIO0 and DIO1, the gyro on AIN0, its thermistor on AIN1; the other analog inputs see 0 V.
+Streamed volts are 16-bit codes; the slow converter of single readings resolves 24 bits. Both are ideal, and so is the
 calibration in the flash. Enabling quadrature leaves the count as it is.
 """
 
@@ -39,9 +39,16 @@ class DigitalLine:
 
 @dataclass(slots=True)
 class T7Terminals:
-    """The inputs and their settings; lists have an entry a channel or line."""
+    """The inputs and their settings; lists have an entry a channel or line.
+
+    `encoder_channel` is the digital line of the encoder's phase A, phase B is on the next one; `gyro_ain` and
+    `thermistor_ain` are the analog inputs to which those two are wired.
+    """
 
     inputs: AnalogInputs
+    encoder_channel: int = 0
+    gyro_ain: int = 0
+    thermistor_ain: int = 1
     range_v: list[float] = field(default_factory=lambda: [RANGES_V[0]] * ANALOG_INPUTS)
     lines: list[DigitalLine] = field(default_factory=lambda: [DigitalLine() for _ in range(DIGITAL_LINES)])
 
@@ -53,8 +60,8 @@ class T7Terminals:
 
     def single_volts(self, channel: int) -> float:
         """An unhurried reading of an analog input."""
-        _, *wired = self._now()
-        volts = wired[channel] if channel < len(wired) else np.zeros(1)
+        _, gyro_v, thermistor_v = self._now()
+        volts = self._wired(channel, gyro_v, thermistor_v)
         codes = codes_from_volts(volts, range_v=self.range_v[channel], bits=24)
         return float(volts_from_codes(codes, range_v=self.range_v[channel], bits=24)[0])
 
@@ -71,7 +78,7 @@ class T7Terminals:
 
     def scans(self, scan_list: Sequence[int], first_s: float, interval_s: float, scans: int) -> npt.NDArray[np.uint16]:
         """Samples of each address at evenly spaced instants, shape (scans, addresses)."""
-        count, *wired = self.inputs.sample(first_s, interval_s, scans)
+        count, gyro_v, thermistor_v = self.inputs.sample(first_s, interval_s, scans)
         samples = np.empty((scans, len(scan_list)), np.uint16)
         upper: IntArray | int = 0  # what DATA_CAPTURE_16 gives: the upper half of the number before it
         for place, address in enumerate(scan_list):
@@ -81,7 +88,9 @@ class T7Terminals:
                 value = count if self._counts((address - READ_A_0) // 2) else np.zeros(scans, np.int64)
                 samples[:, place], upper = value & 0xFFFF, value >> 16 & 0xFFFF
             else:
-                samples[:, place] = self._codes(wired, address // 2, scans)
+                volts = self._wired(address // 2, gyro_v, thermistor_v)
+                codes = codes_from_volts(volts, range_v=self.range_v[address // 2])
+                samples[:, place] = np.minimum(codes, HIGHEST_STREAMED_CODE)
         return samples
 
     def flash(self, address: int) -> list[int]:
@@ -92,13 +101,15 @@ class T7Terminals:
         slope = 2.0 * range_v / 65536
         return list(struct.unpack(">8H", struct.pack(">4f", slope, -slope, 32768.0, -range_v)))
 
-    def _codes(self, wired: list[FloatArray], channel: int, scans: int) -> IntArray:
-        volts = wired[channel] if channel < len(wired) else np.zeros(scans)
-        return np.minimum(codes_from_volts(volts, range_v=self.range_v[channel]), HIGHEST_STREAMED_CODE)
+    def _wired(self, channel: int, gyro_v: FloatArray, thermistor_v: FloatArray) -> FloatArray:
+        wired = {self.gyro_ain: gyro_v, self.thermistor_ain: thermistor_v}
+        return wired.get(channel, np.zeros_like(gyro_v))
 
     def _counts(self, line: int) -> bool:
-        pair = self.lines[:2]
-        return line in (0, 1) and all(wire.enabled and wire.index == QUADRATURE for wire in pair)
+        places = (self.encoder_channel, self.encoder_channel + 1)
+        return line in places and all(
+            self.lines[place].enabled and self.lines[place].index == QUADRATURE for place in places
+        )
 
     def _now(self) -> tuple[IntArray, FloatArray, FloatArray]:
         return self.inputs.sample(self.inputs.now(), SINGLE_READING_S, 1)

@@ -25,6 +25,7 @@ class Timebase:
         self.lock = threading.RLock()
         self.held_since_s: float | None = None
         self.reach_s = 0.0
+        self._beside: list[Timebase] = []
 
     def now(self) -> float:
         """Bench time [s]."""
@@ -34,8 +35,15 @@ class Timebase:
         """The first instant of the grid that is not past [s]."""
         return math.ceil(self.now() * self.grid_hz) / self.grid_hz
 
+    def beside(self) -> Timebase:
+        """The same time for a second reader, who holds and looks back by itself."""
+        other = Timebase(self.clock, self.grid_hz)
+        other.lock = self.lock
+        self._beside.append(other)
+        return other
+
     def forgettable_s(self) -> float:
         """Nobody will ask for anything before this instant [s]."""
         now = self.now()
         held = now if self.held_since_s is None else min(self.held_since_s, now)
-        return held - MARGIN_S - self.reach_s
+        return min([held - MARGIN_S - self.reach_s, *(other.forgettable_s() for other in self._beside)])

@@ -47,7 +47,7 @@ class SimulatedWatlowF4(ModbusRtuServer):
     unit_id
         Its Modbus address.
     on_event
-        The event wired to conditioning.
+        The event wired to conditioning; None: the chamber has power and conditions.
     pace_baud
         Bytes move as a line at this speed would let them; None: at once.
     over_tcp
@@ -63,7 +63,7 @@ class SimulatedWatlowF4(ModbusRtuServer):
         *,
         decimals: int = 1,
         unit_id: int = 1,
-        on_event: int = 1,
+        on_event: int | None = 1,
         pace_baud: int | None = None,
         over_tcp: bool = False,
     ) -> None:
@@ -77,6 +77,8 @@ class SimulatedWatlowF4(ModbusRtuServer):
         self._alarms = (LatchedAlarm(low_c=-75.0, high_c=185.0), LatchedAlarm(low_c=-80.0, high_c=190.0))
         self.input_error = 0
         self.mode = 0
+        if on_event is None:
+            chamber.run(True)
         super().__init__(RegisterTable(self._registers()), unit_id=unit_id, pace_baud=pace_baud, over_tcp=over_tcp)
 
     def _registers(self) -> list[Register]:

@@ -19,7 +19,7 @@ EVENT_ADDRESSES = (16594, 16596, 16598, 16600, 16822, 16824, 16826, 16828)
 OUTPUTS = range(33718, 33718 + 6 * 240)  # six modules
 AIR_DECIMALS = 3  # what its converter resolves
 
-SwitchedBy = Literal["event", "toggle_key", "momentary_key"]
+OnBy = Literal["event", "toggle_key", "momentary_key", "nothing"]
 
 
 class SimulatedWatlowF4T(ModbusTcpServer):
@@ -35,8 +35,9 @@ class SimulatedWatlowF4T(ModbusTcpServer):
         Its Modbus address.
     loop
         The control loop that the chamber is wired to; it has no other.
-    switched_by
-        What conditioning is wired to: event 1 or key 1. The output 1 of module 1 is always on while the chamber runs.
+    on_by, on_number
+        What conditioning is wired to, an event or a key, and its number; "nothing": it conditions, having power.
+        The output 1 of module 1 is always on while the chamber runs.
     host, port, pace_baud
         See `ModbusTcpServer`.
 
@@ -50,7 +51,8 @@ class SimulatedWatlowF4T(ModbusTcpServer):
         word_order: WordOrder = "low_first",
         unit_id: int = 1,
         loop: int = 1,
-        switched_by: SwitchedBy = "toggle_key",
+        on_by: OnBy = "toggle_key",
+        on_number: int = 1,
         host: str = "127.0.0.1",
         port: int = 0,
         pace_baud: int | None = None,
@@ -58,13 +60,16 @@ class SimulatedWatlowF4T(ModbusTcpServer):
         self._chamber = chamber
         self._word_order: WordOrder = word_order
         self._loop = loop
-        self._switched_by = switched_by
+        self._on_by: OnBy = on_by
+        self._on_place = on_number - 1
         self._limits_c = {"low": -70.0, "high": 180.0}
         self.control_mode = AUTO
         self._events = [OFF] * len(EVENT_ADDRESSES)
         self._keys = [OFF] * KEYS
         self._alarms = [NONE] * ALARMS
         self.profile_state = PROFILE_OFF
+        if on_by == "nothing":
+            chamber.run(True)
         super().__init__(F4TRegisters(self._registers()), unit_id=unit_id, host=host, port=port, pace_baud=pace_baud)
 
     def hold_alarm(self, number: int, code: int) -> None:
@@ -126,7 +131,7 @@ class SimulatedWatlowF4T(ModbusTcpServer):
             if state not in (ON, OFF):
                 raise ModbusRefusal(ILLEGAL_VALUE)
             self._events[place] = state
-            if place == 0 and self._switched_by == "event":
+            if place == self._on_place and self._on_by == "event":
                 self._chamber.run(state == ON)
 
         return put
@@ -135,14 +140,13 @@ class SimulatedWatlowF4T(ModbusTcpServer):
         def put(code: int) -> None:
             if code != PRESS:
                 raise ModbusRefusal(ILLEGAL_VALUE)
-            if self._switched_by == "toggle_key" or place > 0:
-                self._keys[place] = OFF if self._keys[place] == ON else ON
-            if place > 0:
-                return
-            if self._switched_by == "toggle_key":
-                self._chamber.run(self._keys[0] == ON)
-            elif self._switched_by == "momentary_key":
+            momentary = self._on_by == "momentary_key" and place == self._on_place
+            if momentary:
                 self._chamber.run(not self._chamber.running())
+                return
+            self._keys[place] = OFF if self._keys[place] == ON else ON
+            if self._on_by == "toggle_key" and place == self._on_place:
+                self._chamber.run(self._keys[place] == ON)
 
         return put
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
-from instruments.physics.chain import Effect
+from instruments.physics.chain import GRID_STAGES, Effect
 from instruments.simulated.axis import TableAxis
 from instruments.simulated.climate import ClimateChamber
 from instruments.simulated.clock import BenchClock
@@ -13,6 +14,9 @@ from instruments.simulated.sensor import sensor_of
 from instruments.simulated.settings import WorldSettings
 from instruments.simulated.terminals import Terminals
 from instruments.simulated.timebase import Timebase
+
+OTHER_NOISE = 1 << 32
+"""What is added to the seed for the noise of a second gyro."""
 
 
 class World:
@@ -46,3 +50,15 @@ class World:
         self.table: TableMachine = axis
         self.chamber: ChamberMachine = climate
         self.inputs: AnalogInputs = Terminals(timebase, self.settings, sensor, axis, climate, effects)
+        self._timebase, self._axis, self._climate, self._effects = timebase, axis, climate, tuple(effects)
+
+    def second_gyro(self) -> AnalogInputs:
+        """The inside of another gyro of the same make on the same table: the same law, noise of its own.
+
+        Of the effects it has those up to the electronics; what befalls samples is the digitizer's. Whoever reads it
+        changes nothing of what `inputs` give.
+        """
+        settings = replace(self.settings, seed=self.settings.seed + OTHER_NOISE)
+        inside = [effect for effect in self._effects if effect.stage in GRID_STAGES]
+        time = self._timebase.beside()
+        return Terminals(time, settings, sensor_of(settings), self._axis, self._climate, inside)

@@ -42,7 +42,7 @@ def test_faults_are_read_with_their_schedules_in_their_order(tmp_path: Path) -> 
         ),
         ('on = "chamber"', "unable to extract tag using discriminator 'kind'"),
         ('kind = "silence"', "faults.0.silence.on: this field is needed and is not there"),
-        ('on = "gyro"\nkind = "silence"', "input should be 'rate_table', 'chamber'"),
+        ('on = "oven"\nkind = "silence"', "input should be 'rate_table', 'chamber'"),
         (
             'on = "chamber"\nkind = "slow"\ndelay_s = -1',
             "faults.0.slow.delay_s: input should be greater than 0, got -1",

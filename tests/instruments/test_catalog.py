@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from instruments.catalog import Kind, driver, models, twin
+from instruments.catalog import Kind, driver, find_profile, models, twin
 from instruments.errors import UsageError
 from tests.instruments.chambers.lab_controllers import BRAND
 
@@ -62,7 +62,7 @@ def test_a_profile_that_is_not_there_is_told_with_those_beside_it(tmp_path: Path
             find("chamber", f"{tmp_path}/brand-x.toml")
         with pytest.raises(UsageError, match=r"there is no profile '.*zz.toml': that folder has brand_x.toml"):
             find("chamber", f"{tmp_path}/zz.toml")
-        with pytest.raises(UsageError, match="a path is looked up from the present folder"):
+        with pytest.raises(UsageError, match=r"nowhere/zz\.toml': there is no such folder"):
             find("chamber", f"{tmp_path}/nowhere/zz.toml")
 
 
@@ -73,6 +73,31 @@ def test_a_path_is_looked_up_from_the_present_folder(tmp_path: Path, monkeypatch
     assert callable(twin("chamber", "brand_x.toml"))
 
 
+def test_a_profile_whose_text_is_given_needs_no_file() -> None:
+    for find in (driver, twin):
+        assert callable(find("chamber", "/nowhere/brand_x.toml", BRAND))
+        with pytest.raises(UsageError, match=r"chamber profile /nowhere/brand_x.toml, air: this field is needed"):
+            find("chamber", "/nowhere/brand_x.toml", BRAND.replace("[air]", "[aire]"))
+
+
+def test_a_path_begins_in_the_folder_that_is_named_or_at_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "a").mkdir()
+    lab, home = tmp_path / "a" / "lab.toml", tmp_path / "home.toml"
+    lab.write_text("lab", encoding="utf-8")
+    home.write_text("home", encoding="utf-8")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("USERPROFILE", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    assert find_profile("lab.toml", Path("a")) == (lab, "lab")
+    assert find_profile("~/home.toml", Path("a")) == (home, "home")
+    assert find_profile(str(home), Path("a")) == (home, "home")
+
+
+def test_a_home_that_nobody_has_is_told() -> None:
+    with pytest.raises(UsageError, match=r"chamber\.model: '~nobody-here/lab\.toml': there is no such home folder"):
+        find_profile("~nobody-here/lab.toml", Path())
+
+
 def test_a_profile_that_is_wrong_is_named_with_its_field(tmp_path: Path) -> None:
     (tmp_path / "brand_x.toml").write_text(BRAND.replace("[air]", "[aire]"), encoding="utf-8")
     for find in (driver, twin):
@@ -80,7 +105,7 @@ def test_a_profile_that_is_wrong_is_named_with_its_field(tmp_path: Path) -> None
             find("chamber", f"{tmp_path}/brand_x.toml")
 
 
-@pytest.mark.parametrize("name", ["long" * 100 + ".toml", "nul\0.toml", ".toml"])
+@pytest.mark.parametrize("name", ["long" * 100 + ".toml", "nul\0.toml", ".toml", "~nobody-here/a.toml"])
 def test_a_name_that_no_profile_can_have_is_told(name: str) -> None:
     with pytest.raises(UsageError):
         driver("chamber", name)

@@ -13,7 +13,7 @@ from benchctl.diagnosis.signals.free_band import goes_beyond, wide_motion
 from benchctl.diagnosis.signals.motion import Motion, motion_of
 from benchctl.diagnosis.signals.ripple import ripple_of
 from benchctl.diagnosis.signals.temperature import Pause, Thermistor, thermistor_of
-from benchctl.recordings.model import Step, StepInfo
+from benchctl.recordings.model import Step, StepInfo, axis_of
 from benchctl.recordings.reader import Recording
 from instruments.errors import UsageError
 
@@ -119,9 +119,7 @@ def frame_of(recording: Recording, *, temperature_c: float | None = None) -> Fra
         temp_rate_c_per_s=np.concatenate([rate for _, rate in temperatures]),
         chamber_c=np.concatenate([_air(step) for step in steps]),
         auxiliary={
-            name: np.concatenate([step[name] for step in steps])
-            for name in sorted(extras)
-            if not name.startswith("poll_")
+            name: np.concatenate([step[name] for step in steps]) for name in sorted(extras) if axis_of(name) == "time_s"
         },
         thermistor=name,
         pauses=tuple(_pauses(time_s, stretches, origins_s, thermistors)),

@@ -9,6 +9,8 @@ from pydantic import Field
 
 from instruments.errors import UsageError
 from instruments.simulated.faults.chamber import FaultyChamber
+from instruments.simulated.faults.frame_faults import FrameFaults
+from instruments.simulated.faults.frame_kinds import FrameFault
 from instruments.simulated.faults.inputs import FaultyInputs
 from instruments.simulated.faults.link_faults import LinkFaults
 from instruments.simulated.faults.link_kinds import AnyLinkFault, LinkFault
@@ -21,7 +23,7 @@ from instruments.simulated.faults.tables import FaultTable
 from instruments.simulated.faults.wires import Lines
 from instruments.simulated.machines import AnalogInputs, ChamberMachine, TableMachine
 
-AnyFault = Annotated[AnyLinkFault | AnyMachineFault | AnyStreamFault, Field(discriminator="kind")]
+AnyFault = Annotated[AnyLinkFault | AnyMachineFault | AnyStreamFault | FrameFault, Field(discriminator="kind")]
 """A table of `[[faults]]`, as pydantic reads it."""
 
 
@@ -86,6 +88,9 @@ class BenchFaults:
         if packets:
             _refuse_without(twin, "stream_faults", stream, packets)
             twin.stream_faults = StreamFaults(stream, packets, self._log)
+        frames = [fault for fault in self._faults if fault.on == name and isinstance(fault, FrameFault)]
+        if frames:
+            twin.line.disturb = FrameFaults(twin.frame_bytes, frames, batch_s=lambda: twin.batch_s, log=self._log)
 
     def _of_machine(self, name: str) -> list[MachineFault]:
         return [fault for fault in self._faults if fault.on == name and isinstance(fault, MachineFault)]

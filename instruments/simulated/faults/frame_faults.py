@@ -1,14 +1,14 @@
 """The faults of a line on which a simulated gyro sends frames by itself: what becomes of one frame.
 
-| kind           | what becomes of the frame                                                       |
-|----------------|---------------------------------------------------------------------------------|
-| `lost`         | it never comes                                                                  |
-| `cut`          | its second half never comes                                                     |
-| `bad_checksum` | one bit of its last bytes is the other way round                                |
-| `junk_before`  | bytes that nobody sent stand before it                                          |
-| `junk_in`      | ... in its middle                                                               |
-| `junk_after`   | ... behind it                                                                   |
-| `silence`      | neither it nor anything after it comes                                          |
+| kind                 | what becomes of the frame                          |
+|----------------------|----------------------------------------------------|
+| `frame_lost`         | it never comes                                     |
+| `frame_cut`          | its second half never comes                        |
+| `frame_bad_checksum` | one bit of its last bytes is the other way round   |
+| `frame_junk_before`  | bytes that nobody sent stand before it             |
+| `frame_junk_in`      | ... in its middle                                  |
+| `frame_junk_after`   | ... behind it                                      |
+| `frames_end`         | neither it nor anything after it comes             |
 
 A frame reads as `frame 17`, counted from 0 over all streams. What is no frame, the answer to a command, passes as it
 is.
@@ -16,13 +16,13 @@ is.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Literal
+from collections.abc import Callable, Sequence
 
+from instruments.interfaces import FloatArray
+from instruments.simulated.faults.frame_kinds import FrameFault
 from instruments.simulated.faults.log import FaultLog, Fired
-from instruments.simulated.faults.schedule import Schedule, When
+from instruments.simulated.faults.schedule import Schedule
 
-FrameKind = Literal["lost", "cut", "bad_checksum", "junk_before", "junk_in", "junk_after", "silence"]
 JUNK = bytes.fromhex("ff 00 5a 81")
 CHECKSUM_BYTES = 4
 
@@ -34,23 +34,20 @@ class FrameFaults:
     ----------
     frame_bytes
         Length of a frame.
-    kind
-        What becomes of it.
-    when
-        Which frames.
-    now
-        Bench time.
+    faults
+        What becomes of which frames; of those that are due at one frame, the first in order has it.
+    batch_s
+        The bench times of the frames that are being sent, shape (n,).
     log
         Where to note what has happened.
     """
 
     def __init__(
-        self, frame_bytes: int, kind: FrameKind, when: When, *, now: Callable[[], float], log: FaultLog
+        self, frame_bytes: int, faults: Sequence[FrameFault], *, batch_s: Callable[[], FloatArray], log: FaultLog
     ) -> None:
         self._frame_bytes = frame_bytes
-        self._kind = kind
-        self._schedule = Schedule(when)
-        self._now = now
+        self._faults = [(fault, Schedule(fault.when)) for fault in faults]
+        self._batch_s = batch_s
         self._log = log
         self._frames = 0
         self._silent = False
@@ -60,29 +57,32 @@ class FrameFaults:
         if not data or len(data) % self._frame_bytes:
             return data
         size = self._frame_bytes
-        return b"".join(self._befallen(data[first : first + size]) for first in range(0, len(data), size))
+        frames = [data[first : first + size] for first in range(0, len(data), size)]
+        return b"".join(map(self._befallen, frames, self._batch_s().tolist()))
 
-    def _befallen(self, frame: bytes) -> bytes:
-        operation, now_s = f"frame {self._frames}", self._now()
+    def _befallen(self, frame: bytes, now_s: float) -> bytes:
+        operation = f"frame {self._frames}"
         self._frames += 1
         if self._silent:
             return b""
-        if not self._schedule.fires(operation, now_s):
+        due = [fault for fault, schedule in self._faults if schedule.fires(operation, now_s)]
+        if not due:
             return frame
-        self._log.note(Fired(bench_s=now_s, where="gyro", kind=self._kind, operation=operation))
-        self._silent = self._kind == "silence"
+        kind = due[0].kind
+        self._log.note(Fired(bench_s=now_s, where="gyro", kind=kind, operation=operation))
+        self._silent = kind == "frames_end"
         middle = len(frame) // 2
-        match self._kind:
-            case "lost" | "silence":
+        match kind:
+            case "frame_lost" | "frames_end":
                 return b""
-            case "cut":
+            case "frame_cut":
                 return frame[:middle]
-            case "bad_checksum":
+            case "frame_bad_checksum":
                 place = len(frame) - CHECKSUM_BYTES
                 return frame[:place] + bytes([frame[place] ^ 0x10]) + frame[place + 1 :]
-            case "junk_before":
+            case "frame_junk_before":
                 return JUNK + frame
-            case "junk_in":
+            case "frame_junk_in":
                 return frame[:middle] + JUNK + frame[middle:]
-            case "junk_after":
+            case "frame_junk_after":
                 return frame + JUNK

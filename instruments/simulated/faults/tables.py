@@ -10,8 +10,8 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from instruments.simulated.faults.schedule import When
 
-Place = Literal["rate_table", "chamber", "digitizer", "digitizer_stream"]
-"""A link, named after the instrument at its end; the digitizer's stream has one of its own."""
+Place = Literal["rate_table", "chamber", "digitizer", "digitizer_stream", "gyro"]
+"""A link, named after the instrument at its end; the digitizer's stream has one of its own, `gyro` is a digital one."""
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 

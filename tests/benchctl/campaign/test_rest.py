@@ -62,8 +62,10 @@ def test_a_table_whose_servo_is_off_is_not_told_anything_but_waited_for(
 
 
 def test_a_chamber_sent_home_reads_back_its_safe_set_point(turning: OpenBench) -> None:
+    remarks: list[str] = []
     turning.chamber.go_to(60.0)
-    assert send_home(turning.chamber, 23.0) == turning.chamber.read().setpoint_c == 23.0
+    assert send_home(turning.chamber, 23.0, remarks.append) == turning.chamber.read().setpoint_c == 23.0
+    assert remarks == []
 
 
 def test_the_time_to_rest_grows_with_the_rate_and_falls_with_the_acceleration() -> None:

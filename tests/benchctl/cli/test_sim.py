@@ -11,7 +11,18 @@ from pymodbus import FramerType
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 
 from benchctl.bench import load_bench, template
-from tests.benchctl.cli.processes import simulated_servers, started
+from instruments.catalog import models
+from tests.benchctl.cli.processes import benchctl, simulated_servers, started
+from tests.instruments.chambers.lab_controllers import ACME
+
+needs_terminals = pytest.mark.skipif(sys.platform == "win32", reason="a pty is a thing of POSIX")
+
+
+def bench_with(path: Path, kind: str, model: str, more: str = "") -> Path:
+    """A bench.toml of simulated instruments, one of them of another model; `more` goes into its table."""
+    usual = {"chamber": "watlow_f4t", "rate_table": "acutrol3000"}[kind]
+    path.write_text(template().replace(f'model = "{usual}"', f'model = "{model}"\n{more}'))
+    return path
 
 
 def test_one_line_of_json_names_the_addresses_and_all_of_them_answer(tmp_path: Path) -> None:
@@ -43,14 +54,88 @@ def test_the_bench_file_that_it_writes_reaches_the_servers(tmp_path: Path) -> No
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a pty is a thing of POSIX")
+def test_the_bench_file_that_it_writes_finds_a_profile_of_the_labs_own_from_another_folder(tmp_path: Path) -> None:
+    lab, written = tmp_path / "lab" / "bench.toml", tmp_path / "another" / "sim.toml"
+    for path in (lab, written):
+        path.parent.mkdir()
+    lab.write_text(template().replace('"watlow_f4t"', '"acme_9.toml"'), encoding="utf-8")
+    (lab.parent / "acme_9.toml").write_text(ACME, encoding="utf-8")
+    with started("sim", "--bench", lab, "--write-bench", written) as process:
+        assert process.stdout is not None
+        address = json.loads(process.stdout.readline())["chamber"]
+    bench = load_bench(str(written))
+    assert (bench.chamber.address, bench.chamber_profile) == (address, ACME)
+
+
+@needs_terminals
 def test_the_serial_chamber_answers_a_foreign_modbus_client_on_its_pty(tmp_path: Path) -> None:
-    bench = tmp_path / "serial.toml"
-    bench.write_text(template().replace('"watlow_f4t"', '"watlow_f4"'))
+    bench = bench_with(tmp_path / "serial.toml", "chamber", "watlow_f4", "options = {unit_id = 7}")
     with started("sim", "--bench", bench) as process:
         assert process.stdout is not None
         address = json.loads(process.stdout.readline())["chamber"]
         port = address.removeprefix("serial://").partition("?")[0]
         with ModbusSerialClient(port, framer=FramerType.RTU, baudrate=19200) as client:
-            assert client.read_holding_registers(100, count=1, device_id=1).registers[0] == pytest.approx(230, abs=3)
-            client.write_register(300, (-400) & 0xFFFF, device_id=1)
-            assert client.read_holding_registers(300, count=1, device_id=1).registers == [0xFE70]
+            assert client.read_holding_registers(100, count=1, device_id=7).registers[0] == pytest.approx(230, abs=3)
+            client.write_register(300, (-400) & 0xFFFF, device_id=7)
+            assert client.read_holding_registers(300, count=1, device_id=7).registers == [0xFE70]
+
+
+@needs_terminals
+def test_somebody_at_miniterm_sets_the_p300_on_its_serial_line(tmp_path: Path) -> None:
+    from tests.instruments.simulated.miniterm import Miniterm  # needs what Windows does not have
+
+    bench = bench_with(tmp_path / "bench.toml", "chamber", "espec_p300", 'address = "serial:///dev/ttyUSB0?baud=9600"')
+    with started("sim", "--bench", bench, "--speed", "60", "--write-bench", tmp_path / "sim.toml") as process:
+        assert process.stdout is not None
+        address = json.loads(process.stdout.readline())["chamber"]
+        assert address.startswith("serial:///dev/")
+        assert address.endswith("?baud=9600")
+        assert load_bench(str(tmp_path / "sim.toml")).chamber.address == address
+        with Miniterm(address.removeprefix("serial://").partition("?")[0], baud=9600) as terminal:
+            for line, answer in (
+                ("TYPE?", "T,P300,180.0"),
+                ("TEMP, S40.0", "OK:TEMP,S40.0"),
+                ("MODE,CONSTANT", "OK:MODE,CONSTANT"),
+                ("TEMP, S200.0", "NA:DATA OUT OF RANGE"),
+                ("MODE?", "CONSTANT"),
+            ):
+                terminal.type(f"{line}\r")
+                assert terminal.next_line() == answer
+            terminal.type("TEMP?\r")
+            air_c, *settings = map(float, terminal.next_line().split(","))
+            assert settings == [40.0, 180.0, -75.0]
+            assert 22.0 < air_c <= 41.0
+            assert terminal.leave() == 0
+
+
+def test_options_that_no_driver_takes_are_refused_before_anything_is_served(tmp_path: Path) -> None:
+    ended = benchctl("sim", "--bench", bench_with(tmp_path / "b.toml", "chamber", "watlow_f4", "options = {unit = 7}"))
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert "chamber.options: watlow_f4 cannot be made with them: " in ended.stderr
+    assert "Traceback" not in ended.stderr
+
+
+@needs_terminals
+@pytest.mark.slow
+@pytest.mark.timeout(180)
+@pytest.mark.parametrize(
+    ("kind", "model"),
+    [("chamber", model) for model in models("chamber")] + [("rate_table", model) for model in models("rate_table")],
+)
+def test_a_run_beside_the_servers_is_complete_with_every_chamber_and_every_table(
+    kind: str, model: str, tmp_path: Path
+) -> None:
+    bench, reached = bench_with(tmp_path / "bench.toml", kind, model), tmp_path / "sim.toml"
+    with started("sim", "--bench", bench, "--speed", "100", "--write-bench", reached) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        ran = benchctl(
+            *("run", "rate_sweep", "--bench", reached, "--out", tmp_path / "c", "--json", tmp_path / "r.json"),
+            *("-p", "at_c=23", "-p", "soak_s=60", "-p", "top_rate_dps=60", "-p", "rates=1", "-p", "verify=false"),
+            *("-p", "run_s=4", "-p", "zero_s=2"),
+            timeout_s=150.0,
+        )
+    assert ran.returncode == 0, ran.stderr
+    result = json.loads((tmp_path / "r.json").read_text())
+    assert result["status"] == "complete"
+    assert result["steps"]["whole"] == result["steps"]["planned"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from instruments.simulated.faults.frame_kinds import FrameFault
 from instruments.simulated.faults.link_kinds import (
     BadChecksum,
     Cut,
@@ -92,3 +93,14 @@ STREAM: Mapping[str, Make] = {
     "stream ends": lambda **on: StreamEnds(from_s=AT_S, times=1, **on),
 }
 """Faults of a digitizer's stream; they befall a short campaign."""
+
+FRAMES: Mapping[str, Make] = {
+    "frame lost": lambda **on: FrameFault(kind="frame_lost", from_s=AT_S, times=1, **on),
+    "frame cut": lambda **on: FrameFault(kind="frame_cut", from_s=AT_S, times=1, **on),
+    "frame with a bad checksum": lambda **on: FrameFault(kind="frame_bad_checksum", from_s=AT_S, times=1, **on),
+    "junk before a frame": lambda **on: FrameFault(kind="frame_junk_before", from_s=AT_S, times=1, **on),
+    "junk in a frame": lambda **on: FrameFault(kind="frame_junk_in", from_s=AT_S, times=1, **on),
+    "junk after a frame": lambda **on: FrameFault(kind="frame_junk_after", from_s=AT_S, times=1, **on),
+    "frames end": lambda **on: FrameFault(kind="frames_end", from_s=AT_S, times=1, **on),
+}
+"""Faults of the line of a digital gyro; they befall a short campaign."""

@@ -67,8 +67,19 @@ STREAM: Mapping[str, str] = {
     "stream cut": GAP,
     "stream junk": RECOVERED,
     "stream stalls, 0.5 s": RECOVERED,
-    "stream ends": STOPPED,
+    "stream ends": GAP,  # a campaign starts it anew
 }
+
+FRAMES: Mapping[str, str] = {
+    "frame lost": GAP,
+    "frame cut": GAP,
+    "frame with a bad checksum": GAP,
+    "junk before a frame": RECOVERED,
+    "junk in a frame": GAP,
+    "junk after a frame": RECOVERED,
+    "frames end": STOPPED,
+}
+"""In a short campaign, whichever the gyro is."""
 
 
 def of_link(model: str, fault: str) -> tuple[str, str]:

@@ -24,9 +24,9 @@ class Row:
     """
 
     model: str
-    kind: Literal["rate_table", "chamber", "digitizer"]
-    asks: str
-    tells: str
+    kind: Literal["rate_table", "chamber", "digitizer", "gyro"]
+    asks: str = ""
+    tells: str = ""
     options: Mapping[str, Any] = field(default_factory=dict)
     like: str = ""
 
@@ -62,3 +62,6 @@ ROWS = (
         options={"timeout_s": TIMEOUT_S, "fastest_counts_per_s": 1e6},
     ),
 )
+
+GYROS = (Row(model="kvh_dsp1760", kind="gyro"), Row(model="sensonor_stim300", kind="gyro"))
+"""Digital gyros send by themselves: what befalls them are the faults of their frames, in a short campaign."""

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tests.instruments.faults import kinds
 from tests.instruments.faults.cells import IMPOSSIBLE, RECOVERED, Outcome, befallen
-from tests.instruments.faults.rows import ROWS, Row
+from tests.instruments.faults.rows import GYROS, ROWS, Row
 from tests.instruments.faults.runs import run_with
 
 
@@ -31,6 +31,17 @@ def machine_table() -> Iterator[str]:
         yield _line(fault, [_run_words(row, fault, row.kind) for row in ROWS])
     for fault in kinds.STREAM:
         yield _line(fault, [_run_words(row, fault, f"{row.kind}_stream") for row in ROWS])
+
+
+def frame_table() -> Iterator[str]:
+    """Faults of a digital gyro's line, which befall a short campaign."""
+    yield from _head("fault of the gyro's line", GYROS)
+    for fault, make in kinds.FRAMES.items():
+        cells = []
+        for row in GYROS:
+            with tempfile.TemporaryDirectory() as folder:
+                cells.append(_words(run_with(row, make(on="gyro"), Path(folder) / "c").outcome))
+        yield _line(fault, cells)
 
 
 def _run_words(row: Row, fault: str, on: str) -> str:
@@ -59,8 +70,8 @@ def _line(first: str, cells: Sequence[str]) -> str:
 
 
 def main() -> None:
-    """Print both tables as Markdown; `-` where the driver's protocol or kind has nothing that could go wrong so."""
-    for table in (link_table(), machine_table()):
+    """Print all tables as Markdown; `-` where the driver's protocol or kind has nothing that could go wrong so."""
+    for table in (link_table(), machine_table(), frame_table()):
         for line in table:
             sys.stdout.write(f"{line}\n")
         sys.stdout.write("\n")

@@ -23,9 +23,9 @@ from instruments.gyros.kvh_dsp1760 import KvhDsp1760
 from instruments.gyros.sensonor_stim300 import SensonorStim300
 from instruments.interfaces import Gyro
 from instruments.simulated.clock import VirtualClock
-from instruments.simulated.faults.frame_faults import FrameFaults, FrameKind
+from instruments.simulated.faults.frame_faults import FrameFaults
+from instruments.simulated.faults.frame_kinds import FrameFault, FrameKind
 from instruments.simulated.faults.log import FaultLog
-from instruments.simulated.faults.schedule import When
 from instruments.simulated.kvh_dsp1760 import SimulatedKvhDsp1760
 from instruments.simulated.sensonor_stim300 import SimulatedStim300
 from tests.instruments.gyros.gyro_inputs import SETTINGS, RampInputs
@@ -36,7 +36,7 @@ GYROS = {
     "kvh_dsp1760": (SimulatedKvhDsp1760, KvhDsp1760),
     "sensonor_stim300": (partial(SimulatedStim300, rate_hz=RATE_HZ), SensonorStim300),
 }
-WITHOUT_LOSS = ("junk_before", "junk_after")
+WITHOUT_LOSS = ("frame_junk_before", "frame_junk_after")
 
 
 @contextmanager
@@ -47,14 +47,16 @@ def streaming(model: str, kind: FrameKind) -> Iterator[tuple[Gyro, VirtualClock,
     make_driver: Callable[..., Any]
     make_twin, make_driver = GYROS[model]
     with make_twin(RampInputs(clock, rate_dps=-30.0, ramp_dps2=10.0), SETTINGS, over_tcp=True) as twin:
-        twin.line.disturb = FrameFaults(twin.frame_bytes, kind, When(nth=HIT + 1), now=clock.now, log=log)
+        twin.line.disturb = FrameFaults(
+            twin.frame_bytes, [FrameFault(on="gyro", kind=kind, nth=HIT + 1)], batch_s=lambda: twin.batch_s, log=log
+        )
         clock.sleep(0.1)  # one of them sends all the time, and is known by what it sends
         with make_driver(twin.address, clock=clock, timeout_s=5.0) as gyro:
             yield gyro, clock, log
 
 
 @pytest.mark.parametrize("model", GYROS)
-@pytest.mark.parametrize("kind", [kind for kind in get_args(FrameKind) if kind != "silence"])
+@pytest.mark.parametrize("kind", [kind for kind in get_args(FrameKind) if kind != "frames_end"])
 def test_no_sample_is_wrong_and_what_is_missing_is_told_at_its_place(model: str, kind: FrameKind) -> None:
     with streaming(model, kind) as (gyro, clock, log):
         rate_hz = gyro.start_stream(RATE_HZ)
@@ -75,7 +77,7 @@ def test_no_sample_is_wrong_and_what_is_missing_is_told_at_its_place(model: str,
 
 @pytest.mark.parametrize("model", GYROS)
 def test_a_gyro_that_falls_silent_is_a_link_error_that_says_how_many_came(model: str) -> None:
-    with streaming(model, "silence") as (gyro, clock, _):
+    with streaming(model, "frames_end") as (gyro, clock, _):
         gyro.start_stream(RATE_HZ)
         clock.sleep(1.0)
         with pytest.raises(LinkError, match=r"expected 200 samples within 0.3 s, \d+ came"):

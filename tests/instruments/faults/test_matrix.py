@@ -7,14 +7,17 @@ was sent. Stopped means: one line says which instrument did what, and the same d
 from __future__ import annotations
 
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
 from instruments.catalog import models
 from instruments.simulated.faults.bench import AnyLinkFault, AnyMachineFault, AnyStreamFault
+from instruments.simulated.faults.frame_kinds import FrameFault
+from instruments.simulated.faults.tables import FaultTable
 from tests.instruments.faults import kinds, outcomes
 from tests.instruments.faults.cells import IMPOSSIBLE, STOPPED, Outcome, befallen
-from tests.instruments.faults.rows import ROWS, Row
+from tests.instruments.faults.rows import GYROS, ROWS, Row
 from tests.instruments.faults.runs import run_with
 
 LINK_CELLS = [
@@ -49,33 +52,48 @@ def test_a_fault_of_the_stream_ends_a_run_as_the_table_says(row: Row, fault: str
     came = run_with(row, kinds.STREAM[fault](on=f"{row.kind}_stream"), tmp_path / "c")
     assert came.outcome.what == outcomes.STREAM[fault], came
     assert ("gap" in came.events) == bool(came.outcome.lost)
-    assert ("recovered" in came.events) == (fault in ("stream cut", "stream junk"))
+    assert ("recovered" in came.events) == (fault in ("stream cut", "stream junk", "stream ends"))
+
+
+@pytest.mark.parametrize("row", GYROS, ids=str)
+@pytest.mark.parametrize("fault", kinds.FRAMES)
+def test_a_fault_of_a_gyros_line_ends_a_run_as_the_table_says(row: Row, fault: str, tmp_path: Path) -> None:
+    came = run_with(row, kinds.FRAMES[fault](on="gyro"), tmp_path / "c")
+    assert came.outcome.what == outcomes.FRAMES[fault], came
+    assert came.events[-2:] == ("safe", "finish")
+    assert ("frames_lost" in came.events) == (came.outcome.lost == 1)
+    assert ("recovered" in came.events) == (fault not in ("frame lost", "frames end"))
+    assert came.outcome.why.startswith("gyro: no news") == (fault == "frames end")
 
 
 def test_every_driver_stands_in_the_table() -> None:
-    for kind in ("rate_table", "chamber", "digitizer"):
-        assert {row.model for row in ROWS if row.kind == kind} == set(models(kind)), "a driver without a row in rows.py"
+    for kind in ("rate_table", "chamber", "digitizer", "gyro"):
+        assert {row.model for row in (*ROWS, *GYROS) if row.kind == kind} == set(models(kind)), (
+            "a driver without a row in rows.py"
+        )
 
 
 def test_no_cell_is_empty() -> None:
     assert set(outcomes.LINK) == set(kinds.LINK)
     assert set(outcomes.MACHINE) == {fault for faults in kinds.MACHINE.values() for fault in faults}
     assert set(outcomes.STREAM) == set(kinds.STREAM)
+    assert set(outcomes.FRAMES) == set(kinds.FRAMES)
     assert set(outcomes.LINK_OF) <= {row.model for row in ROWS}
 
 
 def test_every_kind_of_fault_that_can_be_scheduled_stands_in_the_table() -> None:
-    def names(union: object) -> set[str]:
+    def names(kinds_of_fault: tuple[type[FaultTable], ...]) -> set[str]:
         return {
             name
-            for kind in union.__args__
+            for kind in kinds_of_fault
             for name in kind.model_fields["kind"].annotation.__args__  # type: ignore[attr-defined]
         }
 
     made = [make(on="chamber").kind for make in kinds.LINK.values()]
     made += [make(on=machine).kind for machine, faults in kinds.MACHINE.items() for make in faults.values()]
     made += [make(on="digitizer_stream").kind for make in kinds.STREAM.values()]
-    assert set(made) == names(AnyLinkFault) | names(AnyMachineFault) | names(AnyStreamFault)
+    made += [make(on="gyro").kind for make in kinds.FRAMES.values()]
+    assert set(made) == names(get_args(AnyLinkFault | AnyMachineFault | AnyStreamFault | FrameFault))
 
 
 def _say_why(row: Row, outcome: Outcome) -> None:

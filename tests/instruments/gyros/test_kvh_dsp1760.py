@@ -176,6 +176,9 @@ class Deaf:
     def due(self) -> bytes:
         return b""
 
+    def lose(self) -> None:
+        return
+
     def wait(self, timeout_s: float) -> bool:
         return False
 

@@ -150,6 +150,9 @@ class Stating:
     def due(self) -> bytes:
         return b""
 
+    def lose(self) -> None:
+        return
+
     def wait(self, timeout_s: float) -> bool:
         return False
 
@@ -184,6 +187,9 @@ class Noise:
 
     def due(self) -> bytes:
         return bytes(range(256))
+
+    def lose(self) -> None:
+        return
 
     def wait(self, timeout_s: float) -> bool:
         return True

@@ -77,7 +77,7 @@ def test_a_line_may_come_letter_by_letter_and_after_junk(machine: FakeChamber) -
 def test_a_session_at_a_terminal_on_a_serial_port(machine: FakeChamber) -> None:
     import serial
 
-    with SimulatedEspecP300(machine, serial=True) as twin:
+    with SimulatedEspecP300(machine, over_tcp=False) as twin:
         assert twin.address.startswith("serial:///dev/")
         assert twin.address.endswith("?baud=9600")
         port = twin.address.removeprefix("serial://").partition("?")[0]

@@ -162,7 +162,7 @@ def test_a_laboratorys_own_driver_for_its_watlow_f4_runs_on_the_simulated_one(
 def test_somebody_at_pyserials_miniterm_reads_and_sets_the_p300(machine: FakeChamber, serial: bool) -> None:
     from tests.instruments.simulated.miniterm import Miniterm  # needs what Windows does not have
 
-    with SimulatedEspecP300(machine, serial=serial) as p300:
+    with SimulatedEspecP300(machine, over_tcp=not serial) as p300:
         port = serial_port(p300.address) if serial else f"socket://127.0.0.1:{tcp_port(p300.address)}"
         with Miniterm(port, baud=9600) as terminal:
             for line, answer in (

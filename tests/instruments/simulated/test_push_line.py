@@ -23,7 +23,7 @@ class Counting:
     """Sends the next numbers whenever it may, and says what it hears twice."""
 
     def __init__(self, piece: int) -> None:
-        self.piece, self.made = piece, 0
+        self.piece, self.made, self.lost = piece, 0, 0
         self.may = threading.Event()
 
     def feed(self, data: bytes) -> bytes:
@@ -34,6 +34,9 @@ class Counting:
             return b""
         first, self.made = self.made, self.made + self.piece
         return bytes(number % 251 for number in range(first, self.made))
+
+    def lose(self) -> None:
+        self.lost += 1
 
     def wait(self, timeout_s: float) -> bool:
         return False
@@ -83,6 +86,7 @@ def test_what_nobody_takes_is_dropped_and_counted_and_does_not_block_the_device(
         link.close()
     assert len(kept) == 1000
     assert line.dropped_bytes < device.made
+    assert device.lost > 0
 
 
 @pytest.mark.parametrize("over_tcp", LINES)
