@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from benchctl.documents import json_document, toml_document
 from benchctl.toml_file import line_of
 from instruments.errors import UsageError
+from tests.slowness import slowness
 
 _LEAVES = st.none() | st.booleans() | st.integers(-(2**64), 2**64) | st.floats(allow_nan=False) | st.text()
 _DOCUMENTS = st.recursive(_LEAVES, lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner), max_leaves=20)
@@ -71,7 +72,7 @@ def test_toml_that_cannot_be_meant_is_refused_at_once(text: str, says: str) -> N
     begun = time.process_time()
     with pytest.raises(UsageError) as caught:
         toml_document(text, "a.toml")
-    assert time.process_time() - begun < 1.0
+    assert time.process_time() - begun < 1.0 * slowness()
     assert str(caught.value).startswith(says)
 
 
@@ -84,4 +85,4 @@ def test_a_list_of_many_numbers_is_no_long_key() -> None:
 def test_the_line_of_a_field_is_found_in_time_whatever_stands_beside_it(line: str) -> None:
     begun = time.process_time()
     assert line_of(f'x = """\n{line}\n"""\n[a]\nb = 1\n', ("a", "b")) == 5
-    assert time.process_time() - begun < 1.0
+    assert time.process_time() - begun < 1.0 * slowness()

@@ -18,6 +18,7 @@ from benchctl.recordings.journal import (
     planned_steps,
 )
 from instruments.errors import UsageError
+from tests.slowness import slowness
 
 LINE = '{"kind": "step", "wall_time": "2026-11-21T10:00:00+00:00", "index": 2, "name": "Soak bei −20 °C\u2028"}'
 
@@ -193,4 +194,4 @@ def test_a_long_journal_is_read_in_time() -> None:
     text = f"{LINE}\n" * 20_000
     begun = time.process_time()
     assert sum(1 for _ in events_in(text)) == 20_000
-    assert time.process_time() - begun < 2.0
+    assert time.process_time() - begun < 2.0 * slowness()

@@ -18,6 +18,7 @@ from benchctl.reports.diagnosis_page import diagnosis_page, write_diagnosis_repo
 from benchctl.reports.figures import style
 from tests.benchctl.diagnosis.example import NOISE_V, nothing_missing, pair, unknown_structure
 from tests.benchctl.reports.page import Page
+from tests.slowness import slowness
 
 INFO = StepInfo(index=1, name="static +23", kind="static", t_start=0.0, t_end=40.0, chamber_setpoint_c=23.0, samples=9)
 
@@ -305,13 +306,13 @@ def test_ranges_have_as_many_decimals_as_the_shortest_needs_and_the_unit_of_the_
     assert "output, −0.025 to −0.012 and 1 to 1.333\u00a0N m;" in words.place(where, "N m")
 
 
-def test_a_long_diagnosis_becomes_a_page_in_three_seconds(tmp_path):
+def test_a_long_diagnosis_becomes_a_page_without_a_hang(tmp_path):
     one = pair()
     many = tuple(replace(step, t_start=step.t_start + 3600.0 * k) for k in range(6) for step in one.steps)
     long = replace(one, steps=many, not_found=tuple(_absent(k) for k in range(40)))
     began = time.process_time()
     write_diagnosis_report(tmp_path / "d.html", long, meta_of(), [INFO], digest="beef")
-    assert time.process_time() - began < 3.0
+    assert time.process_time() - began < 3.0 * slowness()
     assert (tmp_path / "d.html").stat().st_size < 2_000_000
 
 

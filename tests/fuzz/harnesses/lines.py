@@ -7,19 +7,18 @@ from typing import Any
 
 from instruments.errors import BenchError
 from instruments.protocols import acl, ensemble, esp301, kvh1760, p300
-from instruments.protocols.lines import LineCutter
+from instruments.protocols.lines import LineCutter, parse_number
 from tests.fuzz.harness import Harness, pieces, refusals
 
 _READERS: tuple[Callable[[str], Any], ...] = (
+    parse_number,
     lambda line: list(acl.parse_commands(line)),
     ensemble.parse_command,
     ensemble.parse_reply,
-    ensemble.parse_number,
     ensemble.parse_bits,
     ensemble.is_bare,
     lambda line: list(esp301.parse_commands(line)),
     esp301.parse_error,
-    esp301.parse_number,
     esp301.parse_flag,
     esp301.is_unasked,
     p300.is_accepted,
