@@ -69,6 +69,15 @@ def _line(first: str, cells: Sequence[str]) -> str:
     return f"| {first} | {' | '.join(cells)} |"
 
 
+INTRO = """# What becomes of every fault with every driver
+
+Made by `python -m tests.instruments.faults.table`, every cell by running it: over real wires, against the simulated
+instrument. "Recovered": nothing is lost and nothing wrong was taken, with the question asked again where it says so.
+"Stopped": the run, or the command, ends with a clear reason, and the bench is brought to rest. Two outcomes: at a
+question / at a command. "-": the protocol, or this kind of instrument, has nothing that could go wrong so.
+"""
+
+
 def main() -> None:
     """Print all tables as Markdown; `-` where the driver's protocol or kind has nothing that could go wrong so."""
     for table in (link_table(), machine_table(), frame_table()):
