@@ -79,7 +79,8 @@ question / at a command. "-": the protocol, or this kind of instrument, has noth
 
 
 def main() -> None:
-    """Print all tables as Markdown; `-` where the driver's protocol or kind has nothing that could go wrong so."""
+    """Print all tables as Markdown."""
+    sys.stdout.write(f"{INTRO}\n")
     for table in (link_table(), machine_table(), frame_table()):
         for line in table:
             sys.stdout.write(f"{line}\n")
