@@ -101,6 +101,11 @@ class Interlock(_Table):
             )
         if (self.action == "hold") != (self.give_up_s is not None):
             raise ValueError(f'{self.quantity}: action = "hold" needs give_up_s, and no other action has one')
+        if self.action == "hold" and self.quantity == "encoder_dps":
+            raise ValueError(
+                "encoder_dps: it is measured only while a step is recorded, so that a hold would never see it end; "
+                'hold on rate_dps, or use action = "stop"'
+            )
         return self
 
 

@@ -137,6 +137,10 @@ def test_below_is_above_in_a_mirror(values: list[float], hysteresis: float, for_
         ({"above": 5.0, "give_up_s": 60.0}, "no other action has one"),
         ({"above": 5.0, "hysteresis": -1.0}, "greater than or equal to 0"),
         ({"above": 5.0, "action": "shout"}, "'stop' or 'hold'"),
+        (
+            {"quantity": "encoder_dps", "above": 5.0, "action": "hold", "give_up_s": 60.0},
+            "measured only while a step is recorded",
+        ),
     ],
 )
 def test_an_interlock_that_makes_no_sense_is_refused(fields: dict[str, object], says: str) -> None:
