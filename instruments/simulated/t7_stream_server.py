@@ -87,7 +87,10 @@ class T7StreamServer:
             self._changed.notify_all()
 
     def end(self) -> None:
-        """End the stream once every scan that is due was taken; nothing is sampled after this has returned."""
+        """End the stream once every scan that is due was taken.
+
+        After this has returned nothing is sampled and nothing sent: a client of the next stream gets only that one.
+        """
         with self._changed:
             if self._stream is not None:
                 self._stream.finish(self._inputs.now())
@@ -154,14 +157,19 @@ class T7StreamServer:
         if isinstance(fault, StreamEnds):
             self._end_if(stream)
         elif isinstance(fault, StreamCut):
-            self._accept(listener)
-            self._send_some(memoryview(packet)[: len(packet) // 2])
-            self._drop_client()
+            self._cut(stream, packet, listener)
         else:
             if isinstance(fault, StreamStalls):
                 self._stall(fault.for_s, stream, in_transit)
             junk = JUNK if isinstance(fault, StreamJunk) else b""
             self._send(stream, junk + packet, in_transit, listener)
+
+    def _cut(self, stream: StreamBuffer, packet: bytes, listener: socket.socket) -> None:
+        with self._changed:
+            if self._stream is stream:
+                self._accept(listener)
+                self._send_some(memoryview(packet)[: len(packet) // 2])
+                self._drop_client()
 
     def _stall(self, for_s: float, stream: StreamBuffer, in_transit: int) -> None:
         until_s = time.monotonic() + for_s
@@ -185,12 +193,15 @@ class T7StreamServer:
 
     def _send(self, stream: StreamBuffer, packets: bytes, in_transit: int, listener: socket.socket) -> None:
         left, client = memoryview(packets), self._client
-        while left and self._stream is stream:
-            self._accept(listener)
-            if self._client is not client:  # the new one gets the packet from its beginning
-                sent = len(packets) - len(left)
-                left, client = memoryview(packets)[sent - sent % stream.packet_bytes :], self._client
-            count = self._send_some(left)
+        while left:
+            with self._changed:
+                if self._stream is not stream:
+                    return
+                self._accept(listener)
+                if self._client is not client:  # the new one gets the packet from its beginning
+                    sent = len(packets) - len(left)
+                    left, client = memoryview(packets)[sent - sent % stream.packet_bytes :], self._client
+                count = self._send_some(left)
             left = left[count:]
             if not count:
                 stream.fill(self._inputs.now(), in_transit)
