@@ -17,11 +17,9 @@ from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.select import Selection, reduced
+from benchctl.diagnosis.unstated import BEYOND_CHANCE
 from instruments.physics.effects.adc_nonlinearity import AdcNonlinearity
 from instruments.physics.effects.effect import DescribedEffect
-
-_BEYOND_CHANCE = 6.0
-"""Twice the log likelihood that the steps must gain: odds of twenty to one."""
 
 _OF_THE_STEPS = 0.02
 """How far a wave's period may be from a whole fraction of a step, in parts of it, to be the steps' own."""
@@ -40,7 +38,7 @@ def unrounded(problem: Problem, chosen: Selection, step_v: float) -> Problem | N
     other = problem.unrounded(problem.predict(point.baseline, point.effects), step_v)
     everything = np.ones_like(chosen.heldout)
     less = whole.squares - fit(other, chosen.whitener, point, everything).squares
-    return other if less > _BEYOND_CHANCE * whole.deviation**2 else None
+    return other if less > BEYOND_CHANCE * whole.deviation**2 else None
 
 
 def without_the_steps_own(problem: Problem, chosen: Selection, step_v: float) -> Selection:

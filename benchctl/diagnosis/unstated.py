@@ -15,7 +15,7 @@ from benchctl.diagnosis.fitting.fit import Point, fit
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.select import Selection
 
-_BEYOND_CHANCE = 6.0
+BEYOND_CHANCE = 6.0
 """Twice the log likelihood that the less natural answer must gain: odds of twenty to one."""
 
 
@@ -31,7 +31,7 @@ def other_answer(problem: Problem, chosen: Selection) -> Problem | None:
     variance = whole.deviation**2
     moved = white(other.predict(whole.point.baseline, whole.point.effects) - whole.predicted)
     reach = float(moved @ moved) / variance
-    if reach < _BEYOND_CHANCE:
+    if reach < BEYOND_CHANCE:
         return None
     everything = np.ones_like(chosen.heldout)
     for point, allowed in _simpler(chosen, reach):
@@ -43,7 +43,7 @@ def other_answer(problem: Problem, chosen: Selection) -> Problem | None:
 def _simpler(chosen: Selection, reach: float) -> Iterator[tuple[Point, float]]:
     """Models to try, and by how much twice the log likelihood may fall with each: negative where it must rise."""
     point = chosen.whole.point
-    yield point, -_BEYOND_CHANCE
+    yield point, -BEYOND_CHANCE
     for i, one in enumerate(chosen.evidence.values()):
-        if one.gain < reach + _BEYOND_CHANCE:
-            yield replace(point, effects=(*point.effects[:i], *point.effects[i + 1 :])), _BEYOND_CHANCE
+        if one.gain < reach + BEYOND_CHANCE:
+            yield replace(point, effects=(*point.effects[:i], *point.effects[i + 1 :])), BEYOND_CHANCE
