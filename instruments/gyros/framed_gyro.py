@@ -25,6 +25,9 @@ from instruments.interfaces import Clock, GyroBlock, Identity
 from instruments.links.byte_link import byte_link
 from instruments.links.wirelog import WireLog
 
+AXES = ("x", "y", "z")
+"""In the order in which their samples stand in a frame."""
+
 LARGEST_RECEIVE = 1 << 16
 WIRE_LATENCY_S = 0.02
 """How long a byte may be under way; serial converters on USB keep bytes for up to 16 ms."""
@@ -46,6 +49,8 @@ class FramedGyro(ABC):
         The model, for messages.
     clock
         What tells how long the line was deaf.
+    axis
+        "x", "y" or "z"; `UsageError` where it is none of them.
     default_baud
         Where the address does not say.
     timeout_s
@@ -60,10 +65,14 @@ class FramedGyro(ABC):
         *,
         name: str,
         clock: Clock,
+        axis: str,
         default_baud: int,
         timeout_s: float,
         wire_log: WireLog | None,
     ) -> None:
+        if axis not in AXES:
+            raise UsageError(f"axis {axis!r}: a {name} has x, y and z")
+        self._axis = AXES.index(axis)
         self._link = byte_link(address, default_baud=default_baud, wire_log=wire_log)
         self._who = f"{name} at {self._link.address}"
         self._clock = clock

@@ -44,13 +44,11 @@ class KvhDsp1760(FramedGyro):
     def __init__(
         self, address: str, *, clock: Clock, axis: str = "z", timeout_s: float = 2.0, wire_log: WireLog | None = None
     ) -> None:
-        if axis not in kvh.AXES or len(axis) != 1:
-            raise UsageError(f"axis {axis!r}: a KVH DSP-1760 has x, y and z")
-        self._axis = kvh.AXES.index(axis)
         super().__init__(
             address,
             name="KVH DSP-1760",
             clock=clock,
+            axis=axis,
             default_baud=kvh.DEFAULT_BAUD,
             timeout_s=timeout_s,
             wire_log=wire_log,

@@ -16,7 +16,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from instruments.errors import InstrumentError, LinkError, UsageError
+from instruments.errors import InstrumentError, LinkError
 from instruments.gyros.framed_gyro import LARGEST_RECEIVE, FramedGyro
 from instruments.gyros.sample_queue import SampleQueue, Samples
 from instruments.interfaces import Clock, Identity
@@ -55,13 +55,11 @@ class SensonorStim300(FramedGyro):
     def __init__(
         self, address: str, *, clock: Clock, axis: str = "z", timeout_s: float = 2.0, wire_log: WireLog | None = None
     ) -> None:
-        if axis not in stim.AXES or len(axis) != 1:
-            raise UsageError(f"axis {axis!r}: a Sensonor STIM300 has x, y and z")
-        self._axis = stim.AXES.index(axis)
         super().__init__(
             address,
             name="Sensonor STIM300",
             clock=clock,
+            axis=axis,
             default_baud=stim.DEFAULT_BAUD,
             timeout_s=timeout_s,
             wire_log=wire_log,

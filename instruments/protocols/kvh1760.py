@@ -33,7 +33,6 @@ HEADER = bytes.fromhex("FE 81 FF 55")
 FORMAT = FrameFormat(name="KVH format A", header=HEADER, crc_at=32)
 SEQUENCE_NUMBERS = 128
 DEFAULT_BAUD = 921_600
-AXES = "xyz"
 
 CHANNELS = {  # by the bit of the status
     0: "gyro X",

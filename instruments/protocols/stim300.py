@@ -31,7 +31,6 @@ Part = Literal["gyro", "acceleration", "inclination", "temperature", "auxiliary"
 
 DEFAULT_BAUD = 921_600
 COUNTERS = 256
-AXES = "xyz"
 CRLF = b"\r\n"
 
 PARTS: dict[int, tuple[Part, ...]] = {
