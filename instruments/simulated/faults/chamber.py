@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 from instruments.simulated.faults.log import FaultLog
 from instruments.simulated.faults.machine_kinds import MachineFault, OverRange, StallsShort, StuckReading
-from instruments.simulated.faults.spells import Spell
+from instruments.simulated.faults.spells import spells
 from instruments.simulated.machines import ChamberMachine
 
 
@@ -31,9 +31,9 @@ class FaultyChamber:
     ) -> None:
         self._chamber = chamber
         self._now = now
-        self._stuck = [Spell("chamber", fault, log) for fault in faults if isinstance(fault, StuckReading)]
-        self._over = [Spell("chamber", fault, log) for fault in faults if isinstance(fault, OverRange)]
-        self._stalls = [Spell("chamber", fault, log) for fault in faults if isinstance(fault, StallsShort)]
+        self._stuck = spells("chamber", faults, StuckReading, log)
+        self._over = spells("chamber", faults, OverRange, log)
+        self._stalls = spells("chamber", faults, StallsShort, log)
         self._last_c = chamber.air_c()
         self._demanded_c = chamber.setpoint_c()
 

@@ -15,7 +15,7 @@ from instruments.simulated.faults.machine_kinds import (
     OverRange,
     StuckReading,
 )
-from instruments.simulated.faults.spells import Spell
+from instruments.simulated.faults.spells import spells
 from instruments.simulated.machines import AnalogInputs
 
 Samples = tuple[IntArray, FloatArray, FloatArray]
@@ -41,9 +41,9 @@ class FaultyInputs:
     def __init__(self, inputs: AnalogInputs, faults: Sequence[MachineFault | ClockDrift], *, log: FaultLog) -> None:
         self._inputs = inputs
         self._pace = 1.0 + 1e-6 * sum(fault.ppm for fault in faults if isinstance(fault, ClockDrift))
-        self._stuck = [Spell("digitizer", fault, log) for fault in faults if isinstance(fault, StuckReading)]
-        self._over = [Spell("digitizer", fault, log) for fault in faults if isinstance(fault, OverRange)]
-        self._jumps = [Spell("digitizer", fault, log) for fault in faults if isinstance(fault, EncoderJump)]
+        self._stuck = spells("digitizer", faults, StuckReading, log)
+        self._over = spells("digitizer", faults, OverRange, log)
+        self._jumps = spells("digitizer", faults, EncoderJump, log)
         self._before: tuple[int, float, float] | None = None  # the scan before this block
 
     def now(self) -> float:

@@ -64,40 +64,34 @@ class Slow(LinkFault):
         return Answer(pieces=(Piece(data=exchange.carry_out(), after_s=self.delay_s),))
 
 
-class OtherUnit(LinkFault):
-    """Another unit answers in its place."""
+class _Spoilt(LinkFault):
+    """The answer is what the wire's own way to spoil it, the one that is needed, makes of it."""
+
+    def act(self, exchange: Exchange) -> Answer:
+        """The answer, spoilt."""
+        answer, spoil = exchange.carry_out(), getattr(exchange.wire, self.needs)
+        return at_once(spoil(answer) if answer and spoil else answer)
+
+
+class OtherUnit(_Spoilt):
+    """Another unit answers in its place: the answer comes under another unit's number."""
 
     kind: Literal["other_unit"] = "other_unit"
     needs = "other_unit"
 
-    def act(self, exchange: Exchange) -> Answer:
-        """The answer under another unit's number."""
-        answer, other = exchange.carry_out(), exchange.wire.other_unit
-        return at_once(other(answer) if answer and other else answer)
 
-
-class BadChecksum(LinkFault):
+class BadChecksum(_Spoilt):
     """The answer's checksum is wrong."""
 
     kind: Literal["bad_checksum"] = "bad_checksum"
     needs = "bad_checksum"
 
-    def act(self, exchange: Exchange) -> Answer:
-        """The answer with another checksum."""
-        answer, spoil = exchange.carry_out(), exchange.wire.bad_checksum
-        return at_once(spoil(answer) if answer and spoil else answer)
 
-
-class HalfFloat(LinkFault):
+class HalfFloat(_Spoilt):
     """The answer to a read lacks its last register, and is sound otherwise: half of a float."""
 
     kind: Literal["half_float"] = "half_float"
     needs = "half_float"
-
-    def act(self, exchange: Exchange) -> Answer:
-        """The answer, a register short."""
-        answer, halve = exchange.carry_out(), exchange.wire.half_float
-        return at_once(halve(answer) if answer and halve else answer)
 
 
 class Refusal(LinkFault):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+from collections.abc import Iterable
 from typing import Generic, TypeVar
 
 from instruments.simulated.faults.log import FaultLog, Fired
@@ -50,3 +51,8 @@ class Spell(Generic[FaultT]):
                 self._log.note(fired)
             self._looked_s = now_s
             return now_s < self._until_s
+
+
+def spells(where: str, faults: Iterable[object], kind: type[FaultT], log: FaultLog) -> list[Spell[FaultT]]:
+    """Those of a machine's faults that are of one kind."""
+    return [Spell(where, fault, log) for fault in faults if isinstance(fault, kind)]

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from instruments.simulated.faults.log import FaultLog
 from instruments.simulated.faults.machine_kinds import MachineFault, StuckReading, VelocityTrip
-from instruments.simulated.faults.spells import Spell
+from instruments.simulated.faults.spells import spells
 from instruments.simulated.machines import TableMachine, TableMotion
 
 
@@ -31,8 +31,8 @@ class FaultyTable:
     ) -> None:
         self._table = table
         self._now = now
-        self._stuck = [Spell("rate_table", fault, log) for fault in faults if isinstance(fault, StuckReading)]
-        self._trips = [Spell("rate_table", fault, log) for fault in faults if isinstance(fault, VelocityTrip)]
+        self._stuck = spells("rate_table", faults, StuckReading, log)
+        self._trips = spells("rate_table", faults, VelocityTrip, log)
         self._last = table.motion()
 
     def motion(self) -> TableMotion:
