@@ -7,7 +7,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, field_validator, model_validator
 
 from benchctl.limits import HIGHEST_RATE_HZ, MOST_COUNTS_PER_REV
 from benchctl.model_file import Model
@@ -174,7 +174,7 @@ class GyroEntry(InstrumentEntry):
 
 
 class Bench(_Table):
-    """A whole bench; `text` is the file as it was read, `chamber_profile` that which `chamber.model` names, if any."""
+    """A whole bench, as its file describes it, and the file itself."""
 
     name: str
     operator: str = ""
@@ -193,8 +193,8 @@ class Bench(_Table):
     physics: dict[str, Any] = Field(default_factory=dict)
     effects: dict[str, Any] = Field(default_factory=dict)
     faults: tuple[AnyFault, ...] = ()
-    text: str = ""
-    chamber_profile: str = ""
+    _text: str = PrivateAttr(default="")
+    _chamber_profile: str = PrivateAttr(default="")
 
     @model_validator(mode="after")
     def _reachable(self) -> Bench:
@@ -220,9 +220,25 @@ class Bench(_Table):
         return self
 
     @property
+    def text(self) -> str:
+        """The file as it was read."""
+        return self._text
+
+    @property
+    def chamber_profile(self) -> str:
+        """The profile that `chamber.model` names, as it was read; empty where it names none."""
+        return self._chamber_profile
+
+    @property
     def recorded_hz(self) -> float:
         """Rows of four channels that a streamed step records a second: scans, and frames."""
         return self.digitizer.sample_rate_hz + (self.gyro.frame_rate_hz if self.gyro else 0.0)
+
+    def read_from(self, text: str, chamber_profile: str) -> Bench:
+        """The same bench, from these files."""
+        bench = self.model_copy()
+        bench._text, bench._chamber_profile = text, chamber_profile  # noqa: SLF001 - this class's own
+        return bench
 
     def with_seed(self, seed: int | None) -> Bench:
         """The same bench, its simulated physics drawn with another seed."""
@@ -267,7 +283,7 @@ def load_bench(source: str) -> Bench:
 
 def bench_of_text(text: str, name: str, chamber_profile: str = "") -> Bench:
     """The bench of a text that is read already, and of that of its chamber's profile; raises what `parse_toml` does."""
-    return parse_toml(text, Bench, name).model_copy(update={"text": text, "chamber_profile": chamber_profile})
+    return parse_toml(text, Bench, name).read_from(text, chamber_profile)
 
 
 def _with_profile(bench: Bench, folder: Path, name: str) -> Bench:
@@ -277,7 +293,7 @@ def _with_profile(bench: Bench, folder: Path, name: str) -> Bench:
         raise UsageError(f"{name}, line {line_of(bench.text, ('chamber', 'model'))}: {err}") from err
     parse_profile(text, profile_name(path))
     chamber = bench.chamber.model_copy(update={"model": str(path)})
-    return bench.model_copy(update={"chamber": chamber, "chamber_profile": text})
+    return bench.model_copy(update={"chamber": chamber}).read_from(bench.text, text)
 
 
 def _check_effects(tables: dict[str, Any], name: str) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import tomllib
+from pathlib import Path
 from typing import Any
 
 from benchctl.limits import (
@@ -12,12 +13,24 @@ from benchctl.limits import (
     MOST_DEPTH,
     MOST_DESCRIPTION_BYTES,
     MOST_KEY_PARTS,
+    read_whole,
 )
 from instruments.errors import UsageError
 
 _PART = r"""(?:[A-Za-z0-9_-]+|"[^"\n]*"|'[^'\n]*')"""
 _LONG_KEY = re.compile(rf"(?<![A-Za-z0-9_-]){_PART}(?:[ \t]*\.[ \t]*{_PART}){{{MOST_KEY_PARTS}}}")
 """Dotted parts, more than a key may have, wherever they stand. No part can begin within another: one pass is enough."""
+
+
+def read_json(path: Path, what: str) -> Any:
+    """What a file of JSON stands for; `what` is its role in an error.
+
+    Raises
+    ------
+    UsageError
+        Where it cannot be read, and whatever `json_document` raises.
+    """
+    return json_document(read_whole(path, MOST_DESCRIPTION_BYTES, f"{what} "), f"{what} {path}")
 
 
 def json_document(text: bytes | str, name: str) -> Any:

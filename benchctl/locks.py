@@ -14,6 +14,7 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
+from benchctl.documents import read_json
 from instruments.errors import UsageError
 
 _PATIENCE_S = 1.0
@@ -81,7 +82,7 @@ def _note(path: Path) -> Path:
 
 def _holder(path: Path) -> str:
     try:
-        note = json.loads(_note(path).read_text(encoding="utf-8"))
+        note = read_json(_note(path), "the lock's note")
         return f"process {note['pid']} ({note['purpose']}, since {note['since']})"
-    except (OSError, ValueError, KeyError, TypeError):
+    except (UsageError, KeyError, TypeError):
         return "another process"

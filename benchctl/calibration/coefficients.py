@@ -31,6 +31,7 @@ from benchctl.calibration.compensation import bias
 from benchctl.calibration.free_motion import FreeMotionFit
 from benchctl.calibration.model import LAWS, Law, factor
 from benchctl.calibration.result import CalibrationResult, JointFit, Parameter, PolynomialFactor, Stage
+from benchctl.documents import read_json
 from instruments.errors import UsageError
 
 FloatArray = npt.NDArray[np.float64]
@@ -83,12 +84,7 @@ def write_coefficients(path: Path, content: Mapping[str, Any]) -> None:
 
 def read_coefficients(path: Path) -> dict[str, Any]:
     """Read and check a file of coefficients; `UsageError` in one line where it cannot be used."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as err:
-        raise UsageError(f"{path}: the coefficients cannot be read: {err.strerror}") from err
-    except ValueError as err:
-        raise UsageError(f"{path}: expected JSON ({SCHEMA}), but {err}") from err
+    content = read_json(path, "coefficients")
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
         found = content.get("schema") if isinstance(content, dict) else type(content).__name__
         raise UsageError(f"{path}: expected schema {SCHEMA!r}, found {found!r}; write it with `benchctl fit`")

@@ -16,7 +16,7 @@ from instruments.chambers.profile_file import parse_profile
 from instruments.errors import UsageError
 from instruments.interfaces import Identity
 
-_MAY_CHANGE = {"name", "operator", "text", "chamber_profile", "time_factor", "interlocks", "faults"}
+_MAY_CHANGE = {"name", "operator", "time_factor", "interlocks", "faults"}
 """Tables of bench.toml that say who runs it, how fast and how it is watched: nothing of what is measured."""
 
 _MAY_CHANGE_IN_A_TABLE = {"address", "stream_address", "silence_s", "hang_s"}

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from benchctl.atomic import whole_file
+from benchctl.documents import read_json
 from benchctl.proof.classes import ClassName
 from benchctl.proof.score import ParameterScore, Score
 from instruments.errors import UsageError
@@ -72,9 +73,9 @@ def write_trial(path: Path, trial: Trial) -> None:
 def read_trial(path: Path) -> Trial:
     """A trial that was kept; `UsageError` where the file is not one."""
     try:
-        kept = json.loads(path.read_text(encoding="utf-8"))
+        kept = read_json(path, "trial")
         return Trial(**{**kept, "physics": _answer(kept["physics"]), "generic": _answer(kept["generic"])})
-    except (OSError, ValueError, TypeError, KeyError) as err:
+    except (UsageError, ValueError, TypeError, KeyError) as err:
         raise UsageError(f"{path}: is no trial of this program's; remove it, and it is run again ({err})") from err
 
 

@@ -24,6 +24,7 @@ def test_the_template_is_the_simulated_bench() -> None:
     ("old", "new", "line", "says"),
     [
         ("latitude_deg = 58.5", "lattitude_deg = 58.5", 42, "site.lattitude_deg: there is no such field"),
+        ("simulated = true", "simulated = true\ntext = 'a'", 9, "text: there is no such field"),
         ("range_dps = 175.0", "range_dps = 'fast'", 14, "unit.range_dps: input should be a valid number"),
         ("ramp_c_per_min = 2.0", "# gone", 17, "limits.ramp_c_per_min: this field is needed and is not there"),
         ("coldest_c = -55.0", "coldest_c = 90.0", 17, "coldest_c (90) must be below hottest_c (85)"),

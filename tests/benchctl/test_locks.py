@@ -71,10 +71,11 @@ def test_a_released_lock_leaves_no_file_and_may_be_released_again(tmp_path: Path
     assert not is_held(tmp_path / "bench.lock")
 
 
-def test_a_lock_whose_holder_left_no_note_is_refused_all_the_same(tmp_path: Path) -> None:
+@pytest.mark.parametrize("note", ["{", "[]", "{}", "[" * 100_000])
+def test_a_lock_whose_holder_left_no_note_is_refused_all_the_same(note: str, tmp_path: Path) -> None:
     path = tmp_path / "bench.lock"
     with held_by_another(path):
-        path.with_suffix(".json").write_text("{")
+        path.with_suffix(".json").write_text(note)
         with pytest.raises(UsageError, match="is in use by another process; wait"):
             Lock(path, "the bench").acquire("another run")
 

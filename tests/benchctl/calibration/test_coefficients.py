@@ -82,7 +82,8 @@ def test_a_response_is_inverted() -> None:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("{", "expected JSON"),
+        ("{", "not JSON"),
+        ("[" * 100_000, "nested too deep"),
         ("[]", "found 'list'"),
         ('{"schema": "other/1"}', "found 'other/1'"),
         ('{"schema": "benchctl-coefficients/1"}', "'convention' is missing"),

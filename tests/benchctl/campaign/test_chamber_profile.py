@@ -130,7 +130,7 @@ def test_a_recording_keeps_the_profile_and_its_bench_can_be_had_again_without_th
 
 def _changed(bench: Bench, before: str, after: str) -> Bench:
     assert before in bench.chamber_profile
-    return bench.model_copy(update={"chamber_profile": bench.chamber_profile.replace(before, after)})
+    return bench.read_from(bench.text, bench.chamber_profile.replace(before, after))
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,13 @@ import sys
 from pathlib import Path
 from urllib.parse import urlsplit
 
+import numpy as np
 import pytest
 from pymodbus import FramerType
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 
 from benchctl.bench import load_bench, template
+from benchctl.recordings.reader import open_recording
 from instruments.catalog import models
 from tests.benchctl.cli.processes import benchctl, simulated_servers, started
 from tests.instruments.chambers.lab_controllers import ACME
@@ -125,17 +127,39 @@ def test_options_that_no_driver_takes_are_refused_before_anything_is_served(tmp_
 def test_a_run_beside_the_servers_is_complete_with_every_chamber_and_every_table(
     kind: str, model: str, tmp_path: Path
 ) -> None:
-    bench, reached = bench_with(tmp_path / "bench.toml", kind, model), tmp_path / "sim.toml"
-    with started("sim", "--bench", bench, "--speed", "100", "--write-bench", reached) as process:
+    run_beside_the_servers(bench_with(tmp_path / "bench.toml", kind, model), speed=100.0)
+
+
+@needs_terminals
+@pytest.mark.slow
+@pytest.mark.timeout(180)
+@pytest.mark.parametrize("model", models("gyro"))
+def test_a_run_beside_the_servers_records_the_frames_of_every_digital_gyro(model: str, tmp_path: Path) -> None:
+    bench = tmp_path / "bench.toml"
+    bench.write_text(f'{template()}[gyro]\nmodel = "{model}"\nframe_rate_hz = 125.0\n', encoding="utf-8")
+    with open_recording(run_beside_the_servers(bench, speed=20.0)) as recording:
+        streamed = [info for info in recording.infos if info.kind != "soak"]
+        assert [(info.frame_rate_hz, info.frames_lost, info.frames_bad) for info in streamed] == [(125.0, 0, 0)] * 4
+        for info in streamed:
+            step = recording.step(info.index)
+            rate_dps = np.median(step["frame_rate_dps"])
+            assert rate_dps == pytest.approx(info.rate_dps or 0.0, abs=0.1, rel=0.02)  # it is not compensated
+
+
+def run_beside_the_servers(bench: Path, *, speed: float) -> Path:
+    """The recording of a short sweep that one process ran on the instruments of another."""
+    folder = bench.parent
+    with started("sim", "--bench", bench, "--speed", str(speed), "--write-bench", folder / "sim.toml") as process:
         assert process.stdout is not None
         process.stdout.readline()
         ran = benchctl(
-            *("run", "rate_sweep", "--bench", reached, "--out", tmp_path / "c", "--json", tmp_path / "r.json"),
+            *("run", "rate_sweep", "--bench", folder / "sim.toml", "--out", folder / "c", "--json", folder / "r.json"),
             *("-p", "at_c=23", "-p", "soak_s=60", "-p", "top_rate_dps=60", "-p", "rates=1", "-p", "verify=false"),
             *("-p", "run_s=4", "-p", "zero_s=2"),
             timeout_s=150.0,
         )
     assert ran.returncode == 0, ran.stderr
-    result = json.loads((tmp_path / "r.json").read_text())
+    result = json.loads((folder / "r.json").read_text())
     assert result["status"] == "complete"
     assert result["steps"]["whole"] == result["steps"]["planned"]
+    return Path(result["recording"])

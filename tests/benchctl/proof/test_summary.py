@@ -112,8 +112,9 @@ def test_a_trial_comes_back_from_its_file_as_it_was(kept: Trial, tmp_path: Path)
     assert summarize(1, [back]).as_json() == summarize(1, [kept]).as_json()
 
 
-def test_a_file_that_is_no_trial_is_named(tmp_path: Path) -> None:
+@pytest.mark.parametrize("text", ['{"index": 1}', "[]", "[" * 100_000, "\0"])
+def test_a_file_that_is_no_trial_is_named(text: str, tmp_path: Path) -> None:
     path = tmp_path / "0.json"
-    path.write_text('{"index": 1}')
+    path.write_text(text)
     with pytest.raises(UsageError, match=r"0.json: is no trial of this program's; remove it"):
         read_trial(path)
