@@ -1,8 +1,8 @@
 """Places proposed by the residual itself, for effects whose shape has far too many of them to try one by one.
 
-A line can have any of 10⁵ frequencies, a grating any of 10⁵ numbers of lines, a fold any rate. Each scan scores them
-all by one transform of the residual; the best are then probes like any other, which know out of how many they were
-chosen.
+A line can have any of 10⁵ frequencies, a grating any of 10⁵ numbers of lines, a fold any rate, a limit any output.
+Each scan scores them all by one transform of the residual; the best are then probes like any other, which know out of
+how many they were chosen.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.probes import Probe, probe_at
 from benchctl.diagnosis.search.pull import Place, Pull, pull_of
 from benchctl.diagnosis.search.scan_converter import converter_places
-from benchctl.diagnosis.search.scan_fold import fold_places
+from benchctl.diagnosis.search.scan_ends import fold_places, limit_places
 from benchctl.diagnosis.search.scan_lines import line_places
 from benchctl.diagnosis.search.scan_mains import mains_places
 
 FloatArray = npt.NDArray[np.float64]
 
-SCANNED = frozenset({"mains_pickup", "adc_nonlinearity", "encoder_interpolation", "fringe_ambiguity"})
+SCANNED = frozenset({"mains_pickup", "adc_nonlinearity", "encoder_interpolation", "fringe_ambiguity", "saturation"})
 """The effects of which places are proposed."""
 _COUNT = 3
 
@@ -63,6 +63,9 @@ def _places(problem: Problem, pull: Pull, name: str) -> Iterator[tuple[str, Plac
     elif name == "fringe_ambiguity":
         for place in fold_places(pull, problem.coordinates["rate"], float(problem.baseline_start[0]), _COUNT):
             yield "fold_dps", place
+    elif name == "saturation":
+        for place in limit_places(pull, pull.fitted.predicted, _COUNT):
+            yield "limit_v", place
     elif isinstance(problem, GyroProblem):
         for place in line_places(problem, pull, int(parameters["lines_per_rev"].high), _COUNT):
             yield "lines_per_rev", place

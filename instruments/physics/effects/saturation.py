@@ -36,9 +36,10 @@ class Saturation(PhysicalEffect):
             low=1e-3,
             high=100.0,
             role="shape",
-            scan=(0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0),
+            scan=(0.25, 0.5, 1.0, 2.0, 4.0, 8.0),
             zero=math.inf,
             logarithmic=True,
+            by_scan=True,
         )
     }
 

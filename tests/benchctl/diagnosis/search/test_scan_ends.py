@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.search.scan_fold import fold_places
+from benchctl.diagnosis.search.scan_ends import fold_places, limit_places
 from instruments.physics.effects.fringe_ambiguity import folded_dps
 from tests.benchctl.diagnosis.pulled import FloatArray, pulled
 
@@ -40,3 +40,22 @@ def test_noise_promises_no_fold() -> None:
 def test_a_table_at_rest_has_no_fold() -> None:
     rates = np.zeros(500)
     assert fold_places(pulled(np.ones(500)), rates, SCALE_V_PER_DPS, 3) == []
+
+
+OUTPUT_V = 0.03 * RATES_DPS
+DEVIATIONS_PER_V = 100.0
+
+
+@pytest.mark.parametrize("limit_v", [0.4, 2.0, 3.95, 4.4])
+def test_a_limit_is_found_between_the_outputs_that_it_parts(limit_v: float) -> None:
+    outputs = OUTPUT_V + np.random.default_rng(2).uniform(-0.03, 0.03, OUTPUT_V.size)
+    noise = np.random.default_rng(1).standard_normal(outputs.size)
+    residual = noise + DEVIATIONS_PER_V * (np.clip(outputs, -limit_v, limit_v) - outputs)
+    known = np.stack([np.ones_like(outputs), outputs, outputs**3, outputs**5], axis=1)
+    best = limit_places(pulled(residual, known), DEVIATIONS_PER_V * outputs, 3)[0]
+    assert best.value / DEVIATIONS_PER_V == pytest.approx(limit_v, abs=0.1)
+
+
+def test_noise_promises_no_limit() -> None:
+    noise = np.random.default_rng(1).standard_normal(OUTPUT_V.size)
+    assert limit_places(pulled(noise, _known(RATES_DPS)), DEVIATIONS_PER_V * OUTPUT_V, 3) == []
