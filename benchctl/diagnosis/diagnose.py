@@ -22,7 +22,8 @@ from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.rest.named import named
 from benchctl.diagnosis.result import Diagnosis, FitFigures
 from benchctl.diagnosis.rounded import unrounded, without_the_steps_own
-from benchctl.diagnosis.search.select import Selection, select
+from benchctl.diagnosis.search.select import select
+from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.unstated import other_answer
 from benchctl.recordings.reader import Recording
 

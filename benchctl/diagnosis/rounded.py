@@ -16,7 +16,8 @@ from benchctl.diagnosis.fitting.fit import fit
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.problem import Problem
-from benchctl.diagnosis.search.select import Selection, reduced
+from benchctl.diagnosis.search.select import reduced
+from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.unstated import BEYOND_CHANCE
 from instruments.physics.effects.adc_nonlinearity import AdcNonlinearity
 from instruments.physics.effects.effect import DescribedEffect

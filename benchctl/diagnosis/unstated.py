@@ -13,7 +13,7 @@ import numpy as np
 
 from benchctl.diagnosis.fitting.fit import Point, fit
 from benchctl.diagnosis.problem import Problem
-from benchctl.diagnosis.search.select import Selection
+from benchctl.diagnosis.search.selection import Selection
 
 BEYOND_CHANCE = 6.0
 """Twice the log likelihood that the less natural answer must gain: odds of twenty to one."""

@@ -13,7 +13,7 @@ from benchctl.diagnosis.fitting.noisy import Noisy
 from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Alternative, Estimate, Finding
-from benchctl.diagnosis.search.select import Selection
+from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.signals.normal import Z95
 from instruments.physics.effects.effect import DescribedEffect
 from instruments.physics.effects.registry import effect as effect_named

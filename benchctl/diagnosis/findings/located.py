@@ -13,7 +13,7 @@ from benchctl.diagnosis.fitting.fit import Fit
 from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Slice, StepFigures, Where
-from benchctl.diagnosis.search.select import Selection
+from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.signals.bins import bin_of
 
 FloatArray = npt.NDArray[np.float64]

@@ -7,7 +7,7 @@ from collections.abc import Collection
 
 from benchctl.diagnosis.result import NotFound
 from benchctl.diagnosis.search.screen import Scored
-from benchctl.diagnosis.search.select import Selection
+from benchctl.diagnosis.search.selection import Selection
 
 _POWER_95 = 1.645
 """So many deviations above the threshold an effect is missed one time in twenty."""

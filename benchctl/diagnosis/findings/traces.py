@@ -13,7 +13,7 @@ from benchctl.diagnosis.faults import Fault
 from benchctl.diagnosis.findings.located import left_of
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Trace
-from benchctl.diagnosis.search.select import Selection
+from benchctl.diagnosis.search.selection import Selection
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from benchctl.diagnosis.next_run.repeated import repeat_along, rest_longer
 from benchctl.diagnosis.next_run.sampled import SampleNoise
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Finding, NextExperiment, Unexplained
-from benchctl.diagnosis.search.select import Selection
+from benchctl.diagnosis.search.selection import Selection
 from benchctl.recordings.model import Meta
 
 

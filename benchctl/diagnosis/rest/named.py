@@ -8,7 +8,8 @@ from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.rest.rest import Rest, imperfect, instead_of, rest_of, withdrawn
 from benchctl.diagnosis.result import Unexplained
-from benchctl.diagnosis.search.select import Selection, reduced, without
+from benchctl.diagnosis.search.select import reduced, without
+from benchctl.diagnosis.search.selection import Selection
 
 _ROUNDS = 3
 _ROUNDED = 0.1

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +21,7 @@ from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.probes import probes_of
 from benchctl.diagnosis.search.scans import SCANNED, proposals
 from benchctl.diagnosis.search.screen import Scored, Screening, scatter, screen
+from benchctl.diagnosis.search.selection import Evidence, Selection
 from benchctl.diagnosis.signals.blocks import block_starts, step_starts
 from instruments.physics.effects.effect import DescribedEffect
 
@@ -41,50 +42,6 @@ _ROUNDED = 0.01
 """Share of the rounding's variance that may follow the motion."""
 _HELD_OUT = 6
 """One step in so many of a kind chooses nothing and fits nothing."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Evidence:
-    """What speaks for an effect in the model.
-
-    `gain` is lost in twice the log likelihood if it is dropped, all else refitted; `heldout` on held-out steps. Chance
-    scatters by `scatter` more than white noise would. `rivals` are the losses of evidence with each in its place;
-    `excess` (n,) is what a row's squared innovation grows by without it; `nearest` the model with the nearest rival.
-    """
-
-    gain: float
-    heldout: float
-    scatter: float
-    excess: npt.NDArray[np.float32]
-    rivals: Mapping[str, float] = field(default_factory=dict)
-    nearest: Point | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Selection:
-    """What was chosen. `before` has the baseline alone, `after` the findings; neither has seen the held-out steps.
-
-    `whole` is fitted to all steps. `evidence` is by the keys of `after.point.effects`, in their order; `noise` what
-    was found of the noise, with the whitener that goes with it.
-    """
-
-    before: Fit
-    after: Fit
-    whole: Fit
-    noise: NoiseModel
-    screening: Screening
-    evidence: Mapping[str, Evidence]
-    heldout: BoolArray
-
-    @property
-    def whitener(self) -> Whitener:
-        """What makes the noise white."""
-        return self.noise.whitener
-
-    @property
-    def white_deviation(self) -> float:
-        """Deviation of the white part of a row's noise."""
-        return self.after.deviation / self.whitener.innovation
 
 
 def _share_done(rounds: int) -> float:
@@ -290,8 +247,9 @@ class _Search:
             self._rivals[place_of(best.added)] = tuple(names)
         return best
 
-    def _without(self, present: Fit, effect: DescribedEffect) -> Fit:
-        rest = tuple(one for one in present.point.effects if place_of(one) != place_of(effect))
+    def _without(self, present: Fit, *effects: DescribedEffect) -> Fit:
+        gone = [place_of(effect) for effect in effects]
+        rest = tuple(one for one in present.point.effects if place_of(one) not in gone)
         return self._fit(Point(baseline=present.point.baseline, effects=rest))
 
     def _noise_first(self, present: Fit, noisy: Noisy, tried: _Tried, least: float) -> bool:
@@ -351,11 +309,31 @@ class _Search:
                     break
                 evidence[key] = replace(own, rivals=rivals, nearest=nearest)
             else:
-                return present, evidence
+                one = self._one_for_two(present)
+                if one is None:
+                    return present, evidence
+                present = one
         return present, {
             key: self._evidence(present, self._without(present, one))
             for key, one in zip(keys_of(present.point.effects), present.point.effects, strict=True)
         }
+
+    def _one_for_two(self, present: Fit) -> Fit | None:
+        """The model with one effect in place of two that it is like, where the two do no better; None if none is.
+
+        Beside either of the two there is nothing left for it to explain: it shows only without both.
+        """
+        for two in itertools.combinations(present.point.effects, 2):
+            kinds = frozenset(two[0].look_alikes) & frozenset(two[1].look_alikes) & self._problem.effects.keys()
+            if not kinds:
+                continue
+            less = self._without(present, *two)
+            for scored in self._promising(less, self._screened(less, (_SEARCHED, _SEARCHED), kinds)):
+                tried = self._with(less, scored)
+                if gain_of(present, tried.fit) / self._scatter(present, tried.fit) < self._least(tried.fit):
+                    self._rivals[place_of(tried.added)] = tuple(effect.identifier for effect in two)
+                    return tried.fit
+        return None
 
     def _evidence(self, present: Fit, less: Fit) -> Evidence:
         """Once nothing else is missing, an effect has to bear witness in all steps alike.

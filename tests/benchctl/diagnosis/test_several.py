@@ -22,7 +22,8 @@ from benchctl.diagnosis.next_run.experiment import NOTHING_OPEN, OpenPair
 from benchctl.diagnosis.next_run.left_open import next_of
 from benchctl.diagnosis.rest.named import named
 from benchctl.diagnosis.result import Alternative, NextExperiment, Unexplained
-from benchctl.diagnosis.search.select import Selection, reduced, select, without
+from benchctl.diagnosis.search.select import reduced, select, without
+from benchctl.diagnosis.search.selection import Selection
 from benchctl.model_file import Model, write_model
 from benchctl.part_models import check_parts
 from benchctl.recordings.model import BenchFacts, Meta, Unit

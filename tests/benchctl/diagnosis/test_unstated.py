@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from benchctl.diagnosis.gyro.problem import GyroProblem, gyro_problem
-from benchctl.diagnosis.search.select import Selection, select
+from benchctl.diagnosis.search.select import select
+from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.unstated import other_answer
 from instruments.physics.effects.dead_zone import DeadZone
 from instruments.physics.effects.rate_squared import RateSquared

@@ -12,7 +12,8 @@ from benchctl.diagnosis.findings.findings import findings_of, noise_effects
 from benchctl.diagnosis.fitting.fit import Fit
 from benchctl.diagnosis.fitting.noise_model import GROWING, NoiseModel, Noisy
 from benchctl.diagnosis.result import Finding
-from benchctl.diagnosis.search.select import Evidence, Selection, select
+from benchctl.diagnosis.search.select import select
+from benchctl.diagnosis.search.selection import Evidence, Selection
 from benchctl.diagnosis.signals.normal import Z95
 from tests.benchctl.diagnosis.toy_problem import (
     EFFECTS,

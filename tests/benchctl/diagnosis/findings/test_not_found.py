@@ -10,7 +10,8 @@ import pytest
 
 from benchctl.diagnosis.findings.not_found import not_found_of
 from benchctl.diagnosis.result import NotFound
-from benchctl.diagnosis.search.select import Selection, select
+from benchctl.diagnosis.search.select import select
+from benchctl.diagnosis.search.selection import Selection
 from tests.benchctl.diagnosis.search.test_screen import Sizeless, Steeper
 from tests.benchctl.diagnosis.toy_problem import EFFECTS, NOISE_V, Cubic, Decay, Ripple, Squared, Toy, toy
 

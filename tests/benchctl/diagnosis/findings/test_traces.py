@@ -11,7 +11,8 @@ from benchctl.diagnosis.drive.problem import DriveProblem, drive_problem
 from benchctl.diagnosis.faults import Fault
 from benchctl.diagnosis.findings.located import left_of, slices_of, step_figures, where_of
 from benchctl.diagnosis.findings.traces import traces_of
-from benchctl.diagnosis.search.select import Selection, select
+from benchctl.diagnosis.search.select import select
+from benchctl.diagnosis.search.selection import Selection
 from tests.benchctl.diagnosis.made_drive import Truth, drive_channels
 from tests.benchctl.diagnosis.made_recording import recording_of
 

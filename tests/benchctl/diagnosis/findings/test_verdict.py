@@ -11,7 +11,8 @@ import pytest
 from benchctl.diagnosis.findings.findings import findings_of
 from benchctl.diagnosis.findings.verdict import baseline_of, sentence_of, verdict_of
 from benchctl.diagnosis.result import Estimate, Finding, Unexplained
-from benchctl.diagnosis.search.select import Selection, select
+from benchctl.diagnosis.search.select import select
+from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.signals.normal import Z95
 from tests.benchctl.diagnosis.toy_problem import K0, U0, Squared, Toy, toy
 

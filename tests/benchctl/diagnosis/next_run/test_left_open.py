@@ -18,7 +18,8 @@ from benchctl.diagnosis.next_run.experiment import NOTHING_OPEN, OpenPair
 from benchctl.diagnosis.next_run.left_open import next_of
 from benchctl.diagnosis.next_run.sampled import SampleNoise
 from benchctl.diagnosis.result import Alternative, Finding, NextExperiment, Unexplained, Where
-from benchctl.diagnosis.search.select import Evidence, Selection, select
+from benchctl.diagnosis.search.select import select
+from benchctl.diagnosis.search.selection import Evidence, Selection
 from benchctl.recordings.model import BenchFacts, Meta, Unit
 from tests.benchctl.diagnosis.following import LATE, SMOOTH, fitted, problem_of
 from tests.benchctl.diagnosis.moving import NOISE_V

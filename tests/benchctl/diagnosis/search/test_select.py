@@ -11,7 +11,8 @@ import pytest
 
 from benchctl.diagnosis.fitting.fit import Fit, Point, fit, gain_of
 from benchctl.diagnosis.search.screen import Screening
-from benchctl.diagnosis.search.select import Selection, _Search, held_out_steps, reduced, select
+from benchctl.diagnosis.search.select import _Search, held_out_steps, reduced, select
+from benchctl.diagnosis.search.selection import Selection
 from instruments.physics.effects.effect import DescribedEffect, Parameter
 from tests.benchctl.diagnosis.toy_problem import (
     K0,
@@ -155,6 +156,48 @@ def test_a_better_rival_takes_the_place_of_what_was_found_first() -> None:
         mixed = chosen.evidence["cubic"].rivals.get("mixed")
         assert mixed is None or mixed > 0.0
     assert swapped >= 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LikeCubic(Cubic):
+    identifier: ClassVar[str] = "like_cubic"
+    look_alikes: ClassVar[tuple[str, ...]] = ("both",)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LikeQuintic(Quintic):
+    identifier: ClassVar[str] = "like_quintic"
+    look_alikes: ClassVar[tuple[str, ...]] = ("both",)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Both(Cubic):
+    identifier: ClassVar[str] = "both"
+
+    def column(self, problem: Toy) -> FloatArray:
+        return self.size_v * 2.0 * np.sign(problem.share) * problem.share**4
+
+
+def settled_from_two(*truth: ToyEffect, seed: int) -> set[str]:
+    """What is left of a model with the two that `Both` is like, once it has settled."""
+    problem = toy(*truth, seed=seed, hypotheses=(LikeCubic, LikeQuintic, Both))
+    search = _Search(problem, 0, lambda _name, _share: None, 0.0)
+    search._threshold = search._screened(search._fit(Point(baseline=problem.baseline_start)), (0.0, 1.0)).threshold
+    two = (LikeCubic(size_v=4e-3), LikeQuintic(size_v=4e-3))
+    settled, evidence = search._settled(search._fit(Point(baseline=problem.baseline_start, effects=two)))
+    assert set(evidence) == {effect.identifier for effect in settled.point.effects}
+    return set(evidence)
+
+
+def test_one_effect_takes_the_place_of_two_that_it_is_like_where_they_do_no_better() -> None:
+    for seed in range(4):
+        assert settled_from_two(Both(size_v=4e-3), seed=seed) == {"both"}
+
+
+def test_two_effects_stay_where_one_that_both_are_like_does_worse() -> None:
+    for seed in range(4):
+        truth = LikeCubic(size_v=2e-2), LikeQuintic(size_v=-2e-2)
+        assert settled_from_two(*truth, seed=seed) == {"like_cubic", "like_quintic"}
 
 
 def test_look_alikes_are_named_with_what_they_lose() -> None:
