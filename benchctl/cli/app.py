@@ -11,6 +11,7 @@ from typer.exceptions import TyperException
 
 import benchctl
 from benchctl.cli import (
+    allan,
     check,
     compare,
     diagnose,
@@ -68,6 +69,7 @@ _VERBS: dict[str, Callable[..., None]] = {
     "fit": fit.fit,
     "diagnose": diagnose.diagnose,
     "compare": compare.compare,
+    "allan": allan.allan,
     "export": export.export,
     "show": show.show,
     "verify": verify.verify,

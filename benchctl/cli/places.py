@@ -7,7 +7,9 @@ from pathlib import Path
 from benchctl.cli.output import tell
 
 
-def report_folder(recording: Path, out: Path | None, json_to: str | None, quiet: bool) -> Path | None:
+def report_folder(
+    recording: Path, out: Path | None, json_to: str | None, quiet: bool, *, kind: str = "diagnosis"
+) -> Path | None:
     """`out`, or the default place for a recording; None where a program asked for nothing but the JSON.
 
     Where that default may not be written to, a report is left out with a line on stderr if there is `--json` to answer
@@ -18,7 +20,7 @@ def report_folder(recording: Path, out: Path | None, json_to: str | None, quiet:
 
     if out is None and json_to is not None and quiet:
         return None
-    folder = out or results_folder(recording)
+    folder = out or results_folder(recording, kind)
     if may_be_made(folder):
         return folder
     if out is None and json_to is not None:

@@ -44,14 +44,14 @@ def may_be_made(folder: Path) -> bool:
     return there.is_dir() and os.access(there, os.W_OK | os.X_OK)
 
 
-def results_folder(path: Path) -> Path:
-    """Where the results on a recording land: in a campaign's folder; else in one named after the recording.
+def results_folder(path: Path, kind: str = "diagnosis") -> Path:
+    """Where the results on a recording land: in a campaign's folder; else in one of its name, and their `kind`.
 
     That lies beside a file; an open recording is somebody else's, and its results land in the current folder.
     """
     if path.is_dir():
-        return Path(f"{name_of(path)}.diagnosis") if _is_open(path) else path
-    return path.parent if path.name == RECORDING else path.with_name(f"{path.stem}.diagnosis")
+        return Path(f"{name_of(path)}.{kind}") if _is_open(path) else path
+    return path.parent if path.name == RECORDING else path.with_name(f"{path.stem}.{kind}")
 
 
 def name_of(path: Path) -> str:

@@ -1,0 +1,74 @@
+"""`benchctl allan`: the Allan deviation of a channel, or of a column of a text file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from benchctl.cli.output import JsonOption, QuietOption, result_of
+
+_TEXTS = (".csv", ".txt", ".dat", ".gz")
+
+
+def allan(
+    source: Annotated[Path, typer.Argument(help="A recording, or a text file with commas.")],
+    channel: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Channel or column; of a recording by default the gyro.")
+    ] = None,
+    rate_hz: Annotated[
+        float | None, typer.Option("--rate-hz", metavar="R", help="Samples a second of a text file without a time.")
+    ] = None,
+    step: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Step, by name or number; default: the longest static one.")
+    ] = None,
+    scale_v_per_dps: Annotated[
+        float | None,
+        typer.Option("--scale-v-per-dps", metavar="K0", help="Scale factor by which gyro_v of a recording is a rate."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="For report and table; default: by the source.")
+    ] = None,
+    json_to: JsonOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Say over which averaging time a gyro is how quiet, with intervals, and of what noises that is made.
+
+    Writes `allan.html` and `allan.csv`; with --quiet and --json, without --out, only the JSON. Q, N, B, K and R are
+    stated with 95 % intervals, or refused where the record does not show their slope.
+
+    Example: `benchctl allan recording.h5`, `benchctl allan rates.csv --channel rate_dps --rate-hz 100`
+    """
+    import math
+
+    from benchctl.cli.places import report_folder
+    from benchctl.metrology.allan import analysed
+    from benchctl.metrology.series import series_of_step, series_of_text
+    from benchctl.recordings.reader import open_recording
+    from benchctl.reports import allan_report
+    from benchctl.reports.results import name_of
+    from instruments.errors import UsageError
+
+    with result_of("allan", json_to, quiet) as result:
+        if rate_hz is not None and not 0.0 < rate_hz < math.inf:
+            raise UsageError(f"--rate-hz {rate_hz:g}: expected samples a second, a positive number")
+        folder = report_folder(source, out, json_to, quiet, kind="allan")
+        if scale_v_per_dps is not None and not 0.0 < abs(scale_v_per_dps) < math.inf:
+            raise UsageError(f"--scale-v-per-dps {scale_v_per_dps:g}: expected volts for a degree a second, not 0")
+        if source.suffix.lower() in _TEXTS:
+            if step is not None or scale_v_per_dps is not None:
+                raise UsageError("--step and --scale-v-per-dps are for recordings; a text file has neither")
+            series = series_of_text(source, channel, rate_hz)
+        elif rate_hz is not None:
+            raise UsageError("--rate-hz is for text files; a recording knows when each sample was taken")
+        else:
+            with open_recording(source) as recording:
+                series = series_of_step(recording, channel, step, scale_v_per_dps)
+        found = analysed(series)
+        result.values |= allan_report.values(found)
+        result.say(allan_report.lines(found))
+        if folder is not None:
+            report, table = allan_report.write_report(found, folder, name_of(source))
+            result.values |= {"report": report, "table": table}
+            result.say(f"report: {report}")

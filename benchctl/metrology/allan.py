@@ -1,0 +1,75 @@
+"""An Allan analysis: deviations over averaging times with their intervals, and the terms that they are made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import chi2
+
+from benchctl.metrology.coefficients import Terms, terms_of
+from benchctl.metrology.deviations import deviation
+from benchctl.metrology.scatter import AllanScatter
+from benchctl.metrology.series import Series
+from instruments.errors import UsageError
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+LEAST_SAMPLES = 90
+"""Fewer have no five averaging times up to a ninth of their record."""
+_PER_DECADE = 10
+_LONGEST = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Allan:
+    """Of a series: arrays of shape (k,) over averaging times, `ci95` (k, 2), and the terms.
+
+    `freedom` are the equivalent degrees of freedom of each variance, for the noise that was found (`scatter`).
+    """
+
+    series: Series
+    tau_s: FloatArray
+    deviation: FloatArray
+    ci95: FloatArray
+    freedom: FloatArray
+    terms: Terms
+
+
+def averaging_factors(samples: int) -> IntArray:
+    """Whole factors, ten a decade, up to a third of the record; shape (k,)."""
+    decades = np.log10(samples / _LONGEST)
+    spread = 10.0 ** (np.arange(int(decades * _PER_DECADE) + 1) / _PER_DECADE)
+    return np.unique(np.round(spread).astype(np.int64))
+
+
+def analysed(series: Series) -> Allan:
+    """The analysis of an even series.
+
+    Raises
+    ------
+    UsageError
+        Where it has too few samples, or they do not change at all.
+    """
+    samples = series.values.size
+    if samples < LEAST_SAMPLES:
+        raise UsageError(f"{series.source}: {samples} samples are too few; expected at least {LEAST_SAMPLES}")
+    if not np.ptp(series.values) > 0.0:
+        raise UsageError(f"{series.source}: all {samples} samples are {series.values[0]:g}: there is nothing to see")
+    factors = averaging_factors(samples)
+    tau_s = np.asarray(factors * series.interval_s, dtype=np.float64)
+    values = deviation(series.values, factors, series.interval_s)
+    terms = terms_of(values**2, factors, samples, series.interval_s)
+    scatter = AllanScatter(factors, samples, series.interval_s).covariance(terms.squares)
+    freedom = np.maximum(2.0 * terms.modelled(tau_s, series.interval_s) ** 2 / np.diag(scatter), 1)
+    quantiles = chi2.ppf(np.array([0.975, 0.025])[:, None], freedom) / freedom
+    return Allan(
+        series=series,
+        tau_s=tau_s,
+        deviation=values,
+        ci95=(values / np.sqrt(quantiles)).T,
+        freedom=freedom,
+        terms=terms,
+    )

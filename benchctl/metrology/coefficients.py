@@ -1,0 +1,127 @@
+"""Q, N, B, K and R out of an overlapping Allan deviation, each with its interval, or none where the record has none.
+
+The variances over neighbouring averaging times share their samples: they are fitted by generalised least squares, with
+the covariance that the noise found so far would give them (`scatter`), and no square below zero (Lawson and Hanson).
+Because the weights are those of the model, not of the data, what lies low by chance does not weigh more.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import solve_triangular
+from scipy.optimize import nnls
+from scipy.stats import chi2
+
+from benchctl.metrology.noise_terms import TERMS, Term, variances
+from benchctl.metrology.scatter import AllanScatter
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+LONGEST_SHARE = 9
+"""An averaging time beyond this part of the record says little: it is shown and not fitted."""
+_FLICKER = TERMS.index("B")
+_SHORTEST = 3
+_SHARE = 1.0 / 3.0
+_ROUNDS = 6
+_SIGNIFICANT = 3.0
+_IMPERFECT = 0.003
+"""By so much a variance may miss the model whatever the record's length."""
+_FLICKER_SAMPLED = 0.2
+"""By so much over one sample, and less over more, flicker misses its term: it depends on what filtered it before."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Coefficient:
+    """One term's coefficient, in units of the rate and seconds, with its 95 % interval."""
+
+    value: float
+    ci95: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Terms:
+    """What a record has of each term; `refused` says why it has none.
+
+    `squares` (5,) are those of all coefficients that describe it best, whether or not they are believed.
+    """
+
+    found: Mapping[Term, Coefficient]
+    refused: Mapping[Term, str]
+    squares: FloatArray
+
+    def modelled(self, tau_s: FloatArray, interval_s: float) -> FloatArray:
+        """The variance that the squares make over averaging times of shape (k,)."""
+        return variances(tau_s, interval_s) @ self.squares
+
+
+def terms_of(variance: FloatArray, factors: IntArray, samples: int, interval_s: float) -> Terms:
+    """The terms of overlapping Allan variances, shape (k,), over averaging factors of a record of `samples`."""
+    used = factors <= samples / LONGEST_SHARE
+    factors, variance = factors[used], variance[used]
+    columns = variances(np.asarray(factors * interval_s), interval_s)
+    scatter = AllanScatter(factors, samples, interval_s)
+    active = list(range(len(TERMS)))
+    refused: dict[Term, str] = {}
+    best = _fitted(columns, variance, factors, scatter, active)[0]
+    while True:
+        squares, covariance = _fitted(columns, variance, factors, scatter, active)
+        dropped = _weakest(columns, squares, covariance, factors, active)
+        if dropped is None:
+            break
+        place, why = dropped
+        refused[TERMS[place]] = why
+        active.remove(place)
+    found = {TERMS[place]: _coefficient(squares[place], covariance[row, row]) for row, place in enumerate(active)}
+    return Terms(found=found, refused=refused, squares=best)
+
+
+def _fitted(
+    columns: FloatArray, variance: FloatArray, factors: IntArray, scatter: AllanScatter, active: list[int]
+) -> tuple[FloatArray, FloatArray]:
+    """The squares, shape (5,), and the covariance of the active ones."""
+    squares = np.zeros(len(TERMS))
+    own = columns[:, active]
+    if not active:
+        return squares, np.zeros((0, 0))
+    squares[active] = nnls(own / variance[:, None], np.ones_like(variance))[0]
+    for _ in range(_ROUNDS):
+        missed = (
+            _IMPERFECT * (columns @ squares) + _FLICKER_SAMPLED / factors * columns[:, _FLICKER] * squares[_FLICKER]
+        )
+        root = np.linalg.cholesky(scatter.covariance(squares) + np.diag(missed**2))
+        white = solve_triangular(root, own, lower=True)
+        squares[active] = nnls(white, solve_triangular(root, variance, lower=True))[0]
+    return squares, np.linalg.inv(white.T @ white)
+
+
+def _weakest(
+    columns: FloatArray, squares: FloatArray, covariance: FloatArray, factors: IntArray, active: list[int]
+) -> tuple[int, str] | None:
+    """The term that the record speaks for least, and why it is none; None where all stand."""
+    inside = factors >= _SHORTEST
+    share = columns * squares / (columns @ squares)[:, None]
+    worst: tuple[float, int, str] | None = None
+    for row, place in enumerate(active):
+        significance = squares[place] / math.sqrt(covariance[row, row])
+        largest = float(share[inside, place].max()) if inside.any() else 0.0
+        if significance < _SIGNIFICANT:
+            why = "not told from zero"
+        elif largest < _SHARE:
+            why = "its slope lies outside the record, or under the other terms"
+        else:
+            continue
+        if worst is None or significance < worst[0]:
+            worst = significance, place, why
+    return None if worst is None else worst[1:]
+
+
+def _coefficient(square: float, variance: float) -> Coefficient:
+    freedom = 2.0 * square**2 / variance
+    low, high = (math.sqrt(square * freedom / float(chi2.ppf(part, freedom))) for part in (0.975, 0.025))
+    return Coefficient(value=math.sqrt(square), ci95=(low, high))

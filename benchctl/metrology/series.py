@@ -1,0 +1,151 @@
+"""An even series of samples out of a recording's step or a column of a text file, and what unit it is in."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.limits import shown
+from benchctl.recordings.delimited import Layout, header_names, read_columns
+from benchctl.recordings.model import FRAME_CHANNELS, UNITS, StepInfo, axis_of
+from benchctl.recordings.reader import Recording
+from benchctl.recordings.text_file import read_bytes
+from instruments.errors import UsageError
+
+FloatArray = npt.NDArray[np.float64]
+
+DEG_PER_S = "deg/s"
+_GYRO_OUTPUT, _DIGITAL_RATE = "gyro_v", FRAME_CHANNELS[1]
+_UNITS = {"degree/s": DEG_PER_S, "degree s-1": DEG_PER_S, "degC": "degC", "V": "V", "degree": "deg"}
+_NAMED = {"dps": DEG_PER_S, "deg/s": DEG_PER_S, "v": "V", "c": "degC", "degc": "degC", "deg": "deg"}
+_NAME_UNIT = re.compile(r"(?:_(?P<suffix>[A-Za-z]+)|[\[(](?P<bracket>[^\])]+)[\])])$")
+_UNEVEN = 0.5
+"""Of an interval: where stamps are further apart than one and a half there is a gap."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Series:
+    """`values` (n,) in `unit`, one every `interval_s`; `source` says in words what they are."""
+
+    values: FloatArray
+    interval_s: float
+    unit: str
+    source: str
+
+
+def series_of_step(
+    recording: Recording, channel: str | None, step: str | None, scale_v_per_dps: float | None = None
+) -> Series:
+    """A channel in a step: by default the digital gyro's rate or the gyro's output, in the longest static step.
+
+    The gyro's volts become a rate by `scale_v_per_dps`, or by the scale factor that the lab's model in the recording
+    has, if there is one.
+
+    Raises
+    ------
+    UsageError
+        Where there is no such step or channel, no static step, or hardly a sample between two gaps.
+    """
+    info = _step(recording, step)
+    names = recording.channels(info.index)
+    name = channel or (_DIGITAL_RATE if _DIGITAL_RATE in names else _GYRO_OUTPUT)
+    axis = axis_of(name)
+    if name not in names or axis not in names or name == axis:
+        there = ", ".join(one for one in names if one in names and one != axis_of(one))
+        raise UsageError(f"{recording.path}, step {shown(info.name)}: has no channel {shown(name)}; it has {there}")
+    held = recording.step(info.index, (name, axis))
+    values, interval_s, gaps = _unbroken(held[axis], held[name], f"{recording.path}, step {shown(info.name)}")
+    stated = _stated_unit(recording, name)
+    unit = _UNITS.get(stated, stated)
+    words = f"{name} of step {info.name!r}" + (f", the longest stretch between {gaps} gaps" if gaps else "")
+    if unit == "V" and name == _GYRO_OUTPUT:
+        scale_v_per_dps = scale_v_per_dps or (recording.meta.simulation or {}).get("K0_v_per_dps")
+    elif scale_v_per_dps is not None:
+        raise UsageError(f"{recording.path}: {shown(name)} is in {unit}: a scale factor is for {_GYRO_OUTPUT} in volts")
+    if scale_v_per_dps:
+        return Series(
+            values=values / abs(scale_v_per_dps),
+            interval_s=interval_s,
+            unit=DEG_PER_S,
+            source=f"{words}, as a rate by {abs(scale_v_per_dps):.6g} V/(deg/s)",
+        )
+    return Series(values=values, interval_s=interval_s, unit=unit, source=words)
+
+
+def series_of_text(path: Path, channel: str | None, rate_hz: float | None) -> Series:
+    """A column of a text file with commas; without `channel` the only one there is beside the time.
+
+    The interval is that of `rate_hz`, or of a column whose name begins with `time` and that counts seconds. The unit
+    is read off the end of the column's name: `rate_dps`, `output_v`, `rate [deg/s]`.
+
+    Raises
+    ------
+    UsageError
+        Where the file, the column or the sampling rate is not there, or a cell is no number.
+    """
+    text = read_bytes(path)
+    first = text.split(b"\n", 1)[0]
+    bare = re.fullmatch(rb"[\s,;0-9eE+.-]*", first) is not None
+    layout = Layout(header_line=0, first_line=1) if bare else Layout()
+    names = header_names(path, text, layout) or tuple(f"column {k + 1}" for k in range(first.count(b",") + 1))
+    clock = next((name for name in names if name.lower().startswith("time")), None)
+    others = [name for name in names if name and name != clock]
+    if channel is None and len(others) != 1:
+        raise UsageError(f"{path}: has the columns {', '.join(map(shown, others))}; name one with --channel")
+    name = channel or others[0]
+    if name not in names:
+        raise UsageError(f"{path}: has no column {shown(name)}; it has {', '.join(map(shown, others))}")
+    if rate_hz is None and clock is None:
+        raise UsageError(f"{path}: has no column of time; say how often it was sampled with --rate-hz")
+    wanted = {name: names.index(name)} | ({clock: names.index(clock)} if clock and rate_hz is None else {})
+    columns = read_columns(path, text, layout, wanted)
+    values, words = columns[name], f"column {name!r} of {path.name}"
+    if rate_hz is not None:
+        return Series(values=values, interval_s=1.0 / rate_hz, unit=_named_unit(name), source=words)
+    values, interval_s, gaps = _unbroken(columns[str(clock)], values, str(path))
+    words += f", the longest stretch between {gaps} gaps" if gaps else ""
+    return Series(values=values, interval_s=interval_s, unit=_named_unit(name), source=words)
+
+
+def _stated_unit(recording: Recording, name: str) -> str:
+    if name == _GYRO_OUTPUT:
+        return str(recording.meta.extra.get("gyro_output_unit", "V"))
+    return UNITS.get(name, "1")
+
+
+def _step(recording: Recording, name: str | None) -> StepInfo:
+    if name is not None:
+        for info in recording.infos:
+            if name in (info.name, str(info.index)):
+                return info
+        raise UsageError(f"{recording.path}: has no step {shown(name)}; `benchctl show` lists them")
+    static = [info for info in recording.infos if info.kind == "static" and info.whole]
+    if not static:
+        raise UsageError(f"{recording.path}: has no whole static step; name a step with --step")
+    return max(static, key=lambda info: info.t_end - info.t_start)
+
+
+def _unbroken(time_s: FloatArray, values: FloatArray, where: str) -> tuple[FloatArray, float, int]:
+    """The longest stretch without a gap, its sampling interval, and how many gaps there were."""
+    steps_s = np.diff(time_s)
+    if steps_s.size < 2 or not (steps_s > 0.0).all():
+        raise UsageError(f"{where}: expected at least 3 samples, at times that grow")
+    interval_s = float(np.median(steps_s))
+    gaps = np.flatnonzero(steps_s > (1.0 + _UNEVEN) * interval_s) + 1
+    starts, ends = np.concatenate([[0], gaps]), np.concatenate([gaps, [time_s.size]])
+    longest = int(np.argmax(ends - starts))
+    part = slice(int(starts[longest]), int(ends[longest]))
+    if part.stop - part.start < 3:
+        raise UsageError(f"{where}: {gaps.size} gaps leave no 3 samples in a row")
+    even_s = float(time_s[part.stop - 1] - time_s[part.start]) / (part.stop - part.start - 1)
+    return values[part], even_s, int(gaps.size)
+
+
+def _named_unit(name: str) -> str:
+    match = _NAME_UNIT.search(name.strip())
+    said = (match.group("suffix") or match.group("bracket")).strip().lower() if match else ""
+    return _NAMED.get(said, "1")

@@ -1,0 +1,138 @@
+"""The report on an Allan analysis: its picture, its table, its terms; and the same for programs and for a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from benchctl.atomic import whole_file
+from benchctl.metrology.allan import Allan
+from benchctl.metrology.noise_terms import NAMES, TERMS, Term, unit_of, variances
+from benchctl.recordings.text_rows import csv_rows
+from benchctl.reports import text
+from benchctl.reports.figures import GREY, INK, Drawing, inline_svg, new_figure, style
+from benchctl.reports.html import render, write_page
+from benchctl.reports.results import make_folder
+
+REPORT, TABLE = "allan.html", "allan.csv"
+_COLOURS = dict(zip(TERMS, ("#D55E00", "#0072B2", "#009E73", "#E69F00", "#CC79A7"), strict=True))
+_DASHES = dict(zip(TERMS, ("--", "-.", ":", (0, (5, 1)), (0, (1, 1))), strict=True))
+_SHOWN = 14
+_CAPTION = (
+    "Overlapping Allan deviation with 95 % intervals; the terms that the record has, and their sum. Averaging times"
+    " beyond a ninth of the record are shown and not fitted."
+)
+
+
+def values(found: Allan) -> dict[str, Any]:
+    """What `--json` says of an analysis."""
+    coefficients: dict[str, Any] = dict.fromkeys(TERMS)
+    for term, one in found.terms.found.items():
+        unit = unit_of(term, found.series.unit)
+        coefficients[term] = {
+            "value": unit.factor * one.value,
+            "ci95": [unit.factor * limit for limit in one.ci95],
+            "unit": unit.name,
+        }
+    return {
+        "source": found.series.source,
+        "unit": found.series.unit,
+        "samples": found.series.values.size,
+        "rate_hz": 1.0 / found.series.interval_s,
+        "tau_s": found.tau_s.tolist(),
+        "deviation": found.deviation.tolist(),
+        "ci95": found.ci95.tolist(),
+        "degrees_of_freedom": found.freedom.tolist(),
+        "coefficients": coefficients,
+        "refused": dict(found.terms.refused),
+    }
+
+
+def lines(found: Allan) -> str:
+    """The analysis for a terminal: a few averaging times, and every term."""
+    chosen = np.unique(np.linspace(0, found.tau_s.size - 1, _SHOWN).round().astype(int))
+    rows = [f"{'tau':>12}  {'deviation':>13}  95 % interval   ({found.series.source}, {found.series.unit})"]
+    rows += [
+        f"{found.tau_s[k]:>10.4g} s  {found.deviation[k]:>13.5g}  {found.ci95[k, 0]:.5g} to {found.ci95[k, 1]:.5g}"
+        for k in chosen.tolist()
+    ]
+    return "\n".join(rows + [f"{row.term}  {row.name}: {row.stated}" for row in term_rows(found)])
+
+
+class TermRow:
+    """One term as a reader sees it."""
+
+    def __init__(self, found: Allan, term: Term) -> None:
+        self.term, self.name = term, NAMES[term]
+        one, unit = found.terms.found.get(term), unit_of(term, found.series.unit)
+        self.value = None if one is None else unit.factor * one.value
+        if one is None:
+            self.stated = f"none: {found.terms.refused[term]}"
+        else:
+            low, high = (text.number(unit.factor * limit, 4) for limit in one.ci95)
+            self.stated = f"{text.number(self.value, 4)} {unit.name}, 95 % interval {low} to {high}"
+
+
+def term_rows(found: Allan) -> list[TermRow]:
+    """All five terms, found or refused."""
+    return [TermRow(found, term) for term in TERMS]
+
+
+def write_report(found: Allan, folder: Path, title: str) -> list[Path]:
+    """Write the page and the table, each whole or not at all; the paths."""
+    make_folder(folder)
+    with style():
+        svg = inline_svg(allan_figure(found), "allan")
+    drawing = Drawing(svg=svg, alt=f"Allan deviation of {found.series.source}", caption=_CAPTION)
+    page = render(
+        "allan.html.j2",
+        title=title,
+        found=found,
+        drawing=drawing,
+        terms=term_rows(found),
+        rows=_table_rows(found),
+        rate_hz=text.number(1.0 / found.series.interval_s, 6),
+    )
+    write_page(folder / REPORT, page)
+    columns = [found.tau_s, found.deviation, found.ci95[:, 0], found.ci95[:, 1], found.freedom]
+    names = ["tau_s", "deviation", "ci95_low", "ci95_high", "degrees_of_freedom"]
+    with whole_file(folder / TABLE) as temporary:
+        temporary.write_bytes(",".join(names).encode() + b"\n" + b"".join(csv_rows(columns, names)))
+    return [folder / REPORT, folder / TABLE]
+
+
+def allan_figure(found: Allan) -> Figure:
+    """The deviation with its intervals, the terms, and their sum, on logarithmic axes."""
+    figure = new_figure(3.6)
+    axes = figure.subplots()
+    axes.fill_between(found.tau_s, found.ci95[:, 0], found.ci95[:, 1], color=GREY, alpha=0.25, linewidth=0)
+    axes.plot(found.tau_s, found.deviation, color=INK, marker="o", markersize=2.4, label="overlapping Allan deviation")
+    grid_s = np.geomspace(found.tau_s[0], found.tau_s[-1], 200)
+    parts = variances(grid_s, found.series.interval_s)
+    total = np.zeros_like(grid_s)
+    for term, one in found.terms.found.items():
+        part = parts[:, TERMS.index(term)] * one.value**2
+        total += part
+        label = f"{term}, {NAMES[term]}"
+        axes.plot(grid_s, np.sqrt(part), color=_COLOURS[term], linestyle=_DASHES[term], linewidth=0.9, label=label)
+    if len(found.terms.found) > 1:
+        axes.plot(grid_s, np.sqrt(total), color=GREY, linewidth=0.8, label="their sum")
+    low, high = float(found.ci95[:, 0].min()), float(found.ci95[:, 1].max())
+    axes.set(xscale="log", yscale="log", ylim=(0.7 * low, 1.4 * high))
+    axes.set(xlabel="averaging time τ (s)", ylabel=f"deviation ({found.series.unit})")
+    axes.set_title("Allan deviation")
+    axes.legend(loc="best")
+    return figure
+
+
+def _table_rows(found: Allan) -> Sequence[tuple[str, ...]]:
+    columns = (found.tau_s, found.deviation, found.ci95[:, 0], found.ci95[:, 1], found.freedom)
+    digits = (4, 5, 4, 4, 3)
+    return [
+        tuple(text.number(value, digit) for value, digit in zip(row, digits, strict=True))
+        for row in zip(*(column.tolist() for column in columns), strict=True)
+    ]

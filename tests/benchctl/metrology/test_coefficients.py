@@ -1,0 +1,95 @@
+"""Q, N, B, K and R of records in which they are known."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from benchctl.metrology.allan import analysed, averaging_factors
+from benchctl.metrology.coefficients import Terms, terms_of
+from benchctl.metrology.deviations import deviation
+from benchctl.metrology.noise_terms import TERMS
+from benchctl.metrology.series import Series
+from tests.benchctl.metrology.noises import FloatArray, record
+
+SAMPLES, INTERVAL_S = 8192, 0.02
+
+
+def terms(rates: FloatArray) -> Terms:
+    factors = averaging_factors(rates.size)
+    return terms_of(deviation(rates, factors, INTERVAL_S) ** 2, factors, rates.size, INTERVAL_S)
+
+
+@pytest.mark.parametrize("term", ["Q", "N", "B", "K"])
+def test_a_record_of_one_noise_has_its_term_and_no_other(term: str) -> None:
+    chance = np.random.default_rng(11)
+    for _ in range(5):
+        found = terms(record(chance, SAMPLES, INTERVAL_S, **{term.lower(): 0.7})).found
+        assert set(found) == {term}
+        assert found[term].value == pytest.approx(0.7, rel=0.25)  # type: ignore[index]
+
+
+def test_a_ramp_is_found_beside_white_noise() -> None:
+    rates = record(np.random.default_rng(2), SAMPLES, INTERVAL_S, n=1.0) + 0.2 * INTERVAL_S * np.arange(SAMPLES)
+    found = terms(rates).found
+    assert set(found) == {"N", "R"}
+    assert found["R"].value == pytest.approx(0.2, rel=0.1)
+
+
+def test_three_terms_are_found_together() -> None:
+    found = terms(record(np.random.default_rng(3), 1 << 15, INTERVAL_S, q=0.03, n=0.1, k=0.1)).found
+    assert set(found) == {"Q", "N", "K"}
+    for term, truth in (("Q", 0.03), ("N", 0.1), ("K", 0.1)):
+        low, high = found[term].ci95  # type: ignore[index]
+        assert low < truth < high
+
+
+def test_a_term_whose_slope_lies_beyond_the_record_is_refused_and_not_guessed() -> None:
+    chance = np.random.default_rng(6)
+    for _ in range(5):  # the walk would show from 1700 s on, the record lasts 164 s
+        said = terms(record(chance, SAMPLES, INTERVAL_S, n=1.0, k=1e-3))
+        assert set(said.found) == {"N"}
+        assert set(said.refused) == set(TERMS) - {"N"}
+
+
+def test_a_term_that_reaches_into_the_first_samples_only_is_refused() -> None:
+    chance = np.random.default_rng(7)
+    said = terms(record(chance, 1 << 16, INTERVAL_S, q=0.01, n=1.0))
+    assert set(said.found) == {"N"}
+    assert said.refused["Q"]
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize(
+    "truth", [{"Q": 1.0}, {"N": 1.0}, {"B": 1.0}, {"K": 1.0}, {"Q": 0.05, "N": 1.0}, {"N": 0.1, "K": 0.3}], ids=str
+)
+def test_intervals_hold_the_truth_nineteen_times_in_twenty(truth: dict[str, float]) -> None:
+    """Of coefficients and of deviations, over 600 records."""
+    chance = np.random.default_rng(17)
+    held: Counter[str] = Counter()
+    stated: Counter[str] = Counter()
+    for _ in range(600):
+        rates = record(chance, SAMPLES, INTERVAL_S, **{term.lower(): value for term, value in truth.items()})
+        found = analysed(Series(values=rates, interval_s=INTERVAL_S, unit="deg/s", source="made"))
+        for term, value in truth.items():
+            if (one := found.terms.found.get(term)) is not None:  # type: ignore[call-overload]
+                stated[term] += 1
+                held[term] += one.ci95[0] <= value <= one.ci95[1]
+        if set(truth) <= {"Q", "N", "K"}:  # what flicker does over a few samples depends on how it is sampled
+            true = sum(
+                value**2
+                * {
+                    "Q": 3 / found.tau_s**2,
+                    "N": 1 / found.tau_s,
+                    "K": found.tau_s / 3 + INTERVAL_S**2 / found.tau_s / 6,
+                }[term]
+                for term, value in truth.items()
+            )
+            inside = (found.ci95[:, 0] ** 2 <= true) & (true <= found.ci95[:, 1] ** 2)
+            held["deviation"] += int(inside.sum())
+            stated["deviation"] += inside.size
+    for name, count in stated.items():
+        assert 0.93 <= held[name] / count <= 0.97, (name, held[name] / count)
