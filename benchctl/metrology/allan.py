@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import chi2
 
-from benchctl.metrology.coefficients import Terms, terms_of
+from benchctl.metrology.coefficients import LONGEST_SHARE, Terms, terms_of
 from benchctl.metrology.deviations import deviation
 from benchctl.metrology.scatter import AllanScatter
 from benchctl.metrology.series import Series
@@ -61,9 +61,11 @@ def analysed(series: Series) -> Allan:
     factors = averaging_factors(samples)
     tau_s = np.asarray(factors * series.interval_s, dtype=np.float64)
     values = deviation(series.values, factors, series.interval_s)
-    terms = terms_of(values**2, factors, samples, series.interval_s)
-    scatter = AllanScatter(factors, samples, series.interval_s).covariance(terms.squares)
-    freedom = np.maximum(2.0 * terms.modelled(tau_s, series.interval_s) ** 2 / np.diag(scatter), 1)
+    fitted = factors <= samples / LONGEST_SHARE
+    scatter = AllanScatter(factors, samples, series.interval_s)
+    terms = terms_of(values[fitted] ** 2, factors[fitted], series.interval_s, scatter)
+    expected = np.diag(scatter.covariance(terms.squares))
+    freedom = np.maximum(2.0 * terms.modelled(tau_s, series.interval_s) ** 2 / expected, 1.0)
     quantiles = chi2.ppf(np.array([0.975, 0.025])[:, None], freedom) / freedom
     return Allan(
         series=series,

@@ -60,23 +60,21 @@ class Terms:
         return variances(tau_s, interval_s) @ self.squares
 
 
-def terms_of(variance: FloatArray, factors: IntArray, samples: int, interval_s: float) -> Terms:
-    """The terms of overlapping Allan variances, shape (k,), over averaging factors of a record of `samples`."""
-    used = factors <= samples / LONGEST_SHARE
-    factors, variance = factors[used], variance[used]
+def terms_of(variance: FloatArray, factors: IntArray, interval_s: float, scatter: AllanScatter) -> Terms:
+    """The terms of overlapping Allan variances, shape (k,), over the averaging factors that are fitted.
+
+    `scatter` is that of these factors, and of longer ones behind them.
+    """
     columns = variances(np.asarray(factors * interval_s), interval_s)
-    scatter = AllanScatter(factors, samples, interval_s)
     active = list(range(len(TERMS)))
     refused: dict[Term, str] = {}
-    best = _fitted(columns, variance, factors, scatter, active)[0]
-    while True:
-        squares, covariance = _fitted(columns, variance, factors, scatter, active)
-        dropped = _weakest(columns, squares, covariance, factors, active)
-        if dropped is None:
-            break
+    squares, covariance = _fitted(columns, variance, factors, scatter, active)
+    best = squares
+    while active and (dropped := _weakest(columns, squares, covariance, factors, active)):
         place, why = dropped
         refused[TERMS[place]] = why
         active.remove(place)
+        squares, covariance = _fitted(columns, variance, factors, scatter, active)
     found = {TERMS[place]: _coefficient(squares[place], covariance[row, row]) for row, place in enumerate(active)}
     return Terms(found=found, refused=refused, squares=best)
 
@@ -94,7 +92,8 @@ def _fitted(
         missed = (
             _IMPERFECT * (columns @ squares) + _FLICKER_SAMPLED / factors * columns[:, _FLICKER] * squares[_FLICKER]
         )
-        root = np.linalg.cholesky(scatter.covariance(squares) + np.diag(missed**2))
+        together = scatter.covariance(squares)[: factors.size, : factors.size]
+        root = np.linalg.cholesky(together + np.diag(missed**2))
         white = solve_triangular(root, own, lower=True)
         squares[active] = nnls(white, solve_triangular(root, variance, lower=True))[0]
     return squares, np.linalg.inv(white.T @ white)
