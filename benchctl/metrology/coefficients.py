@@ -25,15 +25,12 @@ IntArray = npt.NDArray[np.int64]
 
 LONGEST_SHARE = 9
 """An averaging time beyond this part of the record says little: it is shown and not fitted."""
-_FLICKER = TERMS.index("B")
 _SHORTEST = 3
 _SHARE = 1.0 / 3.0
 _ROUNDS = 6
 _SIGNIFICANT = 3.0
 _IMPERFECT = 0.003
 """By so much a variance may miss the model whatever the record's length."""
-_FLICKER_SAMPLED = 0.2
-"""By so much over one sample, and less over more, flicker misses its term: it depends on what filtered it before."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,19 +65,25 @@ def terms_of(variance: FloatArray, factors: IntArray, interval_s: float, scatter
     columns = variances(np.asarray(factors * interval_s), interval_s)
     active = list(range(len(TERMS)))
     refused: dict[Term, str] = {}
-    squares, covariance = _fitted(columns, variance, factors, scatter, active)
+    squares, covariance = _fitted(columns, variance, scatter, active)
     best = squares
-    while active and (dropped := _weakest(columns, squares, covariance, factors, active)):
-        place, why = dropped
-        refused[TERMS[place]] = why
-        active.remove(place)
-        squares, covariance = _fitted(columns, variance, factors, scatter, active)
-    found = {TERMS[place]: _coefficient(squares[place], covariance[row, row]) for row, place in enumerate(active)}
+    while (weak := _insignificant(squares, covariance, active)) is not None:
+        refused[TERMS[weak]] = "not told from zero"
+        active.remove(weak)
+        squares, covariance = _fitted(columns, variance, scatter, active)
+    found: dict[Term, Coefficient] = {}
+    shown = columns[factors >= _SHORTEST] * squares
+    for row, place in enumerate(active):
+        # it stays in the fit: it is there, the others must not make up for it
+        if (shown[:, place] >= _SHARE * shown.sum(axis=1)).any():
+            found[TERMS[place]] = _coefficient(squares[place], covariance[row, row])
+        else:
+            refused[TERMS[place]] = "its slope lies outside the record, or under the other terms"
     return Terms(found=found, refused=refused, squares=best)
 
 
 def _fitted(
-    columns: FloatArray, variance: FloatArray, factors: IntArray, scatter: AllanScatter, active: list[int]
+    columns: FloatArray, variance: FloatArray, scatter: AllanScatter, active: list[int]
 ) -> tuple[FloatArray, FloatArray]:
     """The squares, shape (5,), and the covariance of the active ones."""
     squares = np.zeros(len(TERMS))
@@ -89,35 +92,21 @@ def _fitted(
         return squares, np.zeros((0, 0))
     squares[active] = nnls(own / variance[:, None], np.ones_like(variance))[0]
     for _ in range(_ROUNDS):
-        missed = (
-            _IMPERFECT * (columns @ squares) + _FLICKER_SAMPLED / factors * columns[:, _FLICKER] * squares[_FLICKER]
-        )
-        together = scatter.covariance(squares)[: factors.size, : factors.size]
+        missed = _IMPERFECT * (columns @ squares)
+        together = scatter.covariance(squares)[: variance.size, : variance.size]
         root = np.linalg.cholesky(together + np.diag(missed**2))
         white = solve_triangular(root, own, lower=True)
         squares[active] = nnls(white, solve_triangular(root, variance, lower=True))[0]
     return squares, np.linalg.inv(white.T @ white)
 
 
-def _weakest(
-    columns: FloatArray, squares: FloatArray, covariance: FloatArray, factors: IntArray, active: list[int]
-) -> tuple[int, str] | None:
-    """The term that the record speaks for least, and why it is none; None where all stand."""
-    inside = factors >= _SHORTEST
-    share = columns * squares / (columns @ squares)[:, None]
-    worst: tuple[float, int, str] | None = None
-    for row, place in enumerate(active):
-        significance = squares[place] / math.sqrt(covariance[row, row])
-        largest = float(share[inside, place].max()) if inside.any() else 0.0
-        if significance < _SIGNIFICANT:
-            why = "not told from zero"
-        elif largest < _SHARE:
-            why = "its slope lies outside the record, or under the other terms"
-        else:
-            continue
-        if worst is None or significance < worst[0]:
-            worst = significance, place, why
-    return None if worst is None else worst[1:]
+def _insignificant(squares: FloatArray, covariance: FloatArray, active: list[int]) -> int | None:
+    """The place of the term that the record tells least from zero; None where it tells all."""
+    if not active:
+        return None
+    significance = squares[active] / np.sqrt(np.diag(covariance))
+    weakest = int(np.argmin(significance))
+    return active[weakest] if significance[weakest] < _SIGNIFICANT else None
 
 
 def _coefficient(square: float, variance: float) -> Coefficient:

@@ -2,8 +2,9 @@
 
 σ²(τ) = 3Q²/τ² + N²/τ + (2 ln 2/π)·B² + K²τ/3 + R²τ²/2
 
-(IEEE Std 952, annex on the Allan variance.) The samples of a record are means over one interval τ0 each, which changes
-one term: a walk of the sampled rate has K²τ/3·(1 + τ0²/2τ²).
+(IEEE Std 952, annex on the Allan variance.) That is of a rate without end in frequency. Of samples every τ0, the noise
+of which ends at half their rate, two terms are others over a few samples: a walk has K²τ/3·(1 + τ0²/2τ²), and flicker
+is summed from its density.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal, get_args
 
 import numpy as np
@@ -47,6 +49,8 @@ _OF_RATES: Mapping[Term, CoefficientUnit] = {
 }
 """Of rates in deg/s: the units of IEEE Std 952."""
 
+_MANY = 50.0
+
 _PER_SECONDS: Mapping[Term, str] = {"Q": "*s", "N": "/sqrt(Hz)", "B": "", "K": "/sqrt(s)", "R": "/s"}
 
 
@@ -58,8 +62,20 @@ def unit_of(term: Term, rate_unit: str) -> CoefficientUnit:
 def variances(tau_s: FloatArray, interval_s: float) -> FloatArray:
     """What each term of size one adds to σ² at averaging times of shape (k,); shape (k, 5), in the order of `TERMS`."""
     walk = tau_s / 3.0 * (1.0 + 0.5 * (interval_s / tau_s) ** 2)
-    flicker = np.full_like(tau_s, 2.0 * math.log(2.0) / math.pi)
+    flicker = np.array([_flicker(factor) for factor in (tau_s / interval_s).tolist()])
     return np.stack([3.0 / tau_s**2, 1.0 / tau_s, flicker, walk, 0.5 * tau_s**2], axis=1)
+
+
+@lru_cache(maxsize=4096)
+def _flicker(factor: float) -> float:
+    """The variance over so many samples of noise of density 1/(2πf) up to half the sampling rate.
+
+    2/(π·m²) · ∫ sin⁴(m·x)/(x·sin²x) dx from 0 to π/2, through the filter of `scatter`; soon 2 ln 2/π.
+    """
+    if factor > _MANY:
+        return 2.0 * math.log(2.0) / math.pi
+    x = np.linspace(0.0, 0.5 * math.pi, int(400 * factor) + 400)[1:]
+    return float(2.0 / (math.pi * factor**2) * np.trapezoid(np.sin(factor * x) ** 4 / (x * np.sin(x) ** 2), x))
 
 
 def densities(frequency_hz: FloatArray, interval_s: float) -> FloatArray:

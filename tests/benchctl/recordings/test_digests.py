@@ -87,6 +87,27 @@ def test_any_single_bit_of_any_channel_is_found(tmp_path: Path, row: int, bit: i
     ]
 
 
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_a_thousand_random_bits_of_a_recording_are_all_found(tmp_path: Path) -> None:
+    path, chance = made.recording(tmp_path), np.random.default_rng(1)
+    with h5py.File(path) as file:
+        places = [(step, channel) for step in file["steps"] for channel in file[f"steps/{step}"]]
+    for _ in range(1000):
+        step, channel = places[chance.integers(len(places))]
+        with h5py.File(path, "r+") as file:
+            data = file[f"steps/{step}/{channel}"]
+            before = data[:]
+            row, bit = chance.integers(before.size), chance.integers(64)
+            after = before.copy()
+            after.view(np.uint64)[row] ^= np.uint64(1) << np.uint64(bit)
+            data[:] = after
+        assert [problem.where for problem in verify(path)] == [f"step {step}, channel {channel}"], (row, bit)
+        with h5py.File(path, "r+") as file:
+            file[f"steps/{step}/{channel}"][:] = before
+    assert verify(path) == []
+
+
 def test_a_damaged_block_is_found_and_named(tmp_path: Path) -> None:
     path = made.recording(tmp_path)
     with h5py.File(path) as file:
