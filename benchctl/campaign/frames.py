@@ -82,6 +82,7 @@ class FrameRecorder:
         self._times = FrameTimes(self._pump.rate_hz)
         self._counts = GyroCounts(samples=0, lost=0, bad_frames=0, junk_bytes=0)
         self._heard_s, self._sequence = self._pump.began_s, 0
+        self._known_s = self._heard_s
         self._faults: tuple[str, ...] = ()
         self._scans: StreamRecorder | None = None
         self._last_s: float | None = None
@@ -192,6 +193,9 @@ class FrameRecorder:
             self._supervisor.event("gyro_fault", says=", ".join(faults) or "over")
 
     def _news(self) -> None:
+        if self._heard_s > self._known_s:  # on a busy machine even the freshest may have come a while ago
+            self._known_s = self._heard_s
+            return
         silent_s = self._opened.clock.now() - self._heard_s
         if silent_s > AGO / self._pump.rate_hz:
             why = self._pump.silence
