@@ -71,7 +71,7 @@ class TrialUnit:
     def public_bench(self) -> Bench:
         """The bench as its recording may describe it: nothing of the physics behind it."""
         stands = load_bench("simulated")
-        return stands.model_copy(
+        public = stands.model_copy(
             update={
                 "name": "sealed bench",
                 "unit": stands.unit.model_copy(update={"serial": "SEALED", "range_dps": self.range_dps}),
@@ -85,9 +85,9 @@ class TrialUnit:
                 ),
                 "simulation": self.belief,
                 "physics": {},
-                "text": "",
             }
         )
+        return public.read_from("", "")
 
     def physics(self, seed: int) -> dict[str, Any]:
         """`[physics]` of the simulated bench: this unit, and nothing beside the lab's model but what all motion has."""
