@@ -95,17 +95,16 @@ def _calibrate(steps: Iterable[Step], meta: Meta, options: CalibrationOptions) -
     temperatures = [step.mean_temperature_c for step in fitted]
     if not np.all(np.isfinite(temperatures)):
         warnings.append("No thermistor was recorded: every term in temperature is left out.")
-    output_unit = str(meta.extra.get("gyro_output_unit", "V"))
     return CalibrationResult(
         unit=meta.unit.serial,
         range_dps=meta.unit.range_dps,
-        output_unit=output_unit,
+        output_unit=meta.output_unit,
         T0_c=T0_c,
         latitude_deg=latitude,
         earth_rate_dps=earth,
         raw=first.line,
         stages=_with_errors(stages, errors, rms),
-        joint=tuple(_in_unit(fit, output_unit) for fit in joint),
+        joint=tuple(_in_unit(fit, meta.output_unit) for fit in joint),
         error_percent=errors,
         rms_percent=rms,
         runs=runs,
@@ -141,7 +140,7 @@ def _in_unit(fit: JointFit, output_unit: str) -> JointFit:
 
 def _looked_at(steps: Iterable[Step], meta: Meta, free: list[FreeMotionFit], warnings: list[str]) -> Iterator[Step]:
     """The steps as they come; those in free motion are fitted in angle on the way, while their samples are at hand."""
-    digital = meta.extra.get("gyro_output_unit", "V") != "V"
+    digital = meta.output_unit != "V"
     believed = 1.0 if digital else (meta.simulation or {}).get("K0_v_per_dps")
     for step in steps:
         if step.info.kind == "motion" and step.info.role == "fit":

@@ -55,13 +55,13 @@ def series_of_step(
     name = channel or (_DIGITAL_RATE if _DIGITAL_RATE in names else _GYRO_OUTPUT)
     axis = axis_of(name)
     if name not in names or axis not in names or name == axis:
-        there = ", ".join(one for one in names if one in names and one != axis_of(one))
+        there = ", ".join(one for one in names if one != axis_of(one))
         raise UsageError(f"{recording.path}, step {shown(info.name)}: has no channel {shown(name)}; it has {there}")
     held = recording.step(info.index, (name, axis))
-    values, interval_s, gaps = _unbroken(held[axis], held[name], f"{recording.path}, step {shown(info.name)}")
-    stated = _stated_unit(recording, name)
+    values, interval_s, part = _unbroken(held[axis], held[name], f"{recording.path}, step {shown(info.name)}")
+    stated = recording.meta.output_unit if name == _GYRO_OUTPUT else UNITS.get(name, "1")
     unit = _UNITS.get(stated, stated)
-    words = f"{name} of step {info.name!r}" + (f", the longest stretch between {gaps} gaps" if gaps else "")
+    words = f"{name} of step {info.name!r}{part}"
     if unit == "V" and name == _GYRO_OUTPUT:
         scale_v_per_dps = scale_v_per_dps or (recording.meta.simulation or {}).get("K0_v_per_dps")
     elif scale_v_per_dps is not None:
@@ -103,18 +103,12 @@ def series_of_text(path: Path, channel: str | None, rate_hz: float | None) -> Se
         raise UsageError(f"{path}: has no column of time; say how often it was sampled with --rate-hz")
     wanted = {name: names.index(name)} | ({clock: names.index(clock)} if clock and rate_hz is None else {})
     columns = read_columns(path, text, layout, wanted)
-    values, words = columns[name], f"column {name!r} of {path.name}"
     if rate_hz is not None:
-        return Series(values=values, interval_s=1.0 / rate_hz, unit=_named_unit(name), source=words)
-    values, interval_s, gaps = _unbroken(columns[str(clock)], values, str(path))
-    words += f", the longest stretch between {gaps} gaps" if gaps else ""
-    return Series(values=values, interval_s=interval_s, unit=_named_unit(name), source=words)
-
-
-def _stated_unit(recording: Recording, name: str) -> str:
-    if name == _GYRO_OUTPUT:
-        return str(recording.meta.extra.get("gyro_output_unit", "V"))
-    return UNITS.get(name, "1")
+        values, interval_s, part = columns[name], 1.0 / rate_hz, ""
+    else:
+        values, interval_s, part = _unbroken(columns[str(clock)], columns[name], str(path))
+    source = f"column {name!r} of {path.name}{part}"
+    return Series(values=values, interval_s=interval_s, unit=_named_unit(name), source=source)
 
 
 def _step(recording: Recording, name: str | None) -> StepInfo:
@@ -129,8 +123,8 @@ def _step(recording: Recording, name: str | None) -> StepInfo:
     return max(static, key=lambda info: info.t_end - info.t_start)
 
 
-def _unbroken(time_s: FloatArray, values: FloatArray, where: str) -> tuple[FloatArray, float, int]:
-    """The longest stretch without a gap, its sampling interval, and how many gaps there were."""
+def _unbroken(time_s: FloatArray, values: FloatArray, where: str) -> tuple[FloatArray, float, str]:
+    """The longest stretch without a gap, its sampling interval, and words where it is not the whole."""
     steps_s = np.diff(time_s)
     if steps_s.size < 2 or not (steps_s > 0.0).all():
         raise UsageError(f"{where}: expected at least 3 samples, at times that grow")
@@ -142,7 +136,7 @@ def _unbroken(time_s: FloatArray, values: FloatArray, where: str) -> tuple[Float
     if part.stop - part.start < 3:
         raise UsageError(f"{where}: {gaps.size} gaps leave no 3 samples in a row")
     even_s = float(time_s[part.stop - 1] - time_s[part.start]) / (part.stop - part.start - 1)
-    return values[part], even_s, int(gaps.size)
+    return values[part], even_s, f", the longest stretch between {gaps.size} gaps" if gaps.size else ""
 
 
 def _named_unit(name: str) -> str:

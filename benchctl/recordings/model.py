@@ -145,6 +145,11 @@ class Meta:
     simulation: Mapping[str, Any] | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
 
+    @property
+    def output_unit(self) -> str:
+        """The unit of the gyro's output, `gyro_v`: volts, but of some imports a rate, `deg/s`."""
+        return str(self.extra.get("gyro_output_unit", "V"))
+
 
 @dataclass(frozen=True, slots=True)
 class Step:

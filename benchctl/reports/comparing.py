@@ -18,7 +18,7 @@ from benchctl.reports import diagnosis_words as words
 from benchctl.reports import text
 from benchctl.reports.comparison_page import comparison_page, sentence
 from benchctl.reports.html import write_page
-from benchctl.reports.results import make_folder, name_of, output_unit, source_digest
+from benchctl.reports.results import make_folder, name_of, source_digest
 from instruments.errors import UsageError
 
 REPORT = "comparison.html"
@@ -57,7 +57,7 @@ def compare_recordings(simulated: Path, real: Path) -> Compared:
             meta=ours.meta,
             infos=ours.infos,
             digest=source_digest(ours),
-            unit=text.unit_text(output_unit(ours.meta)),
+            unit=text.unit_text(ours.meta.output_unit),
             remarks=(_OVERLAID, *remarks),
         )
 
@@ -88,7 +88,7 @@ def compare_with_models(path: Path, model: Path | None) -> Compared:
             meta=recording.meta,
             infos=recording.infos,
             digest=source_digest(recording),
-            unit=text.unit_text(output_unit(recording.meta)),
+            unit=text.unit_text(recording.meta.output_unit),
             remarks=(),
         )
 

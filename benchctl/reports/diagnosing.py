@@ -20,7 +20,7 @@ from benchctl.recordings.model import Meta, StepInfo
 from benchctl.recordings.reader import open_recording
 from benchctl.reports import diagnosis_words as words
 from benchctl.reports.diagnosis_page import write_diagnosis_report
-from benchctl.reports.results import make_folder, name_of, output_unit, source_digest
+from benchctl.reports.results import make_folder, name_of, source_digest
 from instruments.errors import UsageError
 
 _UNITS: Mapping[Part, str] = {"drive": DriveProblem.unit, "chamber": ChamberProblem.unit}
@@ -61,7 +61,7 @@ def diagnose_recordings(
             meta=joined.meta,
             infos=joined.infos,
             digest=", ".join(source_digest(recording) for recording in recordings),
-            unit=words.unit(_UNITS.get(part) or output_unit(joined.meta)),
+            unit=words.unit(_UNITS.get(part) or joined.meta.output_unit),
         )
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from benchctl.calibration.static_points_fit import PointsFit, StaticPointsResult
 from benchctl.recordings.model import Meta
 from benchctl.recordings.static_points import StaticPoints
-from benchctl.reports import results, setup_section, text, verdict
+from benchctl.reports import setup_section, text, verdict
 from benchctl.reports.coefficient_tables import Coefficient
 from benchctl.reports.figures import Drawing, inline_svg, style
 from benchctl.reports.html import render, write_page
@@ -34,7 +34,7 @@ def write_static_points_report(
 
 def static_points_page(result: StaticPointsResult, points: StaticPoints, meta: Meta, *, digest: str) -> str:
     """The page as text; the same input gives the same bytes."""
-    output_unit = text.unit_text(results.output_unit(meta))
+    output_unit = text.unit_text(meta.output_unit)
     return render(
         "points.html.j2",
         meta=meta,

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from benchctl.documents import json_document
 from benchctl.limits import shown
-from benchctl.recordings.model import Meta
 from benchctl.recordings.reader import OPEN_DESCRIPTION, Recording
 from benchctl.recordings.schema import CAMPAIGN, RECORDING
 from instruments.errors import UsageError
@@ -58,11 +57,6 @@ def name_of(path: Path) -> str:
     """The name of a recording without its way: of a campaign that of its folder."""
     path = path.resolve()
     return path.parent.name if path.name == RECORDING else path.name
-
-
-def output_unit(meta: Meta) -> str:
-    """The unit of the gyro's output: volts, but of some imports a rate."""
-    return str(meta.extra.get("gyro_output_unit", "V"))
 
 
 def _is_open(folder: Path) -> bool:

@@ -285,7 +285,7 @@ def points_problem(
             f" from their scatter; a diagnosis needs {_FEWEST} at {_FEWEST_RATES} rates or more"
         )
     told = model or recording.meta.simulation
-    digital = recording.meta.extra.get("gyro_output_unit") == "deg/s"
+    digital = recording.meta.output_unit == "deg/s"
     if told is None:
         slope, offset = np.polyfit(points.rate_dps, points.mean_v, 1).tolist()
         simulation: Mapping[str, Any] = {

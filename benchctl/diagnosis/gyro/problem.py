@@ -277,7 +277,7 @@ def gyro_problem(
             f"{recording.path}: says of no model what the gyro should have put out;"
             " name one with --model FILE (K0_v_per_dps, U0_v, T0_c, k_T, k_omega)"
         )
-    digital = recording.meta.extra.get("gyro_output_unit") == "deg/s"
+    digital = recording.meta.output_unit == "deg/s"
     where = "[simulation] of the model" if model else f"{recording.path}: [simulation]"
     simulation = checked_model(simulation, where=where, digital=digital)
     law = Law(
