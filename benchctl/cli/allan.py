@@ -53,9 +53,9 @@ def allan(
     with result_of("allan", json_to, quiet) as result:
         if rate_hz is not None and not 0.0 < rate_hz < math.inf:
             raise UsageError(f"--rate-hz {rate_hz:g}: expected samples a second, a positive number")
-        folder = report_folder(source, out, json_to, quiet, kind="allan")
         if scale_v_per_dps is not None and not 0.0 < abs(scale_v_per_dps) < math.inf:
             raise UsageError(f"--scale-v-per-dps {scale_v_per_dps:g}: expected volts for a degree a second, not 0")
+        folder = report_folder(source, out, json_to, quiet, kind="allan")
         if source.suffix.lower() in _TEXTS:
             if step is not None or scale_v_per_dps is not None:
                 raise UsageError("--step and --scale-v-per-dps are for recordings; a text file has neither")

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import chi2
 
 from benchctl.metrology.coefficients import LONGEST_SHARE, Terms, terms_of
 from benchctl.metrology.deviations import deviation
-from benchctl.metrology.scatter import AllanScatter
+from benchctl.metrology.scatter import AllanScatter, interval_of
 from benchctl.metrology.series import Series
 from instruments.errors import UsageError
 
@@ -66,12 +65,11 @@ def analysed(series: Series) -> Allan:
     terms = terms_of(values[fitted] ** 2, factors[fitted], series.interval_s, scatter)
     expected = np.diag(scatter.covariance(terms.squares))
     freedom = np.maximum(2.0 * terms.modelled(tau_s, series.interval_s) ** 2 / expected, 1.0)
-    quantiles = chi2.ppf(np.array([0.975, 0.025])[:, None], freedom) / freedom
     return Allan(
         series=series,
         tau_s=tau_s,
         deviation=values,
-        ci95=(values / np.sqrt(quantiles)).T,
+        ci95=interval_of(values, freedom),
         freedom=freedom,
         terms=terms,
     )

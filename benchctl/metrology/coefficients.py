@@ -15,20 +15,21 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import solve_triangular
 from scipy.optimize import nnls
-from scipy.stats import chi2
 
 from benchctl.metrology.noise_terms import TERMS, Term, variances
-from benchctl.metrology.scatter import AllanScatter
+from benchctl.metrology.scatter import AllanScatter, interval_of
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 LONGEST_SHARE = 9
 """An averaging time beyond this part of the record says little: it is shown and not fitted."""
-_SHORTEST = 3
-_SHARE = 1.0 / 3.0
+_SHORTEST, _SHARE = 3, 1.0 / 3.0
+"""A term shows its slope where it makes so large a part of the variance, over so many samples or more."""
 _ROUNDS = 6
+"""Each fit takes its weights from the one before."""
 _SIGNIFICANT = 3.0
+"""So many deviations must a square be above zero; a ramp's is skew, at two one white record in a hundred has one."""
 _IMPERFECT = 0.003
 """By so much a variance may miss the model whatever the record's length."""
 
@@ -110,6 +111,6 @@ def _insignificant(squares: FloatArray, covariance: FloatArray, active: list[int
 
 
 def _coefficient(square: float, variance: float) -> Coefficient:
-    freedom = 2.0 * square**2 / variance
-    low, high = (math.sqrt(square * freedom / float(chi2.ppf(part, freedom))) for part in (0.975, 0.025))
-    return Coefficient(value=math.sqrt(square), ci95=(low, high))
+    value = math.sqrt(square)
+    low, high = interval_of(np.array([value]), np.array([2.0 * square**2 / variance]))[0].tolist()
+    return Coefficient(value=value, ci95=(low, high))

@@ -49,8 +49,6 @@ _OF_RATES: Mapping[Term, CoefficientUnit] = {
 }
 """Of rates in deg/s: the units of IEEE Std 952."""
 
-_MANY = 50.0
-
 _PER_SECONDS: Mapping[Term, str] = {"Q": "*s", "N": "/sqrt(Hz)", "B": "", "K": "/sqrt(s)", "R": "/s"}
 
 
@@ -64,6 +62,10 @@ def variances(tau_s: FloatArray, interval_s: float) -> FloatArray:
     walk = tau_s / 3.0 * (1.0 + 0.5 * (interval_s / tau_s) ** 2)
     flicker = np.array([_flicker(factor) for factor in (tau_s / interval_s).tolist()])
     return np.stack([3.0 / tau_s**2, 1.0 / tau_s, flicker, walk, 0.5 * tau_s**2], axis=1)
+
+
+_MANY = 50.0
+"""Samples over which flicker no longer knows that they are samples."""
 
 
 @lru_cache(maxsize=4096)

@@ -17,6 +17,7 @@ import math
 
 import numpy as np
 import numpy.typing as npt
+from scipy.stats import chi2
 
 from benchctl.metrology.noise_terms import TERMS, densities
 
@@ -63,6 +64,12 @@ class AllanScatter:
         noise, ramp = squares[:_NOISES], squares[_NOISES]
         together = np.einsum("t,u,tuij->ij", noise, noise, self._of_two)
         return np.asarray(together + ramp * np.einsum("t,tij->ij", noise, self._beside_ramp))
+
+
+def interval_of(deviation: FloatArray, freedom: FloatArray) -> FloatArray:
+    """The 95 % intervals of deviations of shape (k,) whose squares have χ² with so many degrees of freedom; (k, 2)."""
+    quantiles = chi2.ppf(np.array([0.975, 0.025])[:, None], freedom) / freedom
+    return np.asarray((deviation / np.sqrt(quantiles)).T)
 
 
 def _products(columns: FloatArray, weights: FloatArray) -> FloatArray:

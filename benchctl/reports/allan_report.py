@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,9 @@ from matplotlib.figure import Figure
 
 from benchctl.atomic import whole_file
 from benchctl.metrology.allan import Allan
+from benchctl.metrology.coefficients import Coefficient
 from benchctl.metrology.noise_terms import NAMES, TERMS, Term, unit_of, variances
+from benchctl.recordings.model import FloatArray
 from benchctl.recordings.text_rows import csv_rows
 from benchctl.reports import text
 from benchctl.reports.figures import GREY, INK, Drawing, inline_svg, new_figure, style
@@ -21,6 +24,8 @@ from benchctl.reports.results import make_folder
 REPORT, TABLE = "allan.html", "allan.csv"
 _COLOURS = dict(zip(TERMS, ("#D55E00", "#0072B2", "#009E73", "#E69F00", "#CC79A7"), strict=True))
 _DASHES = dict(zip(TERMS, ("--", "-.", ":", (0, (5, 1)), (0, (1, 1))), strict=True))
+_COLUMNS = {"tau_s": 4, "deviation": 5, "ci95_low": 4, "ci95_high": 4, "degrees_of_freedom": 3}
+"""The table's columns, and to how many digits the page shows them."""
 _SHOWN = 14
 _CAPTION = (
     "Overlapping Allan deviation with 95 % intervals; the terms that the record has, and their sum. Averaging times"
@@ -30,14 +35,10 @@ _CAPTION = (
 
 def values(found: Allan) -> dict[str, Any]:
     """What `--json` says of an analysis."""
-    coefficients: dict[str, Any] = dict.fromkeys(TERMS)
-    for term, one in found.terms.found.items():
-        unit = unit_of(term, found.series.unit)
-        coefficients[term] = {
-            "value": unit.factor * one.value,
-            "ci95": [unit.factor * limit for limit in one.ci95],
-            "unit": unit.name,
-        }
+    coefficients: dict[str, Any] = {}
+    for term in TERMS:
+        one, unit = _in_units(found, term)
+        coefficients[term] = one and {"value": one.value, "ci95": list(one.ci95), "unit": unit}
     return {
         "source": found.series.source,
         "unit": found.series.unit,
@@ -63,23 +64,35 @@ def lines(found: Allan) -> str:
     return "\n".join(rows + [f"{row.term}  {row.name}: {row.stated}" for row in term_rows(found)])
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TermRow:
     """One term as a reader sees it."""
 
-    def __init__(self, found: Allan, term: Term) -> None:
-        self.term, self.name = term, NAMES[term]
-        one, unit = found.terms.found.get(term), unit_of(term, found.series.unit)
-        self.value = None if one is None else unit.factor * one.value
-        if one is None:
-            self.stated = f"none: {found.terms.refused[term]}"
-        else:
-            low, high = (text.number(unit.factor * limit, 4) for limit in one.ci95)
-            self.stated = f"{text.number(self.value, 4)} {unit.name}, 95 % interval {low} to {high}"
+    term: Term
+    name: str
+    stated: str
 
 
 def term_rows(found: Allan) -> list[TermRow]:
     """All five terms, found or refused."""
-    return [TermRow(found, term) for term in TERMS]
+    return [TermRow(term=term, name=NAMES[term], stated=_stated(found, term)) for term in TERMS]
+
+
+def _stated(found: Allan, term: Term) -> str:
+    one, unit = _in_units(found, term)
+    if one is None:
+        return f"none: {found.terms.refused[term]}"
+    low, high = (text.number(limit, 4) for limit in one.ci95)
+    return f"{text.number(one.value, 4)} {unit}, 95 % interval {low} to {high}"
+
+
+def _in_units(found: Allan, term: Term) -> tuple[Coefficient | None, str]:
+    """A term's coefficient, if it has one, in the unit in which it is stated."""
+    one, unit = found.terms.found.get(term), unit_of(term, found.series.unit)
+    if one is None:
+        return None, unit.name
+    low, high = one.ci95
+    return Coefficient(value=unit.factor * one.value, ci95=(unit.factor * low, unit.factor * high)), unit.name
 
 
 def write_report(found: Allan, folder: Path, title: str) -> list[Path]:
@@ -98,10 +111,8 @@ def write_report(found: Allan, folder: Path, title: str) -> list[Path]:
         rate_hz=text.number(1.0 / found.series.interval_s, 6),
     )
     write_page(folder / REPORT, page)
-    columns = [found.tau_s, found.deviation, found.ci95[:, 0], found.ci95[:, 1], found.freedom]
-    names = ["tau_s", "deviation", "ci95_low", "ci95_high", "degrees_of_freedom"]
     with whole_file(folder / TABLE) as temporary:
-        temporary.write_bytes(",".join(names).encode() + b"\n" + b"".join(csv_rows(columns, names)))
+        temporary.write_bytes(",".join(_COLUMNS).encode() + b"\n" + b"".join(csv_rows(_columns(found), list(_COLUMNS))))
     return [folder / REPORT, folder / TABLE]
 
 
@@ -129,10 +140,13 @@ def allan_figure(found: Allan) -> Figure:
     return figure
 
 
+def _columns(found: Allan) -> list[FloatArray]:
+    """The table, as `_COLUMNS` names it."""
+    return [found.tau_s, found.deviation, *found.ci95.T, found.freedom]
+
+
 def _table_rows(found: Allan) -> Sequence[tuple[str, ...]]:
-    columns = (found.tau_s, found.deviation, found.ci95[:, 0], found.ci95[:, 1], found.freedom)
-    digits = (4, 5, 4, 4, 3)
     return [
-        tuple(text.number(value, digit) for value, digit in zip(row, digits, strict=True))
-        for row in zip(*(column.tolist() for column in columns), strict=True)
+        tuple(text.number(value, digits) for value, digits in zip(row, _COLUMNS.values(), strict=True))
+        for row in np.stack(_columns(found), axis=1).tolist()
     ]
