@@ -7,6 +7,7 @@ from pathlib import Path
 
 from benchctl.limits import listed
 from benchctl.recordings.campaign_folder import campaign_lock
+from benchctl.recordings.campaign_manifest import MANIFEST, write_manifest
 from benchctl.recordings.campaign_state import described, require_campaign
 from benchctl.recordings.gather import finished_steps, gather, remove_gathered
 from benchctl.recordings.hdf5_files import RecordingFile
@@ -19,7 +20,7 @@ from benchctl.recordings.journal import (
     planned_steps,
 )
 from benchctl.recordings.model import Meta, Status, StepInfo
-from benchctl.recordings.schema import CAMPAIGN, JOURNAL, RECORDING, STEPS, UNREADABLE
+from benchctl.recordings.schema import CAMPAIGN, JOURNAL, LOCK, RECORDING, STEPS, UNREADABLE
 from benchctl.recordings.torn import described_step, put_in_order
 
 
@@ -41,23 +42,23 @@ class Recovered:
 
 
 def recover(folder: Path) -> Recovered:
-    """Gather what a campaign whose program died has recorded in `recording.h5`; does nothing where that was done.
+    """Gather what a campaign whose program died has recorded in `recording.h5`, and write the folder's manifest.
 
-    The step that was being written becomes a cut one. Nothing is removed before its successor is on the disk, so that
-    it may die itself and be called again. Raises `UsageError` where the campaign is being written, the folder holds
-    none, or the disk refuses.
+    Does nothing where that was done. The step that was being written becomes a cut one. Nothing is removed before its
+    successor is on the disk, so that it may die itself and be called again. Raises `UsageError` where the campaign is
+    being written, the folder holds none, or the disk refuses.
     """
     require_campaign(folder)
     meta = described(folder)
     was_closed = (folder / RECORDING).exists()
-    if not was_closed or (folder / STEPS).exists() or (folder / CAMPAIGN).exists():
+    begun = (folder / STEPS).exists() or (folder / CAMPAIGN).exists()
+    unfinished = begun or not was_closed or not (folder / MANIFEST).exists()
+    if unfinished or (folder / LOCK).exists():  # a death as the last thing was done leaves the lock's files
         lock = campaign_lock(folder)
         lock.acquire("benchctl recover")
         try:
-            if (folder / RECORDING).exists():
-                remove_gathered(folder)
-            else:
-                _close(folder, meta)
+            if unfinished:
+                _finish(folder, meta)
         finally:
             lock.release()
     file = RecordingFile(folder / RECORDING)
@@ -70,6 +71,14 @@ def recover(folder: Path) -> Recovered:
         unreadable=tuple(sorted((folder / UNREADABLE).glob("*"))),
         was_closed=was_closed,
     )
+
+
+def _finish(folder: Path, meta: Meta) -> None:
+    if (folder / RECORDING).exists():
+        remove_gathered(folder)
+    else:
+        _close(folder, meta)
+    write_manifest(folder)
 
 
 def _close(folder: Path, meta: Meta) -> None:

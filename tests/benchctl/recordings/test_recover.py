@@ -81,7 +81,7 @@ def test_killed_at_any_moment_a_campaign_is_recovered_with_every_step_that_was_t
     assert again.was_closed
     assert (again.steps, again.status) == (closed.steps, closed.status)
     assert closed.recording.read_bytes() == before
-    assert sorted(item.name for item in folder.iterdir()) == ["journal.jsonl", "recording.h5"]
+    assert sorted(item.name for item in folder.iterdir()) == ["journal.jsonl", "manifest.json", "recording.h5"]
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -153,6 +153,18 @@ def test_files_of_steps_that_cannot_be_read_are_put_aside_and_said_and_the_rest_
     assert "channel gyro_v: samples changed since it was written" in journal
 
 
+def test_what_a_death_left_of_a_lock_is_removed_and_no_changed_file_becomes_good_by_it(tmp_path: Path) -> None:
+    folder = tmp_path / "c"
+    _begun(folder).release()
+    recover(folder)
+    (folder / "journal.jsonl").write_text("not what it was\n")
+    for name in ("running.lock", "running.json"):
+        (folder / name).touch()
+    assert recover(folder).was_closed
+    assert sorted(item.name for item in folder.iterdir()) == ["journal.jsonl", "manifest.json", "recording.h5"]
+    assert any("journal.jsonl" in str(problem) for problem in verify(folder))
+
+
 @pytest.mark.parametrize("length", [0, 11, 48, 600])
 def test_a_step_whose_file_had_only_begun_held_no_sample_and_leaves_nothing(tmp_path: Path, length: int) -> None:
     folder = tmp_path / "c"
@@ -165,7 +177,7 @@ def test_a_step_whose_file_had_only_begun_held_no_sample_and_leaves_nothing(tmp_
     closed = recover(folder)
     assert [info.index for info in closed.steps] == [1, 2]
     assert closed.unreadable == ()
-    assert sorted(item.name for item in folder.iterdir()) == ["journal.jsonl", "recording.h5"]
+    assert sorted(item.name for item in folder.iterdir()) == ["journal.jsonl", "manifest.json", "recording.h5"]
 
 
 @pytest.mark.parametrize("how", ["before the folder was described", "no campaign at all"])
