@@ -12,6 +12,7 @@ of its own, so that a run cut into chunks, each given the memory of the one befo
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol
@@ -92,9 +93,10 @@ def gyro_baseline(parameters: GyroParameters, earth_dps: float, interval_s: floa
 
     The coil's temperature and the motion come true from the bench: their stages have nothing to do here.
     """
+    aligned = math.cos(1e-3 * parameters.misalignment_mrad)
 
     def sense(signals: Signals) -> Signals:
-        return replace(signals, sensed_rate_dps=signals.rate_dps + earth_dps)
+        return replace(signals, sensed_rate_dps=aligned * signals.rate_dps + earth_dps)
 
     def scale(signals: Signals) -> Signals:
         return replace(signals, output_v=sine_output_v(parameters, signals.sensed_rate_dps, signals.coil_c))

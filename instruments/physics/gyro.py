@@ -4,7 +4,7 @@
 
 with ΔT = T − T0, T the temperature of the coil and Ω the rate about the input axis in inertial space (the table's and
 the Earth's). The sine is the interferometer's (Sagnac phase S·Ω, first harmonic of the detector); h is the output's
-low-pass.
+low-pass. What changes whenever the gyro is switched on or mounted otherwise is in `turn_on` and `mounting`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,9 @@ class GyroParameters:
 
     S agrees with what the published correction polynomial implies (0.00448 to 0.00452 rad per deg/s); g1 and g2 are the
     inverse of the published k(T) to first order. `arw_deg_per_sqrt_h` is the angle random walk N; N/60 is the two-sided
-    amplitude density of the rate noise in (deg/s)/√Hz. `order` 0 is an output without low-pass.
+    amplitude density of the rate noise in (deg/s)/√Hz. `order` 0 is an output without low-pass. `turn_on_bias_v` and
+    `turn_on_scale_ppm` are standard deviations of what each switching on adds to bias and scale factor;
+    `misalignment_mrad` is the angle between the input axis and the one that its housing shows.
     """
 
     K0_v_per_dps: float = 0.050
@@ -45,17 +47,28 @@ class GyroParameters:
     cutoff_hz: float = 200.0
     order: int = 2
     output_limit_v: float = 11.0
+    turn_on_bias_v: float = 0.0
+    turn_on_scale_ppm: float = 0.0
+    misalignment_mrad: float = 0.0
 
     def __post_init__(self) -> None:
         if self.S_rad_per_dps <= 0.0:
             raise UsageError(f"S_rad_per_dps is {self.S_rad_per_dps}: give the Sagnac phase per rate, above 0")
         if self.cutoff_hz <= 0.0 or self.order not in (0, 1, 2):
             raise UsageError(f"a low-pass of order {self.order} at {self.cutoff_hz} Hz: give order 0 to 2, above 0 Hz")
+        for name in ("turn_on_bias_v", "turn_on_scale_ppm"):
+            if getattr(self, name) < 0.0:
+                raise UsageError(f"{name} is {getattr(self, name)}: give a standard deviation, 0 or more")
 
 
 def earth_rate_dps(latitude_deg: float) -> float:
     """The Earth's rate about a vertical axis [deg/s], positive (counter-clockwise seen from above) in the north."""
     return EARTH_RATE_DPH / 3600.0 * math.sin(math.radians(latitude_deg))
+
+
+def horizontal_earth_rate_dps(latitude_deg: float) -> float:
+    """The Earth's rate about a horizontal axis that points north [deg/s]."""
+    return EARTH_RATE_DPH / 3600.0 * math.cos(math.radians(latitude_deg))
 
 
 def sine_output_v(parameters: GyroParameters, rate_dps: FloatArray, coil_c: FloatArray) -> FloatArray:

@@ -6,9 +6,12 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from instruments.interfaces import Position
 from instruments.physics.chain import Baseline, gyro_baseline
-from instruments.physics.gyro import earth_rate_dps, white_deviation_v
+from instruments.physics.gyro import earth_rate_dps, horizontal_earth_rate_dps, white_deviation_v
+from instruments.physics.mounting import mounted_across
 from instruments.physics.response_gyro import response_baseline
+from instruments.physics.turn_on import turned_on
 from instruments.simulated.settings import WorldSettings
 
 _FORGETTING_TIME_CONSTANTS = 40.0
@@ -18,12 +21,13 @@ _FORGETTING_TIME_CONSTANTS = 40.0
 class Sensor:
     """What the bench needs of a gyro.
 
-    `baseline` are its stages on the grid; `memory_s` is how long its electronics remember; `white_v` gives the standard
+    `baseline` gives its stages on the grid, as it is mounted and as it came up when it was switched on for the n-th
+    time, n from 1; `memory_s` is how long its electronics remember; `white_v` gives the standard
     deviation [V] of the white noise of samples that lie an interval [s] apart. Where `coil_is_housing` the coil is as
     warm as the housing, which the thermistor reads.
     """
 
-    baseline: Baseline
+    baseline: Callable[[Position, int], Baseline]
     memory_s: float
     white_v: Callable[[float], float]
     walk_v_per_sqrt_s: float
@@ -33,11 +37,15 @@ class Sensor:
 
 
 def sensor_of(settings: WorldSettings) -> Sensor:
-    """The response where the settings state one, else the open-loop interferometer."""
+    """The response where the settings state one, else the open-loop interferometer.
+
+    A response comes up as it is stated each time, and across the table's axis it feels nothing.
+    """
     response, gyro = settings.response, settings.gyro
     if response is not None:
+        stages = response_baseline(response)
         return Sensor(
-            baseline=response_baseline(response),
+            baseline=lambda position, _: stages if position == "along" else mounted_across(stages, 0.0, 0.0),
             memory_s=0.0,
             white_v=lambda _: response.noise_v_rms,
             walk_v_per_sqrt_s=0.0,
@@ -45,8 +53,16 @@ def sensor_of(settings: WorldSettings) -> Sensor:
             T0_c=response.T0_c,
             coil_is_housing=True,
         )
+
+    def baseline(position: Position, times: int) -> Baseline:
+        came_up = turned_on(gyro, settings.seed, times)
+        along = gyro_baseline(came_up, earth_rate_dps(settings.latitude_deg), 1.0 / settings.grid_hz)
+        if position == "along":
+            return along
+        return mounted_across(along, gyro.misalignment_mrad, horizontal_earth_rate_dps(settings.latitude_deg))
+
     return Sensor(
-        baseline=gyro_baseline(gyro, earth_rate_dps(settings.latitude_deg), 1.0 / settings.grid_hz),
+        baseline=baseline,
         memory_s=_FORGETTING_TIME_CONSTANTS / (math.sqrt(0.5) * 2.0 * math.pi * gyro.cutoff_hz),
         white_v=lambda interval_s: white_deviation_v(gyro, 1.0 / interval_s),
         walk_v_per_sqrt_s=gyro.bias_walk_v_per_sqrt_s,

@@ -2,7 +2,8 @@
 
 Up to the gyro's electronics the chain runs on the internal grid; scans are interpolated from it (angle by a cubic
 through angles and rates, volts straight) and get the sensor's noise. Where encoder and gyro have two clocks the gyro's
-volts are those of its own instants, all else of the encoder's.
+volts are those of its own instants, all else of the encoder's. A gyro whose supply is off puts out 0 V; its thermistor
+goes on.
 """
 
 from __future__ import annotations
@@ -15,12 +16,14 @@ import numpy as np
 
 from instruments.errors import UsageError
 from instruments.interfaces import FloatArray, IntArray
-from instruments.physics.chain import GRID_STAGES, Effect, Signals, run_chain
+from instruments.physics.chain import GRID_STAGES, Baseline, Effect, Signals, run_chain
 from instruments.physics.effects.kinds import ClockEffect, FilterEffect
 from instruments.physics.encoder import encoder_angle_deg, quadrature_count
 from instruments.physics.noise import RandomWalk, WhiteNoise
+from instruments.physics.turn_on import warming_up_since
 from instruments.simulated.axis import TableAxis
 from instruments.simulated.climate import ClimateChamber
+from instruments.simulated.installation import Installation, Installed
 from instruments.simulated.sensor import Sensor
 from instruments.simulated.settings import WorldSettings
 from instruments.simulated.timebase import Timebase
@@ -61,15 +64,17 @@ class Terminals:
         sensor: Sensor,
         axis: TableAxis,
         climate: ClimateChamber,
+        installation: Installation,
         effects: Sequence[Effect] = (),
     ) -> None:
         self._timebase = timebase
+        self._installation = installation
         self._settings = settings
         self._sensor = sensor
         self._axis = axis
         self._climate = climate
         self._effects = tuple(effects)
-        self._baseline = {**sensor.baseline, "sampling": self._with_noise}
+        self._law: tuple[Installed, Baseline, Sequence[Effect]] | None = None
         clocks = [effect for effect in effects if isinstance(effect, ClockEffect)]
         self._clocks = TwoClocks(clocks) if clocks else None
         filters_s = [effect.memory_s for effect in effects if isinstance(effect, FilterEffect)]
@@ -100,6 +105,7 @@ class Terminals:
         """Quadrature count, gyro volts, thermistor volts at first + i·interval, i < scans; each of shape (scans,)."""
         counts = np.empty(scans, np.int64)
         gyro_v, thermistor_v = np.empty(scans), np.empty(scans)
+        sampling: Baseline = {"sampling": self._with_noise}
         with self._timebase.lock:
             self._refuse(first_s, interval_s, scans)
             self._timebase.reach_s = self._reach_s(first_s)
@@ -107,11 +113,13 @@ class Terminals:
             for low in range(0, scans, block):
                 part = slice(low, min(low + block, scans))
                 times_s = first_s + np.arange(part.start, part.stop, dtype=np.float64) * interval_s
-                signals = run_chain(self._at_scans(times_s, interval_s), self._baseline, self._effects, ("sampling",))
+                signals = run_chain(self._at_scans(times_s, interval_s), sampling, self._effects, ("sampling",))
                 self._scanned += times_s.size
                 self._memory = signals.memory
                 counts[part] = quadrature_count(self._settings.encoder, signals.encoder_deg)
                 gyro_v[part] = signals.output_v
+                if (dead := self._installation.dead(times_s)) is not None:
+                    gyro_v[part][dead] = 0.0
                 thermistor_v[part] = signals.thermistor_c
         thermistor_v *= self._settings.thermistor_v_per_c
         thermistor_v += self._settings.thermistor_offset_v
@@ -176,19 +184,34 @@ class Terminals:
         if known is None or not known.first <= first <= known.end + self._warm_up:
             known = _Stretch(first - self._warm_up, np.empty((5, 0)))
         if known.end <= last:
-            signals = run_chain(self._on_grid(known.end, last), self._baseline, self._effects, GRID_STAGES)
-            self._memory = signals.memory
-            rows = (
+            parts = [self._run(installed, *ends) for installed, *ends in self._installation.over(known.end, last)]
+            known = _Stretch(known.first, np.concatenate([known.columns, *parts], axis=1))
+        # the next scan may lie in the last cell
+        self._grid = _Stretch(known.end - 2, known.columns[:, -2:].copy())
+        return known
+
+    def _run(self, installed: Installed, start: int, last: int) -> FloatArray:
+        """The rows of a `_Stretch` over which the gyro stands as it does, going on from what was run before."""
+        baseline, effects = self._law_of(installed)
+        signals = run_chain(self._on_grid(start, last), baseline, effects, GRID_STAGES)
+        self._memory = signals.memory
+        return np.stack(
+            [
                 signals.angle_deg,
                 signals.rate_dps,
                 signals.acceleration_dps2,
                 signals.sensed_rate_dps,
                 signals.output_v,
-            )
-            known = _Stretch(known.first, np.concatenate([known.columns, np.stack(rows)], axis=1))
-        # the next scan may lie in the last cell
-        self._grid = _Stretch(known.end - 2, known.columns[:, -2:].copy())
-        return known
+            ]
+        )
+
+    def _law_of(self, installed: Installed) -> tuple[Baseline, Sequence[Effect]]:
+        """The gyro's stages and effects as it stands and came up; those of its last state are kept."""
+        if self._law is None or self._law[0] is not installed:
+            since_s = installed.on_since_s
+            effects = self._effects if since_s is None else warming_up_since(self._effects, since_s)
+            self._law = installed, self._sensor.baseline(installed.position, installed.times), effects
+        return self._law[1:]
 
     def _on_grid(self, start: int, last: int) -> Signals:
         """The true motion and temperatures, before any stage."""

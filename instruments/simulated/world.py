@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from instruments.interfaces import Position
 from instruments.physics.chain import GRID_STAGES, Effect
 from instruments.simulated.axis import TableAxis
 from instruments.simulated.climate import ClimateChamber
 from instruments.simulated.clock import BenchClock
+from instruments.simulated.installation import Installation
 from instruments.simulated.machines import AnalogInputs, ChamberMachine, TableMachine
 from instruments.simulated.sensor import sensor_of
 from instruments.simulated.settings import WorldSettings
@@ -49,8 +51,19 @@ class World:
         )
         self.table: TableMachine = axis
         self.chamber: ChamberMachine = climate
-        self.inputs: AnalogInputs = Terminals(timebase, self.settings, sensor, axis, climate, effects)
+        self._installation = Installation(timebase)
+        self.inputs: AnalogInputs = Terminals(
+            timebase, self.settings, sensor, axis, climate, self._installation, effects
+        )
         self._timebase, self._axis, self._climate, self._effects = timebase, axis, climate, tuple(effects)
+
+    def power(self, on: bool) -> None:
+        """Switch the gyro's supply: off it puts out 0 V, and on again it comes up anew, and warms up anew."""
+        self._installation.power(on)
+
+    def mount(self, position: Position) -> None:
+        """Mount the gyro with its input axis along or across the table's."""
+        self._installation.mount(position)
 
     def second_gyro(self) -> AnalogInputs:
         """The inside of another gyro of the same make on the same table: the same law, noise of its own.
@@ -61,4 +74,4 @@ class World:
         settings = replace(self.settings, seed=self.settings.seed + OTHER_NOISE)
         inside = [effect for effect in self._effects if effect.stage in GRID_STAGES]
         time = self._timebase.beside()
-        return Terminals(time, settings, sensor_of(settings), self._axis, self._climate, inside)
+        return Terminals(time, settings, sensor_of(settings), self._axis, self._climate, self._installation, inside)
