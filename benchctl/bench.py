@@ -9,6 +9,7 @@ from typing import Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, field_validator, model_validator
 
+from benchctl.certificates import Certificate, ChamberCertificate, DigitizerCertificate, RateTableCertificate
 from benchctl.limits import HIGHEST_RATE_HZ, MOST_COUNTS_PER_REV
 from benchctl.model_file import Model
 from benchctl.toml_file import line_of, parse_toml, read_text
@@ -110,9 +111,10 @@ class Interlock(_Table):
 
 
 class Site(_Table):
-    """Where the bench stands."""
+    """Where the bench stands; the uncertainty of its latitude is expanded, k = 2."""
 
     latitude_deg: float | None = Field(default=None, ge=-90, le=90)
+    latitude_uncertainty_deg: float | None = Field(default=None, ge=0)
 
 
 class Simulation(_Table):
@@ -138,7 +140,20 @@ class InstrumentEntry(_Table):
     address: str | None = None
     serial: str = ""
     calibrated_until: datetime.date | None = None
+    certificate: Certificate | None = None
     options: dict[str, Any] = Field(default_factory=dict)
+
+
+class RateTableEntry(InstrumentEntry):
+    """The rate table, with the encoder on its axis and the fixture of the unit."""
+
+    certificate: RateTableCertificate | None = None
+
+
+class ChamberEntry(InstrumentEntry):
+    """The climate chamber."""
+
+    certificate: ChamberCertificate | None = None
 
 
 class DigitizerEntry(InstrumentEntry):
@@ -153,6 +168,7 @@ class DigitizerEntry(InstrumentEntry):
     encoder_accuracy_arcsec: float = Field(default=0.0, ge=0)
     thermistor_c_per_v: float
     thermistor_c_at_0v: float = 0.0
+    certificate: DigitizerCertificate | None = None
 
     @field_validator("thermistor_c_per_v")
     @classmethod
@@ -160,6 +176,11 @@ class DigitizerEntry(InstrumentEntry):
         if value == 0:
             raise ValueError("expected another number than 0, which would make every voltage one temperature")
         return value
+
+    @property
+    def adc_step_v(self) -> float:
+        """One step of the converter."""
+        return 2.0 * self.adc_range_v / 2.0**self.adc_bits
 
     def gyro_celsius(self, thermistor_v: Volts) -> Volts:
         """The gyro's temperature, °C, from the volts of its thermistor's amplifier; one reading, or of shape (n,)."""
@@ -185,8 +206,8 @@ class Bench(_Table):
     safe: Safe = Safe()
     interlocks: tuple[Interlock, ...] = ()
     site: Site = Site()
-    rate_table: InstrumentEntry
-    chamber: InstrumentEntry
+    rate_table: RateTableEntry
+    chamber: ChamberEntry
     digitizer: DigitizerEntry
     gyro: GyroEntry | None = None
     simulation: Simulation | None = None
@@ -228,6 +249,12 @@ class Bench(_Table):
     def chamber_profile(self) -> str:
         """The profile that `chamber.model` names, as it was read; empty where it names none."""
         return self._chamber_profile
+
+    @property
+    def entries(self) -> dict[str, InstrumentEntry]:
+        """The instruments by their role."""
+        found = {"rate_table": self.rate_table, "chamber": self.chamber, "digitizer": self.digitizer}
+        return found if self.gyro is None else {**found, "gyro": self.gyro}
 
     @property
     def recorded_hz(self) -> float:

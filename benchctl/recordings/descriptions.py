@@ -50,6 +50,7 @@ class _Extra(BaseModel):
     model_config = ConfigDict(strict=True)
 
     channel_units: dict[str, str] = {}
+    channel_comments: dict[str, str] = {}
     csv_columns: list[str] = Field(default=["time_s"], min_length=1)
     csv_decimals: dict[str, Annotated[int, Field(ge=0, le=_MOST_DECIMALS)]] = {}
     foreign_keys: _ForeignKeys = _ForeignKeys()

@@ -17,8 +17,8 @@ from benchctl.recordings.step_writer import file_stem
 from benchctl.recordings.text_rows import csv_rows
 
 FORMAT = "benchctl-csv/1"
-OF_FRAMES = ("frame_rate_hz", "frames_lost", "frames_bad")
-"""What only steps with a digital gyro have."""
+OF_SOME = ("frame_rate_hz", "frames_lost", "frames_bad", "mounting")
+"""What only steps with a digital gyro have, or of a unit mounted across."""
 
 _SUFFIXES: Mapping[Axis, str] = {"time_s": ".csv", "poll_time_s": "_polled.csv", "frame_time_s": "_frames.csv"}
 
@@ -37,7 +37,7 @@ def export_csv(recording: Recording, folder: Path) -> None:
         for step in recording.steps():
             files = [_write_axis(step, axis, temporary, decimals) for axis in _SUFFIXES]
             described = {
-                key: value for key, value in asdict(step.info).items() if key not in OF_FRAMES or value is not None
+                key: value for key, value in asdict(step.info).items() if key not in OF_SOME or value not in (None, "")
             }
             steps.append({**described, "files": [name for name in files if name]})
         names = dict.fromkeys(name for info in recording.infos for name in recording.channels(info.index))

@@ -78,7 +78,7 @@ def _struct(step: Step) -> dict[str, Any]:
         raise UsageError(
             f"step {step.info.index} {step.info.name!r} is larger than 2 GiB, which a MAT file cannot hold; use netcdf"
         )
-    return {**_known(asdict(step.info)), **step.channels}
+    return {**_known({**asdict(step.info), "mounting": step.info.mounting or None}), **step.channels}
 
 
 def _known(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -212,6 +212,7 @@ def _step(stretch: _Stretch, rate_hz: float, restamped: bool) -> dict[str, Any]:
         "frequency_hz": info.frequency_hz,
         "role": None if info.role == "fit" else info.role,
         "whole": None if info.whole else False,
+        "mounting": info.mounting or None,
         "original_t_start": stretch.start_s if restamped else None,
     }
     return entry | {key: value for key, value in optional.items() if value is not None}

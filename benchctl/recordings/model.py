@@ -6,7 +6,7 @@ A recording is a list of steps. A step holds channels; each channel lies on one 
 - `poll_time_s`: what is asked now and then (the chamber, and while soaking the gyro), much slower;
 - `frame_time_s`: the frames that a digital gyro sends by itself, where the bench has one.
 
-All count seconds from the start of the recording. A soak has only polled channels.
+All count seconds from the start of the recording. A soak has only polled channels, and so has what a person did.
 """
 
 from __future__ import annotations
@@ -27,6 +27,9 @@ AXES: tuple[Axis, ...] = get_args(Axis)
 FRAME_CHANNELS = ("frame_time_s", "frame_rate_dps", "frame_temp_c", "frame_status")
 """What is recorded of a digital gyro."""
 
+COMPENSATED, COMPENSATED_VALID = "compensated_dps", "compensated_valid"
+"""What `benchctl apply` adds to a step."""
+
 UNITS: Mapping[str, str] = {
     "time_s": "s",
     "encoder_deg": "degree",
@@ -42,8 +45,10 @@ UNITS: Mapping[str, str] = {
     "frame_rate_dps": "degree/s",
     "frame_temp_c": "degC",
     "frame_status": "1",
+    COMPENSATED: "degree/s",
+    COMPENSATED_VALID: "1",
 }
-"""The channels that benchctl itself records or imports, with their CF units; `poll_` begins those that are polled."""
+"""The channels that benchctl records, imports or computes, with their CF units; `poll_` begins polled ones."""
 
 DESCRIPTIONS: Mapping[str, str] = {
     "time_s": "time of the scan since the start of the recording",
@@ -60,7 +65,12 @@ DESCRIPTIONS: Mapping[str, str] = {
     "frame_rate_dps": "rate that the digital gyro states, positive counter-clockwise",
     "frame_temp_c": "temperature that the digital gyro states",
     "frame_status": "0: the digital gyro vouches for the sample; otherwise 256 + the status that it states",
+    COMPENSATED: "sensed rate by the coefficients of the unit, that of the table and of the Earth along the axis",
+    COMPENSATED_VALID: "1: the coefficients were measured at such a rate and temperature; 0: not, or there is no rate",
 }
+
+_BY_HAND = ("power_cycle", "mount")
+_POLLED_KINDS = ("soak", *_BY_HAND)
 
 
 def axis_of(channel: str) -> Axis:
@@ -74,9 +84,11 @@ def axis_of(channel: str) -> Axis:
 class StepInfo:
     """What was asked of a step and what became of it; the HDF5 attributes of its group.
 
-    `kind` is `soak`, `static`, `constant_rate`, `sine` or `thermal_ramp`; of imports also `motion` (any movement),
-    `static_points` or `unassigned`. `role` is `fit`, `verify` (kept aside: no fit may see it) or `none` (soaks).
-    `t_start` and `t_end` are seconds since the start of the recording. `gaps` counts the gaps in the stream. `digest`
+    `kind` is `soak`, `static`, `constant_rate`, `sine`, `thermal_ramp`, `power_cycle` or `mount`; of imports also
+    `motion` (any movement), `static_points` or `unassigned`. `role` is `fit`, `verify` (kept aside: no fit may see it)
+    or `none` (polled steps, and those of a unit mounted across). `mounting` is `across` while the unit's input axis
+    lies across the table's axis, else empty. `t_start` and `t_end` are seconds since the start of the recording; of a
+    power cycle, when the supply went off and came on again. `gaps` counts the gaps in the stream. `digest`
     is empty until the step is closed. `frame_rate_hz` is how often the digital gyro samples, `frames_lost` how many of
     its frames are missing and `frames_bad` how many failed their check, which are missing, too; None: there is none.
     """
@@ -98,12 +110,18 @@ class StepInfo:
     frame_rate_hz: float | None = None
     frames_lost: int | None = None
     frames_bad: int | None = None
+    mounting: str = ""
     digest: str = ""
 
     @property
     def is_cut_attempt(self) -> bool:
         """Whether a crash or a stop cut it and it was made again: no fit may see it."""
-        return not self.whole and self.role == "none" and self.kind != "soak"
+        return not self.whole and self.role == "none" and self.kind not in _POLLED_KINDS
+
+    @property
+    def is_left_out(self) -> bool:
+        """Whether no diagnosis may see it: a cut attempt, what a person did, or a unit mounted across."""
+        return self.is_cut_attempt or bool(self.mounting) or self.kind in _BY_HAND
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,6 +143,11 @@ class BenchFacts:
     adc_bits: int = 0
     adc_range_v: float = 0.0
     latitude_deg: float | None = None
+
+    @property
+    def adc_step_v(self) -> float:
+        """One step of the converter; 0 where bits or range are not known."""
+        return 2.0 * self.adc_range_v / 2.0**self.adc_bits if self.adc_bits else 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

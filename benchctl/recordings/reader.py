@@ -118,7 +118,7 @@ def open_recording(path: Path) -> Recording:
         return _open_campaign(path)
     if (path / OPEN_DESCRIPTION).exists():
         meta, steps = read_open_recording(path)
-        return Recording(path, meta, [step.info for step in steps], _Steps(steps))
+        return Recording(path, meta, [step.info for step in steps], StepsInMemory(steps))
     raise UsageError(f"{path}: is no recording: expected {RECORDING}, {CAMPAIGN} or {OPEN_DESCRIPTION} in this folder")
 
 
@@ -179,16 +179,18 @@ class _CampaignFiles:
         """Nothing stays open."""
 
 
-class _Steps:
-    """Steps that are in memory."""
+class StepsInMemory:
+    """A `StepSource` of steps that are in memory."""
 
     def __init__(self, steps: Collection[Step]) -> None:
         self._steps = {step.info.index: step for step in steps}
 
     def channels(self, index: int) -> tuple[str, ...]:
+        """See `StepSource`."""
         return tuple(self._steps[index].channels)
 
     def load(self, info: StepInfo, names: Collection[str] | None = None) -> Step:
+        """See `StepSource`."""
         step = self._steps[info.index]
         return Step(info, {name: samples for name, samples in step.channels.items() if names is None or name in names})
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from benchctl.atomic import disk_errors, sync_folder, whole_file
 from benchctl.locks import Lock
 from benchctl.recordings.campaign_folder import CampaignWriter
+from benchctl.recordings.campaign_manifest import MANIFEST
 from benchctl.recordings.campaign_state import described
 from benchctl.recordings.combine import take_apart
 from benchctl.recordings.gather import finished_steps
@@ -27,6 +28,8 @@ def reopen(folder: Path, planned: int, lock: Lock) -> tuple[CampaignWriter, list
     Planned steps that were cut get an index behind the plan's last and the role `none`: their own is free again.
     """
     meta = described(folder)
+    with disk_errors(folder):
+        (folder / MANIFEST).unlink(missing_ok=True)  # who closes the campaign again writes it anew
     if (folder / RECORDING).exists():
         _take_apart(folder, meta)
     put_in_order(folder, meta)

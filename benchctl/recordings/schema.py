@@ -2,7 +2,7 @@
 
 ```
 /                       format, status, unit_*, bench_*, provenance_*, simulation (JSON), extra (JSON), manifest, digest
-/steps/0001             name, kind, role, whole, t_start, t_end, rate_dps, …, manifest, digest
+/steps/0001             name, kind, role, whole, t_start, t_end, rate_dps, …, manifest, digest; mounting where across
 /steps/0001/time_s      float64 (n,), s       dimension scale: the digitizer's scans
 /steps/0001/gyro_v      float64 (n,), V       on time_s
 /steps/0001/poll_time_s float64 (m,), s       dimension scale: the polls
@@ -10,11 +10,11 @@
 /steps/0001/frame_time_s float64 (k,), s      dimension scale: a digital gyro's frames, where the bench has one
 ```
 
-A group a step, named by the step's index; one dataset a channel, with the attributes `units` (CF), `long_name` and
-`digest`. Attributes are scalars: UTF-8 text, float64, int64 (`whole` is 0 or 1); what is not known is absent. No
-attribute, dataset or link needs this package or Python: it is a valid netCDF-4 file, `xarray.open_dataset(file,
-engine="h5netcdf", group="steps/0001")` opens a step, and so does MATLAB's `h5read(file, "/steps/0001/gyro_v")`. HDF5
-1.10 or newer reads it.
+A group a step, named by the step's index; one dataset a channel, with the attributes `units` (CF), `long_name`,
+`digest` and, where there is more to say, `comment`. Attributes are scalars: UTF-8 text, float64, int64 (`whole` is 0 or
+1); what is not known is absent. No attribute, dataset or link needs this package or Python: it is a valid netCDF-4
+file, `xarray.open_dataset(file, engine="h5netcdf", group="steps/0001")` opens a step, and so does MATLAB's
+`h5read(file, "/steps/0001/gyro_v")`. HDF5 1.10 or newer reads it.
 
 A running campaign is a folder with one file a step in this same layout, each holding all root attributes and one group:
 `steps/0001_name.h5` once it is finished, `steps/0002_name.h5.part` while it is written. A `.part` is uncompressed,
@@ -101,6 +101,8 @@ def describe_channels(datasets: Mapping[str, h5py.Dataset], meta: Meta) -> None:
         if unit is not None:
             dataset.attrs["units"] = unit
         dataset.attrs["long_name"] = DESCRIPTIONS.get(name, name)
+        if name in (comments := meta.extra.get("channel_comments", {})):
+            dataset.attrs["comment"] = comments[name]
         if name == axis_of(name):
             dataset.make_scale(name)
     attach_axes(datasets)
@@ -140,8 +142,12 @@ def check_names(where: str, channels: Mapping[str, object] | tuple[str, ...]) ->
 
 
 def write_info(group: h5py.Group, info: StepInfo) -> None:
-    """Write a step's description as attributes; None becomes absent, the digest is the digests' business."""
-    _write(group, {item.name: getattr(info, item.name) for item in fields(info) if item.name != "digest"})
+    """Write a step's description as attributes; None becomes absent, the digest is the digests' business.
+
+    A unit mounted along the table's axis, as nearly all are, needs no word either.
+    """
+    told = {item.name: getattr(info, item.name) for item in fields(info) if item.name != "digest"}
+    _write(group, {**told, "mounting": info.mounting or None})
 
 
 def write_meta(root: h5py.Group, meta: Meta) -> None:

@@ -13,6 +13,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 from benchctl.limits import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
 from benchctl.recordings.model import FloatArray, Step, StepInfo
 from instruments.errors import UsageError
+from instruments.interfaces import Position
 
 UNASSIGNED = "unassigned"
 """The kind of steps that hold the rows which no step of the list claims; no fit uses them (role `none`)."""
@@ -34,7 +35,8 @@ Rate = Annotated[float, Field(gt=0, le=HIGHEST_RATE_HZ), AfterValidator(_not_too
 class StepEntry(BaseModel):
     """One entry of `steps`: from `t_start` until just before `t_end`, in s of the samples' clock.
 
-    Absent times mean the first and the last sample, an absent set point means that it is not known.
+    Absent times mean the first and the last sample, an absent set point means that it is not known. Of a unit that is
+    mounted across the table's axis no fit uses a step, whatever its role.
     """
 
     model_config = ConfigDict(strict=True, extra="allow", frozen=True, allow_inf_nan=False)
@@ -48,6 +50,7 @@ class StepEntry(BaseModel):
     amplitude_dps: float | None = Field(default=None, gt=0)
     frequency_hz: float | None = Field(default=None, gt=0)
     role: Literal["fit", "verify", "none"] = "fit"
+    mounting: Position = "along"
 
     @model_validator(mode="after")
     def _is_told_whole(self) -> StepEntry:
@@ -147,7 +150,7 @@ def _append(
     """Append the samples `first:last`, cut at the `starts` among them; nothing where there are none."""
     inner = [start for start in starts if first < start < last]
     edges = [first, *inner, last] if last > first else []
-    time = channels["time_s"]
+    time, across = channels["time_s"], entry.mounting == "across"
     for part, (a, b) in enumerate(pairwise(edges), 1):
         steps.append(
             Step(
@@ -155,7 +158,7 @@ def _append(
                     index=len(steps) + 1,
                     name=f"{entry.name}, part {part}" if inner else entry.name,
                     kind=entry.kind,
-                    role=entry.role,
+                    role="none" if across else entry.role,
                     t_start=entry.t_start if a == first and entry.t_start is not None else float(time[a]),
                     t_end=entry.t_end if b == last and entry.t_end is not None else float(time[b - 1] + period),
                     chamber_setpoint_c=math.nan if entry.chamber_setpoint_c is None else entry.chamber_setpoint_c,
@@ -164,6 +167,7 @@ def _append(
                     frequency_hz=entry.frequency_hz,
                     sample_rate_hz=rate_hz,
                     samples=b - a,
+                    mounting=entry.mounting if across else "",
                 ),
                 {name: values[a:b] for name, values in channels.items()},
             )

@@ -15,8 +15,9 @@ def summarise(recording: Recording) -> dict[str, Any]:
     """The keys that `benchctl show --json` promises; reads all samples to check the digests.
 
     `status`; `steps` with `name`, `kind`, `role`, `whole`, `samples`, `t_start`, `t_end`, of a digital gyro also
-    `frames_lost` and `frames_bad`; `channels` with `name`, `unit` and `rate_hz` (None for what is polled);
-    `provenance`; `digest_ok` (None where a recording has no digests yet); `problems`, in words.
+    `frames_lost` and `frames_bad`, of a unit mounted across also `mounting`; `channels` with `name`, `unit` and
+    `rate_hz` (None for what is polled); `provenance`; `digest_ok` (None where a recording has no digests yet);
+    `problems`, in words.
     """
     problems = [str(problem) for problem in verify(recording.path)] if recording.digest else []
     return {
@@ -32,7 +33,8 @@ def summarise(recording: Recording) -> dict[str, Any]:
 def _step(info: StepInfo) -> dict[str, Any]:
     keys = ("index", "name", "kind", "role", "whole", "samples", "gaps", "t_start", "t_end", "chamber_setpoint_c")
     frames = {key: value for key in ("frames_lost", "frames_bad") if (value := getattr(info, key)) is not None}
-    return {key: getattr(info, key) for key in keys} | frames
+    mounting = {"mounting": info.mounting} if info.mounting else {}
+    return {key: getattr(info, key) for key in keys} | frames | mounting
 
 
 def _channels(recording: Recording) -> list[dict[str, Any]]:

@@ -1,9 +1,10 @@
-"""Holds a recording against its digests: what changed since it was written, by name."""
+"""Holds a recording against its digests, and a campaign against its manifest: what changed, by name."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from benchctl.recordings.campaign_manifest import MANIFEST, problems_of_folder
 from benchctl.recordings.digests import Problem, problems_of_recording
 from benchctl.recordings.hdf5_files import open_ours
 from benchctl.recordings.reader import campaign_files
@@ -14,11 +15,38 @@ from instruments.errors import UsageError
 def verify(path: Path) -> list[Problem]:
     """Check every digest of a recording, a file of ours or a campaign's folder; an empty list: nothing changed.
 
-    A changed, added or deleted sample, attribute, channel or step is named. In a campaign that is not finished every
-    file is checked for itself, and the step being written, which has no digests yet, is a problem.
+    A changed, added or deleted sample, attribute, channel or step is named, and in a campaign that has a manifest every
+    such file. In a campaign that is not finished every step's file is checked for itself, and the step being written,
+    which has no digests yet, is a problem.
 
-    Raises `UsageError` where the recording cannot be opened at all, or is an open recording, which has no digests.
+    Raises `UsageError` where the recording cannot be opened at all and there is no manifest to say what happened to it,
+    or is an open recording, which has no digests.
     """
+    if not (path / MANIFEST).exists():
+        return _problems_of_recording(path)
+    problems = list(problems_of_folder(path))
+    if not (path / RECORDING).exists() and not (path / CAMPAIGN).exists():
+        return problems
+    try:
+        return [*_problems_of_recording(path), *problems]
+    except UsageError as err:
+        return [Problem("recording", str(err)), *problems]
+
+
+def refuse_changed(path: Path, therefore: str) -> None:
+    """Raise `UsageError` where a recording no longer has its digest; `therefore` is what is not done with it then.
+
+    A foreign recording, and a campaign that is not finished, has none and passes.
+    """
+    if path.is_dir() and not (path / RECORDING).exists():
+        return
+    problems = _problems_of_recording(path)
+    if problems:
+        more = f" (and {len(problems) - 1} more: benchctl verify names them)" if len(problems) > 1 else ""
+        raise UsageError(f"{path}: changed since it was written, and so not {therefore}: {problems[0]}{more}")
+
+
+def _problems_of_recording(path: Path) -> list[Problem]:
     if not path.is_dir():
         return _problems_of_file(path)
     if (path / RECORDING).exists():
@@ -34,19 +62,6 @@ def verify(path: Path) -> list[Problem]:
         else:
             problems += [Problem(f"{file.name}, {problem.where}", problem.says) for problem in _problems_of_file(file)]
     return problems
-
-
-def refuse_changed(path: Path, therefore: str) -> None:
-    """Raise `UsageError` where a recording no longer has its digest; `therefore` is what is not done with it then.
-
-    A foreign recording, and a campaign that is not finished, has none and passes.
-    """
-    if path.is_dir() and not (path / RECORDING).exists():
-        return
-    problems = verify(path)
-    if problems:
-        more = f" (and {len(problems) - 1} more: benchctl verify names them)" if len(problems) > 1 else ""
-        raise UsageError(f"{path}: changed since it was written, and so not {therefore}: {problems[0]}{more}")
 
 
 def _problems_of_file(path: Path) -> list[Problem]:

@@ -1,0 +1,168 @@
+"""The hash tree over a campaign's folder: a manifest of its files, so that any later change is found and named.
+
+```
+{"schema": "benchctl-campaign-manifest/1",
+ "files": {"journal.jsonl": {"sha256": "…", "bytes": 2114},
+           "recording.h5": {"sha256": "…", "bytes": 81920, "digest": "…"}, …},
+ "digest": "…"}
+```
+
+`files` has every file of the folder, by its path from there with `/`; `digest` of a recording is that of its root, to
+which its samples lead. The manifest's own `digest` is SHA-256 over `files` as JSON with sorted keys, without spaces, in
+ASCII: it stands for the whole campaign. Left out are the manifest itself, locks, and hidden files, which are the
+system's or half-written. Like a recording's digests it finds accidents and careless edits, and is no signature; whoever
+keeps its digest elsewhere has one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+from benchctl.atomic import disk_errors, whole_file
+from benchctl.documents import read_json
+from benchctl.limits import cut, require_file, shown
+from benchctl.recordings.digests import Problem
+from benchctl.recordings.hdf5_files import RecordingFile
+from benchctl.recordings.schema import LOCK, RECORDING
+from instruments.errors import UsageError
+
+MANIFEST = "manifest.json"
+SCHEMA = "benchctl-campaign-manifest/1"
+
+_LEFT_OUT = {MANIFEST, LOCK, str(Path(LOCK).with_suffix(".json"))}
+
+Entry = Mapping[str, Any]
+
+
+def write_manifest(folder: Path) -> None:
+    """Write the manifest of a campaign's folder anew, whatever an earlier one said.
+
+    Raises `UsageError` where a file cannot be read or the disk refuses.
+    """
+    with disk_errors(folder / MANIFEST):
+        files = {name: _entry(name, path) for name, path in _files(folder)}
+    _write(folder, files)
+
+
+def add_to_manifest(folder: Path, paths: Iterable[Path]) -> None:
+    """Take files of a campaign's folder into its manifest that were added or replaced; the other entries stay.
+
+    Nothing is done where there is no manifest, or one that was changed: it must not become good by this. Raises what
+    `write_manifest` raises.
+    """
+    if not (folder / MANIFEST).exists():
+        return
+    try:
+        files = _read(folder)
+    except UsageError:
+        return
+    added = {path.resolve() for path in paths}
+    with disk_errors(folder / MANIFEST):
+        files |= {name: _entry(name, path) for name, path in _files(folder) if path.resolve() in added}
+    _write(folder, files)
+
+
+def manifest_digest(folder: Path) -> str | None:
+    """The digest that stands for a whole campaign; None where it has no manifest, or one that was changed."""
+    try:
+        return _digest(_read(folder)) if (folder / MANIFEST).exists() else None
+    except UsageError:
+        return None
+
+
+def problems_of_folder(folder: Path) -> Iterator[Problem]:
+    """Every file of a campaign's folder that is not as its manifest, which must be there, has it; reads them all."""
+    try:
+        sealed = _read(folder)
+    except UsageError as err:
+        yield Problem(MANIFEST, str(err))
+        return
+    found = dict(_files(folder))
+    for name in sorted(sealed.keys() | found.keys()):
+        where = _printable(name)
+        if name not in found:
+            yield Problem(where, "was deleted")
+        elif name not in sealed:
+            yield Problem(where, "was added since the manifest was written")
+        elif says := _difference(sealed[name], found[name]):
+            yield Problem(where, says)
+
+
+def _difference(sealed: Entry, path: Path) -> str:
+    """How a file differs from its entry, in words; empty where it does not."""
+    try:
+        found = _content(path)
+    except OSError as err:
+        return f"cannot be read: {err.strerror or err}"
+    if all(found[key] == sealed.get(key) for key in found):
+        return ""
+    if "digest" in sealed and sealed["digest"] != _root_digest(path):
+        return "changed since it was written, and its own digest with it"
+    if found["bytes"] != sealed.get("bytes"):
+        return f"changed since it was written: it has {found['bytes']} bytes, had {shown(sealed.get('bytes'))}"
+    return "changed since it was written"
+
+
+def _files(folder: Path) -> Iterator[tuple[str, Path]]:
+    """The files that a manifest names, by their path from the folder."""
+    for path in sorted(folder.rglob("*")):
+        parts = path.relative_to(folder).parts
+        name = "/".join(parts)
+        if name not in _LEFT_OUT and not any(part.startswith(".") for part in parts) and path.is_file():
+            yield name, path
+
+
+def _entry(name: str, path: Path) -> Entry:
+    return _content(path) if name != RECORDING else {**_content(path), "digest": _root_digest(path)}
+
+
+def _root_digest(path: Path) -> str:
+    """The digest of a whole recording; empty where it cannot be read."""
+    try:
+        with closing(RecordingFile(path)) as recording:
+            return recording.digest
+    except UsageError:
+        return ""
+
+
+def _content(path: Path) -> Entry:
+    with path.open("rb") as file:
+        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+        return {"sha256": sha256, "bytes": file.tell()}
+
+
+def _write(folder: Path, files: Mapping[str, Entry]) -> None:
+    content = {"schema": SCHEMA, "files": dict(sorted(files.items())), "digest": _digest(files)}
+    with whole_file(folder / MANIFEST) as temporary:
+        temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+def _read(folder: Path) -> dict[str, Entry]:
+    """The entries of a manifest; `UsageError`, in words that follow its name, where it is none or was changed."""
+    try:
+        require_file(folder / MANIFEST, "manifest ")
+        content = read_json(folder / MANIFEST, "manifest")
+    except UsageError as err:
+        raise UsageError(f"cannot be used: {err}") from err
+    if not isinstance(content, dict) or content.get("schema") != SCHEMA:
+        found = content.get("schema") if isinstance(content, dict) else content
+        raise UsageError(f"expected schema {SCHEMA!r}, got {shown(found)}: it is newer, or was changed")
+    files = content.get("files")
+    if not isinstance(files, dict) or not all(isinstance(entry, dict) for entry in files.values()):
+        raise UsageError("its files are no table of tables: it was changed")
+    if content.keys() != {"schema", "files", "digest"} or content["digest"] != _digest(files):
+        raise UsageError("its entries or its digest were changed; nothing can be held against it")
+    return files
+
+
+def _digest(files: Mapping[str, Entry]) -> str:
+    return hashlib.sha256(json.dumps(files, sort_keys=True, separators=(",", ":")).encode("ascii")).hexdigest()
+
+
+def _printable(name: str) -> str:
+    return cut("".join(letter if letter.isprintable() else "?" for letter in name))
