@@ -10,7 +10,7 @@ from benchctl.atomic import free_bytes
 from benchctl.bench import Bench
 from benchctl.campaign.timing import disk_bytes, step_that_fills, timeline
 from benchctl.plan import Plan, Soak, Step, ThermalRamp
-from benchctl.plan.steps import faults
+from benchctl.plan.steps import Polled, faults
 from benchctl.recordings.schema import CAMPAIGN, RECORDING
 from instruments.catalog import oscillates
 from instruments.errors import UsageError
@@ -86,7 +86,7 @@ def _beyond(step: Step, bench: Bench, sinusoids: bool) -> Iterator[str]:
         if not limits.coldest_c <= celsius <= limits.hottest_c:
             yield f"goes to {celsius:g} °C, the bench's limits are {limits.coldest_c:g} to {limits.hottest_c:g} °C"
     rate_hz = bench.digitizer.sample_rate_hz
-    if not isinstance(step, Soak) and round(step.streamed_s * rate_hz) == 0:
+    if not isinstance(step, Polled) and round(step.streamed_s * rate_hz) == 0:
         yield f"is too short for a single sample at {rate_hz:g} Hz"
     if isinstance(step, ThermalRamp) and step.ramp_c_per_min > limits.ramp_c_per_min:
         yield f"ramps at {step.ramp_c_per_min:g} °C/min, the bench's limit is {limits.ramp_c_per_min:g} °C/min"

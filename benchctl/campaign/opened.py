@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from benchctl.bench import Bench, InstrumentEntry
+from benchctl.campaign.hands import Hands, NoHands, SimulatedHands, hands_at_the_terminal
 from benchctl.campaign.reserved import reserved
 from instruments.catalog import Kind, driver
 from instruments.errors import BenchError, BenchNotReadyError, UsageError
@@ -25,6 +26,8 @@ from instruments.simulated.world import World
 FASTEST = 2.0
 """What changes an encoder's count faster than this multiple of the bench's rate limit is no motion."""
 
+NO_HANDS = NoHands()
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OpenBench:
@@ -32,7 +35,7 @@ class OpenBench:
 
     `epoch_s` is the clock at the start of the recording, `elapsed_s` how far the recording had come when the
     digitizer's own counter was at zero; `reached` says how they were reached. `simulated` are the servers, where they
-    run in this process. `gyro` is the digital one, where the bench has one.
+    run in this process. `gyro` is the digital one, where the bench has one. `hands` do what no instrument can.
     """
 
     bench: Bench
@@ -46,6 +49,7 @@ class OpenBench:
     elapsed_s: float = 0.0
     simulated: SimulatedBench | None = None
     gyro: Gyro | None = None
+    hands: Hands = NO_HANDS
 
 
 @contextmanager
@@ -71,12 +75,14 @@ def open_bench(
             reached = "at their addresses"
             stack.enter_context(reserved(bench, purpose))
             clock: Clock = ScaledClock(bench.time_factor)
+            hands = hands_at_the_terminal(bench)
             instruments = drivers_at(bench, clock, {})
         elif wires:
             reached = "simulated, over their wires"
             virtual = VirtualClock()
             simulated = stack.enter_context(simulated_bench(bench, virtual))
             clock, instruments = virtual, drivers_at(bench, virtual, simulated.addresses)
+            hands = SimulatedHands(simulated.world)
         else:
             if bench.gyro is not None:
                 raise UsageError("gyro: it sends over a wire, and this simulation does without; leave [gyro] out")
@@ -86,7 +92,7 @@ def open_bench(
             virtual = VirtualClock()
             settings = world_settings(bench)
             world = World(virtual, settings, effects_of(bench, settings))
-            clock = virtual
+            clock, hands = virtual, SimulatedHands(world)
             instruments = {
                 "rate_table": DirectRateTable(world),
                 "chamber": DirectChamber(world),
@@ -105,6 +111,7 @@ def open_bench(
             elapsed_s=elapsed_s,
             simulated=simulated,
             gyro=instruments.get("gyro"),
+            hands=hands,
         )
 
 
@@ -170,7 +177,7 @@ def effects_of(bench: Bench, settings: WorldSettings) -> tuple[PhysicalEffect, .
         "T0_c": sensor.T0_c,
         "range_dps": bench.unit.range_dps,
         "noise_v_rms": sensor.white_v(1.0 / entry.sample_rate_hz),
-        "adc_step_v": 2.0 * entry.adc_range_v / 2.0**entry.adc_bits,
+        "adc_step_v": entry.adc_step_v,
         "seed": settings.seed,
     }
     return make_effects(bench.effects, circumstances)

@@ -6,20 +6,20 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
+from benchctl.campaign.by_hand import mount, power_cycle
 from benchctl.campaign.frames import NoFrames, StepFrames, frames_of
 from benchctl.campaign.opened import OpenBench
 from benchctl.campaign.rest import wait_for_rest
 from benchctl.campaign.safety import Supervisor, rest_s
-from benchctl.campaign.soak import SOAK_CHANNELS, SoakWatch
+from benchctl.campaign.soak import SOAK_CHANNELS, SoakWatch, one_poll
 from benchctl.campaign.stop import StopRequest
 from benchctl.campaign.stream import STREAM_CHANNELS, StreamRecorder
-from benchctl.plan import ConstantRate, Sine, Soak, Static, Step, ThermalRamp
+from benchctl.plan import ConstantRate, Mount, PowerCycle, Sine, Soak, Static, Step, ThermalRamp
+from benchctl.plan.steps import Polled
 from benchctl.recordings.campaign_folder import CampaignWriter, StepWriter
-from benchctl.recordings.model import FRAME_CHANNELS, FloatArray, StepInfo
+from benchctl.recordings.model import FRAME_CHANNELS, StepInfo
 from instruments.errors import InstrumentError
-from instruments.interfaces import ChamberReading
+from instruments.interfaces import Position
 
 Notify = Callable[[str], None]
 
@@ -41,7 +41,7 @@ class StepPlayer:
     """Plays the steps of one campaign, in order, into one writer; `notify` is told what is being done.
 
     `setpoint_c`, `gyro_c`, `streamed` and `gaps` are where it is: set point, thermistor, scans of this step so far and
-    gaps in them; `frames` are those of the step's digital gyro.
+    gaps in them; `frames` are those of the step's digital gyro. `position` is how the unit is mounted.
     """
 
     opened: OpenBench
@@ -53,6 +53,7 @@ class StepPlayer:
     gyro_c: float = math.nan
     streamed: int = 0
     gaps: int = 0
+    position: Position = "along"
     frames: StepFrames = field(default_factory=NoFrames)
     _torn: tuple[StepWriter, StepInfo] | None = None
 
@@ -61,6 +62,10 @@ class StepPlayer:
         match step:
             case Soak():
                 return self._record(index, step, SOAK_CHANNELS, lambda into: self._soak(step, into))
+            case PowerCycle():
+                return self._record(index, step, SOAK_CHANNELS, lambda into: _span(power_cycle(self, step, into)))
+            case Mount():
+                return self._record(index, step, SOAK_CHANNELS, lambda into: _span(mount(self, step, into)))
             case Static():
                 self.rest(step.settle_s)
             case ConstantRate():
@@ -101,7 +106,7 @@ class StepPlayer:
         try:
             span = act(into)
         except BaseException:
-            self._torn = into, replace(info, t_end=self._now_s(), gaps=self.gaps)
+            self._torn = into, replace(info, t_end=self.now_s(), gaps=self.gaps)
             raise
         self.supervisor.guard.beat(more_s=(self.streamed + self.frames.written) * CLOSING_S_PER_SCAN)
         self.streamed = 0
@@ -109,16 +114,18 @@ class StepPlayer:
         return into.close(replace(info, t_start=span.t_start, t_end=span.t_end, gaps=span.gaps, whole=True))
 
     def _describe(self, index: int, step: Step) -> StepInfo:
-        now_s = self._now_s()
+        now_s = self.now_s()
         setpoint_c = step.setpoint_c if isinstance(step, Soak) else self.setpoint_c
-        moving = not isinstance(step, Soak)
+        streams = not isinstance(step, Polled)
+        position = step.position if isinstance(step, Mount) else self.position
+        mounting = "across" if position == "across" else ""
         rate_dps = step.rate_dps if isinstance(step, ConstantRate | ThermalRamp) else None
         amplitude_dps, frequency_hz = _swing_of(step)
         return StepInfo(
             index=index,
-            name=step.label if isinstance(step, Soak) else f"{step.label} at {setpoint_c:+g}",
+            name=_name_of(step, setpoint_c, mounting),
             kind=step.kind,
-            role="none" if isinstance(step, Soak) else step.role,
+            role="none" if mounting or isinstance(step, Polled) else step.role,
             whole=False,
             t_start=now_s,
             t_end=now_s,
@@ -126,18 +133,20 @@ class StepPlayer:
             rate_dps=rate_dps if amplitude_dps is None else None,
             amplitude_dps=amplitude_dps,
             frequency_hz=frequency_hz,
-            sample_rate_hz=self.opened.bench.digitizer.sample_rate_hz if moving else None,
-            frame_rate_hz=gyro.frame_rate_hz if moving and (gyro := self.opened.bench.gyro) else None,
+            mounting=mounting,
+            sample_rate_hz=self.opened.bench.digitizer.sample_rate_hz if streams else None,
+            frame_rate_hz=gyro.frame_rate_hz if streams and (gyro := self.opened.bench.gyro) else None,
         )
 
-    def _now_s(self) -> float:
+    def now_s(self) -> float:
+        """Bench time since the start of the recording [s]."""
         return self.opened.clock.now() - self.opened.epoch_s
 
     def _soak(self, step: Soak, into: StepWriter) -> Span:
         self.rest(0.0)
         self.notify("going there")
         self.opened.chamber.go_to(step.setpoint_c)
-        watch = SoakWatch(step, from_c=self.setpoint_c, begin_s=self._now_s(), limits=self.opened.bench.limits)
+        watch = SoakWatch(step, from_c=self.setpoint_c, begin_s=self.now_s(), limits=self.opened.bench.limits)
         self.setpoint_c = step.setpoint_c
         while not watch.done:
             self.wait(6 * self.opened.clock.chunk_s)
@@ -147,10 +156,10 @@ class StepPlayer:
             if air is None or gyro is None:
                 continue
             self.gyro_c, gyro_v = gyro
-            watch.see(self._now_s(), air.temperature_c, self.gyro_c)
-            into.append(_one_poll(self._now_s(), air, {"poll_gyro_temp_c": self.gyro_c, "poll_gyro_v": gyro_v}))
+            watch.see(self.now_s(), air.temperature_c, self.gyro_c)
+            into.append(one_poll(self.now_s(), air, {"poll_gyro_temp_c": self.gyro_c, "poll_gyro_v": gyro_v}))
             self.notify(watch.says)
-        return Span(t_start=watch.begin_s, t_end=self._now_s())
+        return Span(t_start=watch.begin_s, t_end=self.now_s())
 
     def _stream(self, step: Step, into: StepWriter) -> Span:
         self.notify("recording")
@@ -168,7 +177,7 @@ class StepPlayer:
             self.supervisor.check_state()
             self.supervisor.look_at_table()
             if (air := self.supervisor.look_at_chamber()) is not None:
-                into.append(_one_poll(self._now_s(), air, {}))
+                into.append(one_poll(self.now_s(), air, {}))
             self.notify("recording")
         # Where an error left the loop, the table comes before the stream: `bring_to_rest` stops both.
         self.opened.digitizer.stop_stream()
@@ -213,6 +222,18 @@ class StepPlayer:
         self.wait(settle_s)
 
 
+def _name_of(step: Step, setpoint_c: float, mounting: str) -> str:
+    if isinstance(step, Mount):
+        return step.label
+    temperature = "" if isinstance(step, Soak) else f" at {setpoint_c:+g}"
+    return f"{step.label}{temperature}{mounting and f', {mounting}'}"
+
+
+def _span(ends_s: tuple[float, float]) -> Span:
+    t_start, t_end = ends_s
+    return Span(t_start=t_start, t_end=t_end)
+
+
 def _swing_of(step: Step) -> tuple[float | None, float | None]:
     """Peak rate and frequency of a step in which the table swings; None, None of others."""
     if isinstance(step, Sine):
@@ -220,13 +241,3 @@ def _swing_of(step: Step) -> tuple[float | None, float | None]:
     if isinstance(step, ThermalRamp) and step.swing_dps:
         return step.swing_dps, step.swing_hz
     return None, None
-
-
-def _one_poll(time_s: float, air: ChamberReading, more: dict[str, float]) -> dict[str, FloatArray]:
-    values = {
-        "poll_time_s": time_s,
-        "poll_chamber_temp_c": air.temperature_c,
-        "poll_chamber_setpoint_c": air.setpoint_c,
-        **more,
-    }
-    return {name: np.array([value]) for name, value in values.items()}

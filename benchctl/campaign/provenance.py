@@ -13,7 +13,7 @@ from importlib.metadata import version
 from typing import Any
 
 import benchctl
-from benchctl.bench import Bench, InstrumentEntry, bench_of_text
+from benchctl.bench import Bench, bench_of_text
 from benchctl.campaign.opened import OpenBench
 from benchctl.documents import json_document
 from benchctl.limits import shown
@@ -25,20 +25,15 @@ from instruments.errors import UsageError
 def describe(opened: OpenBench, plan: Plan, status: Status) -> Meta:
     """Everything about a campaign that is not a sample, as its recording keeps it."""
     bench = opened.bench
-    entries: dict[str, InstrumentEntry] = {
-        "rate_table": bench.rate_table,
-        "chamber": bench.chamber,
-        "digitizer": bench.digitizer,
-        **({"gyro": bench.gyro} if bench.gyro else {}),
-    }
     instruments = {
         name: {
             **asdict(opened.identities[name]),
             "bench_serial": entry.serial,
             "calibrated_until": str(entry.calibrated_until or ""),
+            "certificate": entry.certificate.number if entry.certificate else "",
             "driver": entry.model,
         }
-        for name, entry in entries.items()
+        for name, entry in bench.entries.items()
     }
     return Meta(
         status=status,

@@ -14,7 +14,8 @@ from benchctl.campaign.provenance import recorded_bench
 from benchctl.campaign.sameness import refuse_another
 from benchctl.limits import LONGEST_TIME_S
 from benchctl.locks import Lock
-from benchctl.plan import Plan, Soak, Step, ThermalRamp
+from benchctl.plan import Mount, Plan, PowerCycle, Soak, Step, ThermalRamp
+from benchctl.plan.steps import positions
 from benchctl.recordings.campaign_folder import CampaignWriter, campaign_lock
 from benchctl.recordings.campaign_state import described, require_campaign
 from benchctl.recordings.journal import Events, events_in, journal_text
@@ -23,6 +24,7 @@ from benchctl.recordings.reader import open_recording
 from benchctl.recordings.reopen import free_index, reopen
 from benchctl.recordings.schema import JOURNAL
 from instruments.errors import UsageError
+from instruments.interfaces import Position
 
 PLAIN_SOAK_S = 600.0
 """How long a set point is held again that the plan had reached without a soak; the gyro's drift may make it longer."""
@@ -41,6 +43,18 @@ class SoakAgain(Soak):
     def label(self) -> str:
         """See `BaseStep`."""
         return f"soak at {self.setpoint_c:+g} again, before step {self.before_step}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MountAgain(Mount):
+    """The mounting that makes the unit's position again before a step which is not the campaign's first."""
+
+    before_step: int
+
+    @property
+    def label(self) -> str:
+        """See `BaseStep`."""
+        return f"mount {self.position} again, before step {self.before_step}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,6 +79,11 @@ class Past:
     def is_whole(self) -> bool:
         """Whether every planned step is."""
         return self.first > len(self.plan.steps)
+
+    @property
+    def may_be_off(self) -> bool:
+        """Whether it may have ended with the unit's supply off: in a power cycle that is still to be played."""
+        return not self.is_whole and isinstance(self.plan.steps[self.first - 1], PowerCycle)
 
     def reopen(self) -> tuple[CampaignWriter, list[StepInfo]]:
         """The folder, ready for the next step, and what is in it."""
@@ -101,9 +120,16 @@ def steps_to_play(plan: Plan, infos: Sequence[StepInfo], safe_c: float) -> Itera
     """
     whole = whole_steps(plan, infos)
     index = free_index(infos, len(plan.steps))
-    for number, step in enumerate(plan.steps, 1):
+    mounted = tuple(positions(plan.steps))
+    # a unit that was left mounted across may have been taken away since
+    stands: Position | None = None if whole and mounted[max(whole) - 1] == "across" else "along"
+    for number, (step, position) in enumerate(zip(plan.steps, mounted, strict=True), 1):
         if number in whole:
             continue
+        if position != stands and not isinstance(step, Mount):
+            yield index, number, MountAgain(position=position, before_step=number)
+            index += 1
+        stands = position
         if number - 1 in whole and not isinstance(step, Soak):
             yield index, number, soak_before(plan, number, safe_c)
             index += 1

@@ -7,8 +7,11 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from benchctl.campaign.by_hand import switch_on
 from benchctl.campaign.check import refuse_problems
+from benchctl.campaign.expiry import as_event, expiring
 from benchctl.campaign.guard.keeper import Guard, NoGuard
+from benchctl.campaign.hands import refuse_without_hands
 from benchctl.campaign.hold import hold_if_asked
 from benchctl.campaign.opened import OpenBench
 from benchctl.campaign.play import StepPlayer
@@ -66,10 +69,12 @@ def run_campaign(
     Raises
     ------
     UsageError
-        Before anything moves: the plan goes beyond the bench's limits, the disk has no room for it, the folder cannot
-        be written, or the instruments are not those of the `past`.
+        Before anything moves: the plan goes beyond the bench's limits, needs somebody and nobody is there, the disk has
+        no room for it, the folder cannot be written, or the instruments are not those of the `past`.
     """
     refuse_problems(plan, opened.bench, folder)
+    to_play = steps_to_play(plan, past.infos if past else (), opened.bench.safe.chamber_c)
+    refuse_without_hands(plan.procedure, ((number, step) for _, number, step in to_play), opened.hands)
     if past is not None:
         refuse_other_instruments(past.meta, opened.identities)
     wall_s = time.monotonic()
@@ -116,6 +121,8 @@ class _Run:
             self._to_play = list(steps_to_play(plan, infos, self._start_c()))
             self.whole, self.samples = len(whole_steps(plan, infos)), sum(info.samples for info in infos)
             self.event("resume", elapsed_s=opened.elapsed_s, day=past.day, whole=self.whole, software=software())
+        for certificate in expiring(plan, opened.bench, past.first if past else 1):
+            self.event("certificate", **as_event(certificate))
         self.recording = folder
         self.status: Status = "aborted"
         self.error: BenchError | None = None
@@ -124,6 +131,7 @@ class _Run:
         self._player = StepPlayer(opened, self.writer, self._supervisor, stop, self._notify, self._start_c())
         self._index, self._ends_s = 0, [end_s for _, end_s, _ in timeline(plan, opened.bench.limits, self._start_c())]
         self._step_began_s = opened.clock.now()
+        self._may_be_off = past is not None and past.may_be_off
 
     def event(self, kind: str, **data: object) -> None:
         """Note an event with the bench's time."""
@@ -171,6 +179,9 @@ class _Run:
     def _play_steps(self) -> None:
         self.stop.heed()
         self._prepare()
+        if self._may_be_off:
+            self._index = self._to_play[0][1]
+            switch_on(self._player)
         for index, number, step in self._to_play:
             self._index = number
             hold_if_asked(self._player)

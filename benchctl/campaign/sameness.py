@@ -8,8 +8,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from benchctl.bench import Bench
+from benchctl.campaign.changes import changed, changes, flat
 from benchctl.campaign.provenance import recorded_bench, table_of
-from benchctl.limits import cut
+from benchctl.limits import shown
 from benchctl.plan import Plan
 from benchctl.recordings.model import Meta, StepInfo
 from instruments.chambers.profile_file import parse_profile
@@ -30,7 +31,6 @@ _MAY_CHANGE_OF_PROFILE: dict[str, Any] = {
 """Words, and how the controller is reached and waited for."""
 
 _NAMED_AT_MOST = 3
-_LONGEST_WORD = 200
 _CAMPAIGN = "the campaign"
 
 
@@ -41,9 +41,9 @@ def refuse_another(meta: Meta, infos: Mapping[int, StepInfo], plan: Plan, bench:
 
 def refuse_other_instruments(meta: Meta, identities: Mapping[str, Identity]) -> None:
     """Raise `UsageError` where an instrument states another model or serial number than when it was begun."""
-    begun = _flat(table_of(meta, "instruments", _CAMPAIGN), "")
+    begun = flat(table_of(meta, "instruments", _CAMPAIGN))
     found = [
-        f"{name}: {what} was {_word(before)!r}, is {now!r}"
+        f"{name}: {what} was {shown(before)}, is {shown(now)}"
         for name, identity in identities.items()
         for what in ("model", "serial")
         if (before := begun.get(f"{name}.{what}")) and (now := getattr(identity, what)) and before != now
@@ -54,18 +54,18 @@ def refuse_other_instruments(meta: Meta, identities: Mapping[str, Identity]) -> 
 def _differences(meta: Meta, infos: Mapping[int, StepInfo], plan: Plan, bench: Bench) -> Iterator[str]:
     told = meta.provenance
     if told.get("procedure") != plan.procedure:
-        yield _changed("procedure", told.get("procedure"), plan.procedure)
+        yield changed("procedure", told.get("procedure"), plan.procedure)
         return
     if told.get("procedure_sha256") != (digest := hashlib.sha256(plan.source.encode()).hexdigest()):
-        yield _changed("source of the procedure (SHA-256)", str(told.get("procedure_sha256"))[:12], digest[:12])
-    yield from _changes("parameter ", table_of(meta, "parameters", _CAMPAIGN), _plain(dict(plan.parameters)))
+        yield changed("source of the procedure (SHA-256)", str(told.get("procedure_sha256"))[:12], digest[:12])
+    yield from changes("parameter ", table_of(meta, "parameters", _CAMPAIGN), _plain(dict(plan.parameters)))
     if meta.unit.serial != bench.unit.serial:
-        yield _changed("unit.serial", meta.unit.serial, bench.unit.serial)
-    yield from _changes("", _compared(recorded_bench(meta, _CAMPAIGN)), _compared(bench))
+        yield changed("unit.serial", meta.unit.serial, bench.unit.serial)
+    yield from changes("", _compared(recorded_bench(meta, _CAMPAIGN)), _compared(bench))
     for number, step in enumerate(plan.steps, 1):
         info = infos.get(number)
         if info is not None and (info.kind != step.kind or not info.name.startswith(step.label)):
-            yield _changed(f"step {number}", info.name, step.label)
+            yield changed(f"step {number}", info.name, step.label)
 
 
 def _compared(bench: Bench) -> dict[str, Any]:
@@ -75,37 +75,11 @@ def _compared(bench: Bench) -> dict[str, Any]:
         profile = parse_profile(bench.chamber_profile, "the chamber profile of the campaign")
         tables["chamber"]["model"] = "a profile"
         tables["chamber_profile"] = profile.model_dump(mode="json", exclude=_MAY_CHANGE_OF_PROFILE)
-    found = _flat(tables, "")
+    found = flat(tables)
     for table in tables:
         for field in _MAY_CHANGE_IN_A_TABLE:
             found.pop(f"{table}.{field}", None)
     return found
-
-
-def _flat(tables: Mapping[str, Any], prefix: str) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for name, value in tables.items():
-        if isinstance(value, list) and any(isinstance(item, dict) for item in value):
-            value = {str(place): item for place, item in enumerate(value)}
-        if isinstance(value, dict):
-            found |= _flat(value, f"{prefix}{name}.")
-        else:
-            found[f"{prefix}{name}"] = value
-    return found
-
-
-def _changes(prefix: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
-    for name in sorted(before.keys() | now.keys()):
-        if before.get(name) != now.get(name):
-            yield _changed(f"{prefix}{name}", before.get(name), now.get(name))
-
-
-def _changed(what: str, before: object, now: object) -> str:
-    return f"{what} was {_word(before)}, is {_word(now)}"
-
-
-def _word(value: object) -> str:
-    return "not there" if value is None else cut(str(value), _LONGEST_WORD)
 
 
 def _plain(value: Any) -> Any:

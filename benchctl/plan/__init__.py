@@ -10,14 +10,28 @@
 ['soak', 'static']
 """
 
-from benchctl.plan.patterns import alternating, levels, rates_between_zeros, set_points, whole_cycles, whole_revolutions
+from benchctl.plan.patterns import (
+    across,
+    alternating,
+    levels,
+    rate_cycle,
+    rates_between_zeros,
+    set_points,
+    slow_swing,
+    small_steps,
+    turn_ons,
+    whole_cycles,
+    whole_revolutions,
+)
 from benchctl.plan.procedure import Parameter, Plan, Procedure, procedure
-from benchctl.plan.steps import ConstantRate, Role, Sine, Soak, Static, Step, ThermalRamp
+from benchctl.plan.steps import ConstantRate, Mount, PowerCycle, Role, Sine, Soak, Static, Step, ThermalRamp
 
 __all__ = [
     "ConstantRate",
+    "Mount",
     "Parameter",
     "Plan",
+    "PowerCycle",
     "Procedure",
     "Role",
     "Sine",
@@ -25,11 +39,16 @@ __all__ = [
     "Static",
     "Step",
     "ThermalRamp",
+    "across",
     "alternating",
     "levels",
     "procedure",
+    "rate_cycle",
     "rates_between_zeros",
     "set_points",
+    "slow_swing",
+    "small_steps",
+    "turn_ons",
     "whole_cycles",
     "whole_revolutions",
 ]

@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 
-from benchctl.plan.steps import ConstantRate, Role, Static
+from benchctl.plan.steps import ConstantRate, Mount, PowerCycle, Role, Sine, Static
 
 LONGEST_REVOLUTION_S = 180.0
 """Below 2 °/s a revolution takes longer than is worth waiting for; such a rate runs for the time that was asked."""
+
+ZERO_EVERY = 4
+"""Rates of a cycle between two zero readings, which tell how the bias drifts."""
 
 
 def levels(top: float, count: int) -> tuple[float, ...]:
@@ -70,3 +73,62 @@ def rates_between_zeros(
             rate_dps=rate_dps, duration_s=whole_revolutions(rate_dps, at_least_s), settle_s=settle_s, role=role
         )
     yield Static(duration_s=zero_s, settle_s=settle_s, role=role)
+
+
+def rate_cycle(
+    rates_dps: Iterable[float], *, at_least_s: float, zero_s: float, settle_s: float = 2.0
+) -> Iterator[Static | ConstantRate]:
+    """Up the rates and down again in one direction, then in the other, with zero readings around and between.
+
+    It shows what the output remembers of the rate before.
+    """
+    up = tuple(rates_dps)
+    for sign in (1, -1):
+        yield Static(duration_s=zero_s, settle_s=settle_s)
+        for number, rate_dps in enumerate((*up, *up[-2::-1]), 1):
+            yield ConstantRate(
+                rate_dps=sign * rate_dps, duration_s=whole_revolutions(rate_dps, at_least_s), settle_s=settle_s
+            )
+            if number % ZERO_EVERY == 0:
+                yield Static(duration_s=zero_s, settle_s=settle_s)
+    yield Static(duration_s=zero_s, settle_s=settle_s)
+
+
+def small_steps(
+    base_dps: float, steps_dps: Iterable[float], *, run_s: float, settle_s: float = 2.0
+) -> Iterator[Static | ConstantRate]:
+    """Small steps about a base rate, to either side, and the base again around each, growing."""
+    yield _hold(base_dps, run_s, settle_s)
+    for step_dps in steps_dps:
+        yield ConstantRate(rate_dps=base_dps + step_dps, duration_s=run_s, settle_s=settle_s)
+        yield ConstantRate(rate_dps=base_dps - step_dps, duration_s=run_s, settle_s=settle_s)
+        yield _hold(base_dps, run_s, settle_s)
+
+
+def _hold(rate_dps: float, run_s: float, settle_s: float) -> Static | ConstantRate:
+    if rate_dps == 0.0:
+        return Static(duration_s=run_s, settle_s=settle_s)
+    return ConstantRate(rate_dps=rate_dps, duration_s=run_s, settle_s=settle_s)
+
+
+def slow_swing(amplitude_dps: float, frequency_hz: float, cycles: int) -> Sine:
+    """A swing so slow that the output is as at rest at every rate."""
+    return Sine(amplitude_dps=amplitude_dps, frequency_hz=frequency_hz, cycles=cycles)
+
+
+def turn_ons(
+    rates_dps: Iterable[float], count: int, *, off_s: float, warm_s: float, at_least_s: float, zero_s: float
+) -> Iterator[PowerCycle | Static | ConstantRate]:
+    """The unit off, on, warm, and a short sweep between zero readings: so many times."""
+    rates = tuple(rates_dps)
+    for _ in range(count):
+        yield PowerCycle(off_s=off_s)
+        yield Static(duration_s=warm_s)
+        yield from rates_between_zeros(rates, at_least_s=at_least_s, zero_s=zero_s)
+
+
+def across(rates_dps: Iterable[float], *, at_least_s: float, zero_s: float) -> Iterator[Mount | Static | ConstantRate]:
+    """The unit mounted across the table's axis, rates in both directions between zeros, and mounted along it again."""
+    yield Mount(position="across")
+    yield from rates_between_zeros(rates_dps, at_least_s=at_least_s, zero_s=zero_s)
+    yield Mount(position="along")

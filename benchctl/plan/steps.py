@@ -6,13 +6,18 @@ Steps say nothing of any instrument, so that a plan can be checked, priced, draw
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from numbers import Real
 from typing import ClassVar, Literal, get_args
 
+from instruments.interfaces import Position
+
 Role = Literal["fit", "verify"]
 """`verify` marks a run that is kept aside: no fit may see it."""
+
+_WORDS: Mapping[str, tuple[str, ...]] = {"role": get_args(Role), "position": get_args(Position)}
+"""Fields that are one of some words; every other one is a number."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,10 +28,10 @@ class BaseStep:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            value = getattr(self, field.name)
-            if field.name == "role" and value not in get_args(Role):
-                raise ValueError(f"{type(self).__name__}: role is {value!r}, expected one of {get_args(Role)}")
-            if field.name != "role" and not isinstance(value, Real):
+            value, words = getattr(self, field.name), _WORDS.get(field.name)
+            if words is not None and value not in words:
+                raise ValueError(f"{type(self).__name__}: {field.name} is {value!r}, expected one of {words}")
+            if words is None and not isinstance(value, Real):
                 raise TypeError(f"{type(self).__name__}: {field.name} is {value!r}, expected a number")
 
     @property
@@ -189,7 +194,44 @@ class ThermalRamp(BaseStep):
         return abs(self.to_c - self.from_c) / self.ramp_c_per_min * 60.0
 
 
-Step = Soak | Static | ConstantRate | Sine | ThermalRamp
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PowerCycle(BaseStep):
+    """The unit's supply off for `off_s`, then on again, the table at rest; it ends when the supply is on.
+
+    The unit is on before the first step, and after every one.
+    """
+
+    kind: ClassVar[str] = "power_cycle"
+
+    off_s: float = 60.0
+
+    @property
+    def label(self) -> str:
+        """See `BaseStep`."""
+        return "power cycle"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mount(BaseStep):
+    """Mount the unit with its input axis along the table's axis, as before the first step, or across it."""
+
+    kind: ClassVar[str] = "mount"
+
+    position: Position
+
+    @property
+    def label(self) -> str:
+        """See `BaseStep`."""
+        return f"mount {self.position}"
+
+
+ByHand = PowerCycle | Mount
+"""Steps that no instrument of the bench does."""
+
+Step = Soak | Static | ConstantRate | Sine | ThermalRamp | PowerCycle | Mount
+
+Polled = Soak | PowerCycle | Mount
+"""Steps in which nothing is streamed: what is polled is all that is recorded of them."""
 
 _POSITIVE = frozenset(
     {
@@ -198,6 +240,7 @@ _POSITIVE = frozenset(
         "drift_c_per_min",
         "duration_s",
         "frequency_hz",
+        "off_s",
         "ramp_c_per_min",
         "swing_hz",
         "timeout_s",
@@ -211,7 +254,7 @@ def faults(step: Step) -> Iterator[str]:
     """What no bench could do about a step, in words: numbers that are not finite, durations that are not positive."""
     for field in fields(step):
         value = getattr(step, field.name)
-        if field.name == "role":
+        if field.name in _WORDS:
             continue
         if not math.isfinite(value):
             yield f"{field.name} is {value}, expected a finite number"
@@ -221,3 +264,12 @@ def faults(step: Step) -> Iterator[str]:
             yield f"{field.name} is {value:g}, expected 0 or more"
     if isinstance(step, ThermalRamp) and step.rate_dps and step.swing_dps:
         yield f"rate_dps is {step.rate_dps:g} and swing_dps {step.swing_dps:g}, expected one of them"
+
+
+def positions(steps: Sequence[Step]) -> Iterator[Position]:
+    """How the unit is mounted while each step is played, and of a `Mount` once it is over."""
+    position: Position = "along"
+    for step in steps:
+        if isinstance(step, Mount):
+            position = step.position
+        yield position

@@ -1,0 +1,114 @@
+"""What a recording says of how it was made, ready to be run again: its plan and its bench."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from benchctl.bench import Bench
+from benchctl.campaign.opened import another_day
+from benchctl.campaign.provenance import recorded_bench, table_of
+from benchctl.limits import cut, listed, shown
+from benchctl.plan import Plan
+from benchctl.plan.find import find_procedure, procedure_names
+from benchctl.plan.procedure import Procedure
+from benchctl.recordings.model import Meta
+from instruments.errors import UsageError
+
+CHOSEN_HERE = (
+    "physics.seed",
+    "physics.encoder.eccentricity_phase_deg",
+    "physics.encoder.ellipticity_phase_deg",
+)
+"""What `bench_again` sets of a simulated bench whose seed nobody names, by dotted names."""
+
+_PHASES = tuple(name.rpartition(".")[2] for name in CHOSEN_HERE[1:])
+_LONGEST_WORD = 200
+
+
+def plan_again(meta: Meta, whose: str) -> Plan:
+    """The plan of a recording's procedure, as it is installed today, with the recording's parameters.
+
+    The source that a recording keeps is never run, nor a file that it names. `whose` names the recording in an error.
+
+    Raises
+    ------
+    UsageError
+        Where the recording does not say by which procedure it was made, that is not among the installed ones, or its
+        parameters are none of the installed one's.
+    """
+    name = meta.provenance.get("procedure", "")
+    if not name:
+        how = "it was imported" if meta.status == "imported" else "it does not say how it was made"
+        raise UsageError(
+            f"--again {whose}: {how}, and so names no procedure to run again; run one by its name (benchctl procedures "
+            "lists them) and hold the two against each other with benchctl compare"
+        )
+    installed = procedure_names()
+    if name not in installed:
+        raise UsageError(
+            f"--again {whose}: its procedure {shown(name)} is not installed, and the source that the recording keeps "
+            f"is not run; there are {listed(installed)}. Install it (entry points benchctl.procedures), or run its "
+            "file: benchctl run FILE.py --bench BENCH"
+        )
+    try:
+        procedure = find_procedure(name)
+        return procedure.expand(_texts(procedure, table_of(meta, "parameters", whose)))
+    except UsageError as err:
+        raise UsageError(f"--again {whose}: {cut(str(err))}") from err
+
+
+def bench_again(meta: Meta, whose: str, named: Bench | None, seed: int | None) -> Bench:
+    """The bench to run it on: the one that is named, or the recorded one where that was simulated.
+
+    A simulated one has the noise of `seed`; without, the noise of another day on the same bench: the recording's seed
+    and one, and its encoder as it was mounted.
+
+    Raises
+    ------
+    UsageError
+        Where none is named and it was a real one, the recorded one cannot be read, or another unit is on it.
+    """
+    made_on = _simulated(meta, whose) if named is None or named.simulated else None
+    bench = named or made_on
+    if bench is None:
+        raise UsageError(
+            f"--again {whose}: was not made on a simulated bench; name the bench to run it on with --bench FILE"
+        )
+    if bench.unit.serial != meta.unit.serial:
+        raise UsageError(
+            f"--again {whose}: it is of unit {cut(meta.unit.serial, _LONGEST_WORD)}, and {bench.name} has unit "
+            f"{bench.unit.serial}; mount the same unit and state it in [unit] of the bench, or run the procedure anew"
+        )
+    if not bench.simulated or seed is not None:
+        return bench.with_seed(seed)
+    return bench if made_on is None else _on_the_day_after(made_on, bench)
+
+
+def _simulated(meta: Meta, whose: str) -> Bench | None:
+    """The bench that it was made on; None where that was none of simulated instruments."""
+    if not meta.provenance.get("bench_toml"):
+        return None
+    bench = recorded_bench(meta, whose)
+    return bench if bench.simulated else None
+
+
+def _on_the_day_after(first: Bench, bench: Bench) -> Bench:
+    """A bench with noise that neither has had, its encoder mounted as it was at first unless it states otherwise."""
+    day = another_day(first, 1).physics
+    mounted = {name: day["encoder"][name] for name in _PHASES} | bench.physics.get("encoder", {})
+    return bench.model_copy(update={"physics": {**bench.physics, "seed": day["seed"], "encoder": mounted}})
+
+
+def _texts(procedure: Procedure, recorded: dict[str, Any]) -> dict[str, str]:
+    """Recorded parameters as a command line would have them; what is the installed one's default is left out."""
+    defaults = {one.name: json.loads(json.dumps(one.default)) for one in procedure.parameters}
+    return {name: _text(value) for name, value in recorded.items() if name not in defaults or defaults[name] != value}
+
+
+def _text(value: object) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, list):
+        return ",".join(_text(item) for item in value)
+    return str(value)

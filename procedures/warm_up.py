@@ -1,0 +1,23 @@
+"""The first half hour after a turn-on."""
+
+from collections.abc import Iterator
+from typing import Annotated
+
+from benchctl.plan import PowerCycle, Soak, Static, Step, levels, procedure, rates_between_zeros
+
+
+@procedure()
+def warm_up(
+    at_c: Annotated[float, "chamber, °C"] = 20.0,
+    soak_s: Annotated[float, "time at the set point, s; longer while the gyro still drifts"] = 4800.0,
+    off_s: Annotated[float, "time without supply, s: until the unit is as warm as the chamber"] = 3600.0,
+    warm_s: Annotated[float, "rest after the turn-on, s"] = 2400.0,
+    rate_dps: Annotated[float, "highest rate for the scale factor, °/s"] = 50.0,
+    run_s: Annotated[float, "least duration of its runs, s; whole revolutions"] = 30.0,
+    zero_s: Annotated[float, "duration of a zero reading, s"] = 60.0,
+) -> Iterator[Step]:
+    """Warm-up: rest from the moment the supply comes on, and afterwards the scale factor."""
+    yield Soak(setpoint_c=at_c, hold_s=soak_s)
+    yield PowerCycle(off_s=off_s)
+    yield Static(duration_s=warm_s, settle_s=0.0)
+    yield from rates_between_zeros(levels(rate_dps, 5), at_least_s=run_s, zero_s=zero_s)
