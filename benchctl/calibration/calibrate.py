@@ -28,6 +28,7 @@ from benchctl.calibration.rows import gather
 from benchctl.calibration.stage_one import StageOne, line_in_motion, mean_points, stage_one
 from benchctl.calibration.stage_two import stage_two
 from benchctl.recordings.model import Meta, Step
+from benchctl.recordings.stated import stated_of
 from instruments.errors import UsageError
 
 _MOVING_DPS = 2.0
@@ -77,7 +78,7 @@ def _calibrate(steps: Iterable[Step], meta: Meta, options: CalibrationOptions) -
         levels["stage_2"] = Level(compensate=by_stages(stages), delay_s=stages[1].delay_s)
     else:
         warnings.append("Stage 2 is left out: the recording has no run in motion (sine) to be fitted.")
-    joint, said = fit_laws(fitted, first.line, T0_c, earth, bench, options)
+    joint, said = fit_laws(fitted, first.line, T0_c, earth, bench, options, stated_of(meta))
     warnings.extend(said)
     for fit in joint:
         levels[f"joint_{fit.law}"] = _joint_level(fit)

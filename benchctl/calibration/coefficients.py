@@ -27,9 +27,8 @@ import numpy as np
 import numpy.typing as npt
 
 from benchctl.atomic import whole_file
-from benchctl.calibration.compensation import bias
+from benchctl.calibration.coefficients_law import By, applied_law, checked
 from benchctl.calibration.free_motion import FreeMotionFit
-from benchctl.calibration.model import LAWS, Law, factor
 from benchctl.calibration.result import CalibrationResult, JointFit, Parameter, PolynomialFactor, Stage
 from benchctl.documents import read_json
 from instruments.errors import UsageError
@@ -84,7 +83,11 @@ def write_coefficients(path: Path, content: Mapping[str, Any]) -> None:
 
 def read_coefficients(path: Path) -> dict[str, Any]:
     """Read and check a file of coefficients; `UsageError` in one line where it cannot be used."""
-    content = read_json(path, "coefficients")
+    return coefficients_in(read_json(path, "coefficients"), path)
+
+
+def coefficients_in(content: Any, path: Path) -> dict[str, Any]:
+    """The content of a file of coefficients, `path` its name in the `UsageError` where it cannot be used."""
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
         found = content.get("schema") if isinstance(content, dict) else type(content).__name__
         raise UsageError(f"{path}: expected schema {SCHEMA!r}, found {found!r}; write it with `benchctl fit`")
@@ -113,7 +116,7 @@ def compensate(
     temp_c: FloatArray,
     content: Mapping[str, Any],
     *,
-    by: Literal["stages", "joint"] = "stages",
+    by: By = "stages",
     earth_rate: Literal["keep", "remove"] = "keep",
 ) -> FloatArray:
     """Sensed rate [°/s] of outputs [V] at gyro temperatures [°C], arrays of one shape (n,).
@@ -121,43 +124,9 @@ def compensate(
     By the stages, or by the joint fit where the content holds one. No delay is applied: the rate stands at the output's
     stamp less `delay_s`. NaN where the law has no rate for an output. `earth_rate="remove"` gives the table's rate.
     """
-    dt = np.asarray(temp_c, dtype=np.float64) - float(content["T0_c"])
-    if by == "joint":
-        rate = _by_joint(u_v, dt, content)
-    elif content["convention"] == "response":
-        rate = _by_response(u_v, dt, content)
-    else:
-        last = content["stages"][-1]
-        rate = (u_v - float(content["U0_v"]) - bias(last.get("U0_T", ()), dt)) / float(content["K0_v_per_dps"])
-        for stage in content["stages"]:
-            rate = rate * factor(stage["k_T"]["coefficients"], dt) * factor(stage["k_omega"]["coefficients"], rate**2)
+    law = applied_law(checked(content, "these coefficients"), by)
+    rate = law.rate_dps(np.asarray(u_v, dtype=np.float64), np.asarray(temp_c, dtype=np.float64))
     return rate - float(content.get("earth_rate_dps", 0.0)) if earth_rate == "remove" else rate
-
-
-def _by_joint(u_v: FloatArray, dt: FloatArray, content: Mapping[str, Any]) -> FloatArray:
-    """By the joint fit's law."""
-    joint = content.get("joint")
-    if not joint or joint.get("law") not in LAWS:
-        raise UsageError("these coefficients hold no joint fit; compensate by their stages")
-    values = {name: float(value["value"]) for name, value in joint["parameters"].items()}
-    law = Law(
-        name=joint["law"],
-        rate_terms=1 if joint["law"] == "sine" else sum(name[0] == "b" for name in values),
-        temperature_terms=sum(name[0] in "ga" for name in values),
-    )
-    terms = [values[name] for name in values if name[0] == "c"]
-    return law.rate(np.array([values[name] for name in law.names]), u_v - values["U0_v"] - bias(terms, dt), dt)
-
-
-def _by_response(u_v: FloatArray, dt: FloatArray, content: Mapping[str, Any]) -> FloatArray:
-    """By a response U − U0 = K0·k(T)·k(ω)·ω, inverted; several stages' factors multiply only if one alone bends."""
-    stages: Sequence[Mapping[str, Any]] = content["stages"]
-    if len(stages) != 1:
-        raise UsageError(f"a response of {len(stages)} stages has no one inverse; expected one stage")
-    k_t, k_omega = stages[0]["k_T"]["coefficients"], stages[0]["k_omega"]["coefficients"]
-    law = Law(name="response", rate_terms=len(k_omega), temperature_terms=len(k_t))
-    parameters = np.array([float(content["K0_v_per_dps"]), *k_omega, *k_t])
-    return law.rate(parameters, u_v - float(content["U0_v"]) - bias(stages[0].get("U0_T", ()), dt), dt)
 
 
 def _factor(polynomial: PolynomialFactor) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from benchctl.calibration.reduce import ReducedStep
 from benchctl.calibration.result import JointFit, Noise, Parameter, StraightLine
 from benchctl.calibration.rows import gather
 from benchctl.recordings.model import BenchFacts
+from benchctl.recordings.stated import StatedUncertainties
 from instruments.errors import UsageError
 
 FloatArray = npt.NDArray[np.float64]
@@ -43,8 +44,12 @@ def fit_laws(
     earth_rate_dps: float,
     bench: BenchFacts,
     options: CalibrationOptions,
+    known: StatedUncertainties,
 ) -> tuple[tuple[JointFit, ...], tuple[str, ...]]:
-    """Joint fits, the one that the data prefer first, and sentences on what could not be fitted."""
+    """Joint fits, the one that the data prefer first, and sentences on what could not be fitted.
+
+    `known` is how well the bench is.
+    """
     warnings: list[str] = []
     delay = _likely_delay(steps)
     carries = what_it_carries(steps)
@@ -74,7 +79,7 @@ def fit_laws(
     if not solved:
         raise UsageError(f"calibration: no law could be fitted jointly: {warnings[-1]}")
     solved.sort(key=lambda pair: pair[1].bic)
-    fits = tuple(_named(problem, solution, steps, bench, options) for problem, solution in solved)
+    fits = tuple(_named(problem, solution, steps, bench, known) for problem, solution in solved)
     return fits, tuple(warnings)
 
 
@@ -196,7 +201,7 @@ def _named(
     solution: JointSolution,
     steps: Sequence[ReducedStep],
     bench: BenchFacts,
-    options: CalibrationOptions,
+    known: StatedUncertainties,
 ) -> JointFit:
     """The solution in the words of the result, with intervals and budgets."""
     low, high = solution.mixture.interval(0.95, solution.freedom)
@@ -205,9 +210,7 @@ def _named(
     parameters = []
     for i, name in enumerate(solution.names):
         unit, says = UNITS.get(name) or _unit_of(name, problem.law.name)
-        budget = contributions(
-            name, values, float(standard[i]), steps, bench, problem.earth_rate_dps, options.assumptions
-        )
+        budget = contributions(name, values, float(standard[i]), steps, bench, problem.earth_rate_dps, known)
         parameters.append(
             Parameter(
                 name=name,

@@ -23,7 +23,6 @@ from instruments.errors import UsageError
 
 FloatArray = npt.NDArray[np.float64]
 
-LAWS = ("sine", "polynomial", "response")
 _NEWTON_STEPS = 30
 _CONVERGED_DPS = 1e-10
 

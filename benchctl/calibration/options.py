@@ -9,23 +9,6 @@ from instruments.errors import UsageError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Assumptions:
-    """Standard uncertainties (k = 1) of what the data cannot show; None: taken from the recording, or from the default.
-
-    `thermometer_c`: the thermistor's calibration; `timebase_ppm`: the digitizer's clock; `adc_gain_ppm` and
-    `adc_offset_v`: its voltage scale; `tilt_deg`: of the table's axis from the vertical; `latitude_deg`: of the stated
-    latitude.
-    """
-
-    thermometer_c: float = 0.1
-    timebase_ppm: float = 20.0
-    adc_gain_ppm: float = 50.0
-    adc_offset_v: float | None = None
-    tilt_deg: float = 0.1
-    latitude_deg: float = 0.1
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationOptions:
     """Orders and choices.
 
@@ -47,7 +30,6 @@ class CalibrationOptions:
     encoder_errors: bool = True
     hold_out: bool = True
     latitude_deg: float | None = None
-    assumptions: Assumptions = Assumptions()
 
     def __post_init__(self) -> None:
         for name, orders in (
