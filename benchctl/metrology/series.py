@@ -117,7 +117,7 @@ def _step(recording: Recording, name: str | None) -> StepInfo:
             if name in (info.name, str(info.index)):
                 return info
         raise UsageError(f"{recording.path}: has no step {shown(name)}; `benchctl show` lists them")
-    static = [info for info in recording.infos if info.kind == "static" and info.whole]
+    static = [info for info in recording.infos if info.kind == "static" and info.whole and not info.mounting]
     if not static:
         raise UsageError(f"{recording.path}: has no whole static step; name a step with --step")
     return max(static, key=lambda info: info.t_end - info.t_start)

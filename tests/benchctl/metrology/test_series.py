@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from benchctl.metrology.series import series_of_step, series_of_text
 from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo, Unit
-from benchctl.recordings.reader import Recording, _Steps
+from benchctl.recordings.reader import Recording, StepsInMemory
 from instruments.errors import UsageError
 
 RATES = np.sin(np.arange(200.0))
@@ -71,7 +72,7 @@ def recording(*steps: Step, simulation: dict[str, float] | None = None, **extra:
         simulation=simulation,
         extra=extra,
     )
-    return Recording(Path("r.h5"), meta, [step.info for step in steps], _Steps(list(steps)))
+    return Recording(Path("r.h5"), meta, [step.info for step in steps], StepsInMemory(list(steps)))
 
 
 def step(index: int, kind: str, duration_s: float, whole: bool = True) -> Step:
@@ -100,6 +101,13 @@ def test_the_longest_whole_static_step_is_taken_and_its_volts_become_a_rate() ->
     assert series.values == pytest.approx(held.step(2)["gyro_v"] / 0.05)
     assert (series.unit, series.interval_s) == ("deg/s", pytest.approx(0.01))
     assert series.source == "gyro_v of step 'static 2', as a rate by 0.05 V/(deg/s)"
+
+
+def test_a_unit_mounted_across_is_not_taken_unless_its_step_is_named() -> None:
+    longer = step(2, "static", 9.0)
+    held = recording(step(1, "static", 3.0), Step(replace(longer.info, mounting="across"), longer.channels))
+    assert series_of_step(held, None, None).values.size == 300
+    assert series_of_step(held, None, "2").values.size == 900
 
 
 def test_a_stated_scale_factor_goes_before_the_recordings_own_and_for_volts_only() -> None:

@@ -1,0 +1,109 @@
+"""All tests of a recording, each judged by its limit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from benchctl.metrology.gyro_tests.across import across_tests
+from benchctl.metrology.gyro_tests.at_rest import rest_tests
+from benchctl.metrology.gyro_tests.dead_zone import dead_zone_tests
+from benchctl.metrology.gyro_tests.hysteresis import hysteresis_tests
+from benchctl.metrology.gyro_tests.ramps import ramp_tests
+from benchctl.metrology.gyro_tests.repeatability import repeatability_tests
+from benchctl.metrology.gyro_tests.response import response_tests
+from benchctl.metrology.gyro_tests.scale_factor import scale_factor_tests
+from benchctl.metrology.gyro_tests.small_rates import small_rate_tests
+from benchctl.metrology.gyro_tests.temperature import temperature_tests
+from benchctl.metrology.gyro_tests.warm_up import warm_up_tests
+from benchctl.metrology.limit_file import Limits
+from benchctl.metrology.names import UNITS
+from benchctl.metrology.result import Acceptance, Measured
+from benchctl.metrology.said import Said, said
+from benchctl.metrology.seen import Seen, Settings, seen_in
+from benchctl.metrology.stretches import LEAST_V2
+from benchctl.metrology.verdict import judged, overall, rule_of
+from benchctl.recordings.reader import Recording
+from benchctl.recordings.stated import expired_of
+from instruments.errors import UsageError
+
+_TESTS: tuple[Callable[[Seen], Iterator[Measured]], ...] = (
+    scale_factor_tests,
+    repeatability_tests,
+    temperature_tests,
+    hysteresis_tests,
+    small_rate_tests,
+    dead_zone_tests,
+    rest_tests,
+    ramp_tests,
+    across_tests,
+    response_tests,
+    warm_up_tests,
+)
+
+
+def measured_in(recording: Recording, settings: Settings) -> tuple[Measured, ...]:
+    """The results of all tests, in the order of `UNITS`; those that the recording does not hold say so.
+
+    Raises
+    ------
+    UsageError
+        Where it holds no reading at all, or an output that is not in volts, or never changes.
+    """
+    if recording.meta.output_unit != "V":
+        raise UsageError(
+            f"{recording.path}: the output is in {recording.meta.output_unit}; the tests are defined for a gyro whose "
+            "output is in volts"
+        )
+    seen = seen_in(recording, settings)
+    if not seen.stretches:
+        raise UsageError(
+            f"{recording.path}: has no whole step at rest or at a constant rate, and so nothing to be accepted by; "
+            "`benchctl run acceptance` records what the tests need"
+        )
+    if seen.points.set_dps.size > 1 and np.ptp(seen.points.output_v) < math.sqrt(LEAST_V2):
+        raise UsageError(
+            f"{recording.path}: the output is {seen.points.output_v[0]:g} V at every rate; "
+            "is the unit connected, and on?"
+        )
+    found = {measured.name: measured for test in _TESTS for measured in test(seen)}
+    return tuple(found[name] for name in UNITS)
+
+
+def accepted(recording: Recording, limits: Limits) -> Acceptance:
+    """Measure a recording and judge it; raises what `measured_in` does."""
+    rule = rule_of(limits.guard)
+    every = tuple(
+        judged(measured, limits.limits.get(measured.name), rule) for measured in measured_in(recording, limits.settings)
+    )
+    return Acceptance(
+        verdict=overall(every),
+        rule=rule,
+        judged=every,
+        papers=limits.papers,
+        limits_name=str(limits.path),
+        limits_sha256=limits.sha256,
+        limits_text=limits.text,
+        anomalies=tuple(_anomalies(recording)),
+        step_digests={info.index: info.digest for info in recording.infos if info.digest},
+    )
+
+
+def _anomalies(recording: Recording) -> Iterator[Said]:
+    """What a reader of the report must know of the recording itself."""
+    status = recording.meta.status
+    if status not in ("complete", "simulated", "imported"):
+        yield said("not_complete", status=status)
+    if not recording.digest:
+        yield said("no_digest")
+    if status == "imported":
+        yield said("foreign")
+    for info in recording.infos:
+        if not info.whole:
+            yield said("not_whole", step=info.name)
+        if info.gaps:
+            yield said("gaps", count=info.gaps, step=info.name)
+    for one in expired_of(recording.meta):
+        yield said("certificate_expired", role=one.role, model=one.model, date=str(one.calibrated_until))

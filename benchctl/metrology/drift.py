@@ -1,0 +1,112 @@
+"""What rest says of the bias' drift: how strong it is, and how much of it lies in the readings between.
+
+A gyro's bias walks. Readings at rest, cut into pieces, tell how far it walks (restricted likelihood, as in the
+calibration); between two of them it is known to lie, and what is taken off a reading there is its expectation (the
+zeros before and after, weighted as they deserve).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.calibration.noise_model import MeansNoise, estimate, likely_noises, linear_means, walk_covariance
+from benchctl.calibration.uncertainty import Mixture
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Means:
+    """Mean outputs in order of time within one stretch, (n,) each: V, the middle's time, how long, and whether at rest.
+
+    `white_v2` is the variance of each by the noise within it.
+    """
+
+    output_v: FloatArray
+    middle_s: FloatArray
+    duration_s: FloatArray
+    white_v2: FloatArray
+    rest: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settled:
+    """Outputs with the drift taken off, and their covariance (n, n): the bias first where there was rest."""
+
+    output_v: FloatArray
+    covariance_v2: FloatArray
+
+
+Noises = Sequence[tuple[MeansNoise, float]]
+"""Strengths of the walk that the rest allows, each with its weight; together 1."""
+
+
+def noises_of(stretches: Sequence[Means]) -> Noises:
+    """How strongly the bias walks, by all the rest in all stretches."""
+    resting = [one for one in stretches if int(one.rest.sum()) > 1]
+    if not resting:
+        return [(MeansNoise(walk=0.0, excess=1.0), 1.0)]
+    total = sum(int(one.rest.sum()) for one in resting)
+    residual, white = np.zeros(total), np.zeros(total)
+    derivative, wiener = np.zeros((total, len(resting))), np.zeros((total, total))
+    first = 0
+    for column, one in enumerate(resting):
+        part = slice(first, first + int(one.rest.sum()))
+        residual[part] = one.output_v[one.rest] - one.output_v[one.rest].mean()
+        white[part] = one.white_v2[one.rest]
+        derivative[part, column] = 1.0
+        wiener[part, part] = _walk(one)[np.ix_(one.rest, one.rest)]
+        first = part.stop
+    parameters = len(resting)
+    means = linear_means(residual, derivative, white, wiener, np.zeros((parameters, parameters)), np.zeros(parameters))
+    return likely_noises(means, estimate(means))
+
+
+def white_variance(values: FloatArray) -> float:
+    """Variance of one value by differences of neighbours, which drift does not enlarge; values of shape (n,)."""
+    return float(np.mean(np.diff(values) ** 2)) / 2.0
+
+
+def likeliest(noises: Noises) -> MeansNoise:
+    """The noise of the greatest weight."""
+    return max(noises, key=lambda one: one[1])[0]
+
+
+def settled(means: Means, noises: Noises) -> Settled:
+    """The bias, then every reading that is not at rest, freed of the drift that the rest around it shows.
+
+    Without rest: the readings as they are.
+    """
+    parts = [_settled(means, noise) for noise, _ in noises]
+    mixture = Mixture(
+        weights=np.array([weight for _, weight in noises]),
+        means=np.array([part.output_v for part in parts]),
+        covariances=np.array([part.covariance_v2 for part in parts]),
+    )
+    return Settled(output_v=mixture.mean, covariance_v2=mixture.covariance)
+
+
+def _walk(means: Means) -> FloatArray:
+    begin_s = float(np.min(means.middle_s - 0.5 * means.duration_s))
+    return walk_covariance(means.middle_s - begin_s, means.duration_s)
+
+
+def _settled(means: Means, noise: MeansNoise) -> Settled:
+    together = noise.walk * _walk(means) + noise.excess * np.diag(means.white_v2)
+    rest, moving = np.flatnonzero(means.rest), np.flatnonzero(~means.rest)
+    taken = np.zeros((moving.size + (rest.size > 0), means.output_v.size))
+    taken[np.arange(moving.size) + (rest.size > 0), moving] = 1.0
+    if rest.size:
+        ones = np.ones(rest.size)
+        at_rest = together[np.ix_(rest, rest)]
+        weights = np.linalg.solve(at_rest, ones)
+        bias = weights / (ones @ weights)
+        taken[0, rest] = bias
+        # the drift at a reading, by the zeros: C_xz·C_zz⁻¹·(z − bias)
+        known = np.linalg.solve(at_rest, together[np.ix_(rest, moving)]).T
+        taken[1:, rest] = -(known - np.outer(known @ ones, bias))
+    return Settled(output_v=taken @ means.output_v, covariance_v2=taken @ together @ taken.T)

@@ -1,0 +1,51 @@
+"""Misalignment: the angle by which the input axis misses the plane across the table's axis.
+
+The unit is mounted across; δ = (F₊ − F₋)/(2·K·Ω), here the slope of the line over all rates over the scale factor. The
+fixture's own error is part of it and stands in the budget.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from benchctl.metrology.lines import line
+from benchctl.metrology.propagation import Offsets, as_read, propagated, single
+from benchctl.metrology.result import Measured
+from benchctl.metrology.said import said
+from benchctl.metrology.seen import FloatArray, Seen, column, measured, refused
+
+_NAME = "misalignment"
+
+
+def across_tests(seen: Seen) -> Iterator[Measured]:
+    """The one result."""
+    across = [number for number, stretch in enumerate(seen.stretches) if stretch.across]
+    turned = [one for one in across if np.unique(seen.in_stretch(one).set_dps).size > 1]
+    if not turned:
+        yield refused(_NAME, said("needs_across"))
+        return
+    if seen.reference is None:
+        yield refused(_NAME, said("needs_scale_factor"))
+        return
+    where = turned[0]
+    points = seen.swept_in([seen.reference, where])
+    own, sweep = points.stretch == where, points.stretch == seen.reference
+
+    def milliradians(offsets: Offsets) -> FloatArray:
+        rate_dps, output_v = points.moved(offsets)
+        scale = line(rate_dps[:, sweep], output_v[:, sweep])[0]
+        felt = line(rate_dps[:, own], output_v[:, own])[0] / scale
+        # a unit that nobody mounted across feels all of the rate
+        return np.asarray(1e3 * (np.arcsin(np.clip(felt, -1.0, 1.0)) + offsets["fixture"][:, 0]))
+
+    fixture = single("fixture", float(np.deg2rad(seen.stated.mounting_deg.standard)), seen.stated.mounting_deg.says)
+    quantities = [*seen.quantities(points), fixture]
+    yield measured(
+        _NAME,
+        float(as_read(milliradians, quantities)),
+        propagated(milliradians, quantities),
+        points.of(own),
+        table=(column("rate", "deg/s", points.rate_dps[own]), column("output", "V", points.output_v[own])),
+    )

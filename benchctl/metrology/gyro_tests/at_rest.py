@@ -1,0 +1,228 @@
+"""Bias, its stability, and the noises of the longest rest.
+
+Bias is the mean output at rest over the scale factor, less the Earth's rate about the vertical axis. Stability is the
+deviation of 10-s means; instability, random walks, quantisation and ramp are the terms of the Allan deviation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from scipy.linalg import toeplitz
+from scipy.stats import chi2
+
+from benchctl.calibration.earth import EARTH_DPS, earth_rate_dps
+from benchctl.calibration.result import Contribution
+from benchctl.metrology.allan import Allan, analysed
+from benchctl.metrology.drift import likeliest
+from benchctl.metrology.lines import line
+from benchctl.metrology.names import UNITS
+from benchctl.metrology.noise_terms import TERMS, Term, densities, unit_of
+from benchctl.metrology.propagation import COVERAGE, K, Offsets, as_read, propagated, single
+from benchctl.metrology.result import Measured, Picture, Trace, Uncertainty
+from benchctl.metrology.said import Said, said
+from benchctl.metrology.seen import FloatArray, Seen, celsius_of, column, has_rest, measured, refused, same_set_point
+from benchctl.metrology.series import series_of_step
+from benchctl.metrology.stretches import rest_of
+from instruments.errors import UsageError
+
+_DEG_PER_H = 3600.0
+_TERMS: Mapping[str, Term] = {
+    "quantisation": "Q",
+    "angle_random_walk": "N",
+    "bias_instability": "B",
+    "rate_random_walk": "K",
+    "rate_ramp": "R",
+}
+_OF_NOISE = ("bias_stability", *_TERMS)
+_FEWEST_MEANS = 10
+_LOWEST = 0.1
+"""Lowest frequency of the noise that makes means scatter, in reciprocals of the record: below, they move together."""
+
+
+def rest_tests(seen: Seen) -> Iterator[Measured]:
+    """Bias, its stability, and five terms."""
+    if seen.reference is None:
+        yield from (refused(name, said("needs_scale_factor")) for name in ("bias", *_OF_NOISE))
+        return
+    yield _bias(seen)
+    info = rest_of(seen.recording)
+    length_s = 0.0 if info is None else info.t_end - info.t_start
+    if info is None or length_s < seen.settings.rest_s:
+        why = said("needs_long_rest", found_s=length_s, needed_s=seen.settings.rest_s)
+        yield from (refused(name, why) for name in _OF_NOISE)
+        return
+    scale = seen.scale_v_per_dps if seen.recording.meta.output_unit == "V" else None
+    try:
+        found = analysed(series_of_step(seen.recording, "gyro_v", str(info.index), scale))
+    except UsageError as err:
+        why = said("term_refused", why=str(err))
+        yield from (refused(name, why) for name in _OF_NOISE)
+        return
+    yield _stability(seen, found, info.index)
+    yield from (_term(seen, found, name, info.index) for name in _TERMS)
+
+
+def _bias(seen: Seen) -> Measured:
+    """Of the longest rest at the reference's set point."""
+    home = seen.stretches[seen.reference or 0]
+    longest, where = 0.0, None
+    for number, stretch in enumerate(seen.stretches):
+        points = seen.in_stretch(number)
+        if not stretch.across and same_set_point(stretch.setpoint_c, home.setpoint_c) and has_rest(points):
+            rest_s = float(points.duration_s[points.set_dps == 0.0][0])
+            if rest_s > longest:
+                longest, where = rest_s, number
+    if where is None or seen.reference is None:
+        return refused("bias", said("needs_rest"))
+    points = seen.swept_in([where, seen.reference])
+    rest = int(np.flatnonzero((points.stretch == where) & (points.set_dps == 0.0))[0])
+    sweep = np.flatnonzero(points.stretch == seen.reference)
+    latitude_deg = seen.recording.meta.bench.latitude_deg
+    earth_dps = earth_rate_dps(latitude_deg)
+
+    def deg_per_h(offsets: Offsets) -> FloatArray:
+        rate_dps, output_v = points.moved(offsets)
+        slope = line(rate_dps[:, sweep], output_v[:, sweep])[0]
+        return _DEG_PER_H * (output_v[:, rest] / slope - earth_dps - offsets["Earth's rate"][:, 0])
+
+    quantities = [*seen.quantities(points, drifting=False), single("Earth's rate", *_earth(seen, latitude_deg))]
+    note = (
+        said("latitude_unknown")
+        if latitude_deg is None
+        else said("earth_taken_off", rate_deg_per_h=_DEG_PER_H * earth_dps)
+    )
+    return measured(
+        "bias",
+        float(as_read(deg_per_h, quantities)),
+        propagated(deg_per_h, quantities),
+        points.of(np.array([rest])),
+        notes=(note,),
+    )
+
+
+def _earth(seen: Seen, latitude_deg: float | None) -> tuple[float, str]:
+    """How well the Earth's rate about the axis is known [deg/s], and by what."""
+    if latitude_deg is None:
+        return EARTH_DPS / float(np.sqrt(3.0)), "latitude not known"
+    away = float(np.hypot(seen.stated.latitude_deg.standard, seen.stated.tilt_deg.standard))
+    slope = EARTH_DPS * abs(float(np.cos(np.deg2rad(latitude_deg))))
+    return slope * float(
+        np.deg2rad(away)
+    ), f"latitude: {seen.stated.latitude_deg.says}; tilt: {seen.stated.tilt_deg.says}"
+
+
+def _stability(seen: Seen, found: Allan, step: int) -> Measured:
+    """The deviation of means; its interval by how means of this noise scatter together."""
+    series = found.series
+    long = max(1, round(seen.settings.mean_s / series.interval_s))
+    count = series.values.size // long
+    if count < _FEWEST_MEANS:
+        needed_s = _FEWEST_MEANS * long * series.interval_s
+        return refused(
+            "bias_stability", said("needs_long_rest", found_s=series.values.size * series.interval_s, needed_s=needed_s)
+        )
+    means = _DEG_PER_H * series.values[: count * long].reshape(count, long).mean(axis=1)
+    value = float(np.std(means, ddof=1))
+    covariance = _DEG_PER_H**2 * _covariance_of_means(seen, found, count, long)
+    centred = covariance - covariance.mean(axis=0) - covariance.mean(axis=1)[:, None] + covariance.mean()
+    freedom = float(np.trace(centred) ** 2 / np.sum(centred**2))
+    return Measured(
+        name="bias_stability",
+        unit=UNITS["bias_stability"],
+        value=value,
+        uncertainty=_of_chi_square(seen, value, freedom),
+        notes=(said("mean_of", seconds=seen.settings.mean_s, count=count),),
+        temperature_c=_temperature_c(seen, step),
+        steps=(step,),
+    )
+
+
+def _covariance_of_means(seen: Seen, found: Allan, count: int, long: int) -> FloatArray:
+    """Of means over `long` samples of the noise that the Allan deviation found, (count, count), in its unit squared.
+
+    A walk that one rest does not show, and all of them together do, is taken from these.
+    """
+    interval_s = found.series.interval_s
+    mean_s = long * interval_s
+    frequency = np.geomspace(_LOWEST / (count * mean_s), 0.5 / interval_s, 4000)
+    squares, walk = found.terms.squares.copy(), TERMS.index("K")
+    squares[walk] = max(float(squares[walk]), likeliest(seen.noises).walk / seen.scale_v_per_dps**2)
+    density = densities(frequency, interval_s) @ squares
+    through = np.sinc(frequency * mean_s) ** 2
+    lags_s = mean_s * np.arange(count)
+    # a few decades in logarithmic steps; lags beyond a step's own wavelength average out to nothing
+    weights = 2.0 * density * through * np.gradient(frequency)
+    return np.asarray(toeplitz(np.cos(2.0 * np.pi * np.outer(lags_s, frequency)) @ weights))
+
+
+def _of_chi_square(seen: Seen, value: float, freedom: float) -> Uncertainty:
+    tails = np.array([0.5 * (1.0 + COVERAGE), 0.5 * (1.0 - COVERAGE)])
+    low, high = (value * np.sqrt(freedom / chi2.ppf(tails, freedom))).tolist()
+    return _by_scatter(seen, value, low, high, value / np.sqrt(2.0 * freedom))
+
+
+def _by_scatter(seen: Seen, value: float, low: float, high: float, standard: float) -> Uncertainty:
+    """Of a result whose own distribution is known: its interval, and beside it the gain of the converter."""
+    gain = value * 1e-6 * seen.stated.gain_ppm.standard
+    return Uncertainty(
+        standard=float(np.hypot(standard, gain)),
+        expanded=float(np.hypot(0.5 * (high - low), K * gain)),
+        monte_carlo=0.5 * (high - low),
+        contributors=(
+            Contribution(source="scatter", standard=standard, kind="A", says="length of the record"),
+            Contribution(source="converter's gain", standard=gain, kind="B", says=seen.stated.gain_ppm.says),
+        ),
+        says=said("chi_square", low=low, high=high),
+    )
+
+
+def _term(seen: Seen, found: Allan, name: str, step: int) -> Measured:
+    term = _TERMS[name]
+    one = found.terms.found.get(term)
+    if one is None:
+        return refused(name, said("term_refused", why=found.terms.refused[term]))
+    factor = unit_of(term, "deg/s").factor
+    low, high = (factor * limit for limit in one.ci95)
+    value = factor * one.value
+    notes: tuple[Said, ...] = ()
+    if name == "bias_instability":
+        lowest = int(np.argmin(found.deviation))
+        least = _DEG_PER_H * float(found.deviation[lowest])
+        notes = (said("allan_minimum", value=least, tau_s=float(found.tau_s[lowest])),)
+    return Measured(
+        name=name,
+        unit=UNITS[name],
+        value=value,
+        uncertainty=_by_scatter(seen, value, low, high, 0.25 * (high - low)),
+        notes=notes,
+        temperature_c=_temperature_c(seen, step),
+        steps=(step,),
+        picture=_picture(found) if name == "angle_random_walk" else None,
+        table=(
+            (column("tau", "s", found.tau_s), column("allan_deviation", "deg/h", _DEG_PER_H * found.deviation))
+            if name == "angle_random_walk"
+            else ()
+        ),
+    )
+
+
+def _picture(found: Allan) -> Picture:
+    modelled = np.sqrt(found.terms.modelled(found.tau_s, found.series.interval_s))
+    return Picture(
+        x="tau",
+        x_unit="s",
+        y="allan_deviation",
+        y_unit="deg/h",
+        traces=(
+            Trace(label="readings", x=found.tau_s, y=_DEG_PER_H * found.deviation),
+            Trace(label="terms", x=found.tau_s, y=_DEG_PER_H * modelled, dots=False),
+        ),
+        logarithmic=True,
+    )
+
+
+def _temperature_c(seen: Seen, step: int) -> float | None:
+    own = [reading.temperature_c for stretch in seen.stretches for reading in stretch.readings if reading.step == step]
+    return celsius_of(*own) if own else None

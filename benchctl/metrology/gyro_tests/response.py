@@ -1,0 +1,189 @@
+"""Bandwidth and delay: gain and phase of the output against the encoder in swings of several frequencies.
+
+Of each swing the fundamental of both is fitted; the gain is over that of the static curve at the same amplitude, which
+a gyro that is not straight has another of. The band ends where the gain is 3 dB down or the phase 90° late, whichever
+comes first; the delay is the slope of the phase at low frequencies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from benchctl.metrology.names import UNITS
+from benchctl.metrology.propagation import Offsets, Quantity, as_read, nothing, propagated, single
+from benchctl.metrology.result import Measured, Picture, Trace
+from benchctl.metrology.said import said
+from benchctl.metrology.seen import FloatArray, Seen, celsius_of, column, refused, same_set_point
+from benchctl.metrology.swings import fitted
+from benchctl.recordings.model import Step
+
+_FEWEST = 3
+_LEAST_DPS = 1.0
+_THREE_DB = 1.0 / np.sqrt(2.0)
+_EARLY_RAD = 0.3
+"""The phase of any low-pass is straight over frequency as far as here."""
+_ORDER = 5
+_BETWEEN = 33
+_NAMES = ("bandwidth", "delay")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Response:
+    step: int
+    frequency_hz: float
+    gain: float
+    phase_rad: float
+    amplitude_dps: float
+    standard: float
+    """Of the gain, relative; and of the phase, rad: noise is as large along the phasor as across."""
+
+
+def response_tests(seen: Seen) -> Iterator[Measured]:
+    """Bandwidth and delay."""
+    if seen.reference is None:
+        yield from (refused(name, said("needs_scale_factor")) for name in _NAMES)
+        return
+    swings = list(_responses(seen))
+    frequencies, gains, phases, standard = _by_frequency(swings)
+    if frequencies.size < _FEWEST:
+        yield from (refused(name, said("needs_sines", found=frequencies.size, needed=_FEWEST)) for name in _NAMES)
+        return
+    quantities = [
+        single("static curve", _curve_misfit(seen, swings), "what the curve through the sweep leaves", kind="A"),
+        Quantity(name="gain", root=np.diag(gains * standard), kind="A", says="scatter of the samples of a swing"),
+        Quantity(name="phase", root=np.diag(standard), kind="A", says="scatter of the samples of a swing"),
+    ]
+    table = (
+        column("frequency", "Hz", frequencies),
+        column("gain", "1", gains),
+        column("phase", "deg", np.rad2deg(phases)),
+    )
+
+    def band(offsets: Offsets) -> FloatArray:
+        falls = _first_below(frequencies, gains * (1.0 + offsets["static curve"]) + offsets["gain"], _THREE_DB)
+        lags = _first_below(frequencies, phases + offsets["phase"], -0.5 * np.pi)
+        return np.asarray(np.minimum(falls, lags))
+
+    early = np.abs(phases) <= _EARLY_RAD
+    early[0] = True
+
+    def late_ms(offsets: Offsets) -> FloatArray:
+        x = -2.0 * np.pi * frequencies[early] / standard[early]
+        y = (phases[early] + offsets["phase"][:, early]) / standard[early]
+        return np.asarray(1e3 * (y @ x) / (x @ x))
+
+    beyond = bool((gains <= _THREE_DB).any() or (phases <= -0.5 * np.pi).any())
+    steps = tuple(sorted({one.step for one in swings}))
+    celsius = celsius_of(seen.stretches[seen.reference].temperature_c)
+    yield Measured(
+        name="bandwidth",
+        unit=UNITS["bandwidth"],
+        value=float(as_read(band, quantities)),
+        uncertainty=propagated(band, quantities) if beyond else nothing(),
+        bound="" if beyond else "at least",
+        temperature_c=celsius,
+        steps=steps,
+        table=table,
+        picture=Picture(
+            x="frequency",
+            x_unit=UNITS["bandwidth"],
+            y="gain",
+            y_unit="1",
+            traces=(Trace(label="readings", x=frequencies, y=gains),),
+            left=(Trace(label="phase", x=frequencies, y=np.rad2deg(phases)),),
+            left_unit="deg",
+        ),
+    )
+    yield Measured(
+        name="delay",
+        unit=UNITS["delay"],
+        value=float(as_read(late_ms, quantities)),
+        uncertainty=propagated(late_ms, quantities),
+        temperature_c=celsius,
+        steps=steps,
+        table=table,
+    )
+
+
+def _responses(seen: Seen) -> Iterator[_Response]:
+    home_c = seen.stretches[seen.reference or 0].setpoint_c
+    points = seen.at_reference
+    curve = np.zeros(1) if points is None else np.polyfit(points.rate_dps, points.output_v, _order(points.rate_dps))
+    for info in seen.recording.infos:
+        near = same_set_point(info.chamber_setpoint_c, home_c)
+        if info.kind == "sine" and info.whole and info.frequency_hz and near and not info.mounting:
+            step = seen.recording.step(info.index, ("time_s", "encoder_deg", "gyro_v"))
+            swing = _response(step, info.frequency_hz, curve)
+            if swing is not None:
+                yield swing
+
+
+def _by_frequency(swings: Sequence[_Response]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Growing frequencies, and the mean gain, phase and its standard uncertainty of the swings at each; (n,) each."""
+    frequencies = np.unique([one.frequency_hz for one in swings])
+    alike = [[one for one in swings if one.frequency_hz == hz] for hz in frequencies]
+    return (
+        frequencies,
+        np.array([np.mean([one.gain for one in own]) for own in alike]),
+        np.array([np.mean([one.phase_rad for one in own]) for own in alike]),
+        np.array([np.linalg.norm([one.standard for one in own]) / len(own) for own in alike]),
+    )
+
+
+def _curve_misfit(seen: Seen, swings: Sequence[_Response]) -> float:
+    """How well the static gain at the swings' amplitude is known, relative: what the curve leaves of the sweep."""
+    points = seen.at_reference
+    if points is None:
+        return 0.0
+    curve = np.polyfit(points.rate_dps, points.output_v, _order(points.rate_dps))
+    left_v = float(np.std(points.output_v - np.polyval(curve, points.rate_dps)))
+    smallest_dps = min(swing.amplitude_dps for swing in swings)
+    return left_v / (abs(seen.scale_v_per_dps) * smallest_dps)
+
+
+def _order(rate_dps: FloatArray) -> int:
+    return min(_ORDER, np.unique(np.round(rate_dps, 3)).size - 1)
+
+
+def _response(step: Step, frequency_hz: float, curve: FloatArray) -> _Response | None:
+    """The fundamental of the output over what the static curve makes of the motion; None where it hardly moves."""
+    swing = fitted(step, frequency_hz)
+    if swing is None or abs(swing.rate_phasor) < _LEAST_DPS:
+        return None
+    size = abs(swing.rate_phasor)
+    once = np.cos(2.0 * np.pi * np.arange(128) / 128.0)
+    static = 2.0 * float(np.mean(np.polyval(curve, size * once) * once))
+    ratio = swing.output_phasor / swing.rate_phasor * size / static
+    return _Response(
+        step=step.info.index,
+        frequency_hz=frequency_hz,
+        gain=abs(ratio),
+        phase_rad=float(np.angle(ratio)),
+        amplitude_dps=size,
+        standard=float(np.std(swing.left_v) * np.sqrt(2.0 / swing.left_v.size)) / abs(swing.output_phasor),
+    )
+
+
+def _first_below(frequencies: FloatArray, values: FloatArray, limit: float) -> FloatArray:
+    """Where values (d, n) over growing frequencies first fall below a limit; the highest where they never do; (d,).
+
+    Between the two frequencies by a cubic spline over their logarithm.
+    """
+    crossing = np.full(values.shape[0], frequencies[-1])
+    below = values < limit
+    first = np.argmax(below, axis=1)
+    logs = np.log(frequencies)
+    for at in np.unique(first[below.any(axis=1)]).tolist():
+        own = below.any(axis=1) & (first == at)
+        between = np.linspace(logs[max(at - 1, 0)], logs[at], _BETWEEN)
+        curves = CubicSpline(logs, values[own], axis=1)(between)
+        falls = np.argmax(curves <= limit, axis=1)
+        rows, before = np.arange(falls.size), np.maximum(falls - 1, 0)
+        drop = curves[rows, before] - curves[rows, falls]
+        share = np.divide(curves[rows, before] - limit, drop, out=np.ones_like(drop), where=drop > 0.0)
+        crossing[own] = np.exp(between[before] + share * (between[falls] - between[before]))
+    return crossing

@@ -1,0 +1,191 @@
+"""Scale factor, its nonlinearity by two definitions, its asymmetry and the range of rates: the sweep at the reference.
+
+Definitions: K is the slope of the least-squares line over all rates; nonlinearity the largest misfit of that line over
+the largest output; of reading, the largest departure from the line fitted at low rates, over what that line reads;
+asymmetry the difference of the slopes of either direction over their mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from benchctl.metrology.lines import line, misfit
+from benchctl.metrology.points import IntArray, Points
+from benchctl.metrology.propagation import Offsets, Quantity, as_read, largest_of, propagated, single
+from benchctl.metrology.result import Measured, Picture, Trace
+from benchctl.metrology.said import said
+from benchctl.metrology.seen import FloatArray, Seen, both_directions, column, dots, measured, refused
+
+_FEWEST = 3
+_NAMES = ("scale_factor", "nonlinearity", "nonlinearity_reading", "asymmetry", "input_range")
+_LOWEST_SHARE = 0.2
+"""Of the rates of the line at low rates: what is read below that is mostly bias."""
+
+
+def scale_factor_tests(seen: Seen) -> Iterator[Measured]:
+    """The five results of the reference's sweep."""
+    points = seen.at_reference
+    if points is None:
+        rates = int(np.unique(seen.points.set_dps).size)
+        yield from (refused(name, said("needs_rates", found=rates, needed=_FEWEST)) for name in _NAMES)
+        return
+    quantities = seen.quantities(points)
+    yield _scale_factor(seen, points, quantities)
+    yield _nonlinearity(points, quantities)
+    low = np.abs(points.set_dps) <= seen.settings.low_rate_dps
+    if int(low.sum()) < _FEWEST or not (np.abs(points.set_dps) > _LOWEST_SHARE * seen.settings.low_rate_dps).any():
+        why = said("needs_rates", found=int(low.sum()), needed=_FEWEST)
+        yield from (refused(name, why) for name in ("nonlinearity_reading", "input_range"))
+    else:
+        yield _of_reading(seen, points, quantities)
+        yield _input_range(seen, points, quantities)
+    if both_directions(points):
+        yield _asymmetry(points, quantities)
+    else:
+        yield refused("asymmetry", said("needs_both_directions"))
+
+
+def _scale_factor(seen: Seen, points: Points, quantities: list[Quantity]) -> Measured:
+    warmth = single("thermometer", seen.stated.thermometer_c.standard, seen.stated.thermometer_c.says)
+    per_c = _slope_per_c(seen)
+
+    def millivolts(offsets: Offsets) -> FloatArray:
+        warmer = 1.0 + per_c * offsets["thermometer"][:, 0]
+        return 1e3 * line(*points.moved(offsets))[0] * warmer
+
+    every = [*quantities, warmth]
+    left = misfit(points.rate_dps[None], points.output_v[None])[0]
+    largest_v = float(np.max(np.abs(points.output_v)))
+    order = np.argsort(points.rate_dps)
+    return measured(
+        "scale_factor",
+        float(as_read(millivolts, every)),
+        propagated(millivolts, every),
+        points,
+        table=(
+            column("rate", "deg/s", points.rate_dps),
+            column("output", "V", points.output_v),
+            column("misfit", "ppm", 1e6 * left / largest_v),
+        ),
+        picture=Picture(
+            x="rate",
+            x_unit="deg/s",
+            y="output",
+            y_unit="V",
+            traces=(
+                Trace(label="readings", x=points.rate_dps, y=points.output_v),
+                Trace(label="line", x=points.rate_dps[order], y=(points.output_v - left)[order], dots=False),
+            ),
+            left=(Trace(label="misfit", x=points.rate_dps, y=1e6 * left / largest_v),),
+            left_unit="ppm",
+        ),
+    )
+
+
+def _slope_per_c(seen: Seen) -> float:
+    """Relative change of K with temperature, 1/°C, by the stretches at other temperatures; 0 where there are none."""
+    found = []
+    for number, stretch in enumerate(seen.stretches):
+        points = seen.swept_in([number])
+        enough = np.unique(points.set_dps).size >= _FEWEST
+        if not stretch.across and enough and np.isfinite(stretch.temperature_c):
+            found.append((stretch.temperature_c, float(np.polyfit(points.rate_dps, points.output_v, 1)[0])))
+    if not found or np.ptp(found, axis=0)[0] < 5.0:
+        return 0.0
+    celsius, slopes = np.array(found).T
+    return float(np.polyfit(celsius, slopes / slopes.mean(), 1)[0])
+
+
+def _nonlinearity(points: Points, quantities: list[Quantity]) -> Measured:
+    def ppm(offsets: Offsets) -> FloatArray:
+        rate_dps, output_v = points.moved(offsets)
+        slope, intercept = line(rate_dps, output_v)
+        above = output_v - intercept[:, None]
+        return np.asarray(1e6 * (above - slope[:, None] * rate_dps) / np.max(np.abs(above), axis=1, keepdims=True))
+
+    return measured("nonlinearity", *largest_of(ppm, quantities), points)
+
+
+def _reading_errors(points: Points, offsets: Offsets, low: IntArray, high: IntArray) -> FloatArray:
+    """Departures from the line at low rates over what it reads, percent, shape (d, n of high)."""
+    rate_dps, output_v = points.moved(offsets)
+    slope, intercept = line(rate_dps[:, low], output_v[:, low])
+    reads = slope[:, None] * rate_dps[:, high]
+    return np.asarray(100.0 * (output_v[:, high] - intercept[:, None] - reads) / reads)
+
+
+def _ranges(seen: Seen, points: Points) -> tuple[IntArray, IntArray]:
+    """Which points the line at low rates is fitted to, and which are held against it."""
+    limit_dps = seen.settings.low_rate_dps
+    absolute = np.abs(points.set_dps)
+    return np.flatnonzero(absolute <= limit_dps), np.flatnonzero(absolute > _LOWEST_SHARE * limit_dps)
+
+
+def _of_reading(seen: Seen, points: Points, quantities: list[Quantity]) -> Measured:
+    low, high = _ranges(seen, points)
+
+    def percent(offsets: Offsets) -> FloatArray:
+        return _reading_errors(points, offsets, low, high)
+
+    errors = as_read(percent, quantities)
+    table = column("rate", "deg/s", points.rate_dps[high]), column("error_of_reading", "%", errors)
+    return measured(
+        "nonlinearity_reading",
+        *largest_of(percent, quantities),
+        points,
+        notes=(said("line_up_to", limit_dps=seen.settings.low_rate_dps),),
+        table=table,
+        picture=dots(*table),
+    )
+
+
+def _input_range(seen: Seen, points: Points, quantities: list[Quantity]) -> Measured:
+    """The rate at which the error of reading, the largest of all visits, passes the limit; straight between rates."""
+    low, high = _ranges(seen, points)
+    limit = seen.settings.linearity_percent
+    sizes = np.abs(points.set_dps[high])
+    visits = [sizes == size for size in np.unique(sizes)]
+
+    def largest(offsets: Offsets) -> FloatArray:
+        errors = np.abs(_reading_errors(points, offsets, low, high))
+        return np.maximum.accumulate(np.stack([errors[:, own].max(axis=1) for own in visits], axis=1), axis=1)
+
+    def reached(offsets: Offsets) -> FloatArray:
+        rates = np.abs(points.moved(offsets)[0][:, high])
+        return _first_crossing(
+            np.stack([rates[:, own].mean(axis=1) for own in visits], axis=1), largest(offsets), limit
+        )
+
+    found = as_read(largest, quantities)
+    return measured(
+        "input_range",
+        float(as_read(reached, quantities)),
+        propagated(reached, quantities),
+        points,
+        notes=(said("within_linearity", percent=limit),),
+        bound="at least" if found[-1] <= limit else "at most" if found[0] > limit else "",
+    )
+
+
+def _first_crossing(rates: FloatArray, errors: FloatArray, limit: float) -> FloatArray:
+    """Where growing errors (d, n) over growing rates (d, n) pass the limit; the last rate where they never do; (d,)."""
+    beyond = errors > limit
+    first = np.where(beyond.any(axis=1), np.argmax(beyond, axis=1), rates.shape[1] - 1)
+    rows, before = np.arange(rates.shape[0]), np.maximum(first - 1, 0)
+    rise = errors[rows, first] - errors[rows, before]
+    share = np.divide(limit - errors[rows, before], rise, out=np.ones_like(rise), where=rise > 0.0)
+    crossing = rates[rows, before] + np.clip(share, 0.0, 1.0) * (rates[rows, first] - rates[rows, before])
+    return np.where(beyond.any(axis=1), crossing, rates[:, -1])
+
+
+def _asymmetry(points: Points, quantities: list[Quantity]) -> Measured:
+    forward, backward = (np.flatnonzero(sign * points.set_dps > 0.0) for sign in (1.0, -1.0))
+
+    def ppm(offsets: Offsets) -> FloatArray:
+        rate_dps, output_v = points.moved(offsets)
+        plus, minus = (line(rate_dps[:, side], output_v[:, side])[0] for side in (forward, backward))
+        return np.asarray(2e6 * (plus - minus) / (plus + minus))[:, None]
+
+    return measured("asymmetry", *largest_of(ppm, quantities), points)

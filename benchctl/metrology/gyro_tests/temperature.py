@@ -1,0 +1,186 @@
+"""Scale factor and bias over temperature: their sensitivity, and what they remember of where the chamber came from.
+
+Sensitivity is the largest change from the reference per degree, over all set points that are 5 °C or more away, by the
+rates that both have; the thermometer's errors at two temperatures are taken to know nothing of each other. Hysteresis
+is the largest difference between set points reached by heating and by cooling.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchctl.metrology.lines import line
+from benchctl.metrology.names import UNITS
+from benchctl.metrology.points import Points
+from benchctl.metrology.propagation import Offsets, as_read, independent, largest_of
+from benchctl.metrology.result import Measured
+from benchctl.metrology.said import said
+from benchctl.metrology.seen import SAME_C, FloatArray, Seen, column, dots, has_rest, measured, refused
+
+_APART_C = 5.0
+_DEG_PER_H = 3600.0
+_FEWEST_RATES = 2
+_NAMES = ("scale_factor_temperature", "bias_temperature", "hysteresis_temperature_scale", "hysteresis_temperature_bias")
+
+Of = Callable[[Offsets], FloatArray]
+"""A quantity at every chosen stretch, shape (d, k)."""
+
+
+def temperature_tests(seen: Seen) -> Iterator[Measured]:
+    """Sensitivity and hysteresis of scale factor and bias."""
+    usable = _usable(seen)
+    home = seen.reference
+    away = [] if home is None else [one for one in usable if abs(_celsius(seen, one) - _celsius(seen, home)) > _APART_C]
+    if home is None or not away:
+        why = said("needs_set_points", found=len({seen.stretches[one].setpoint_c for one in usable}), needed=2)
+        yield from (refused(name, why) for name in ("scale_factor_temperature", "bias_temperature"))
+    else:
+        yield from _sensitivities(seen, home, away)
+    pairs = _legs(seen, usable)
+    if not pairs:
+        names = ("hysteresis_temperature_scale", "hysteresis_temperature_bias")
+        yield from (refused(name, said("needs_both_legs")) for name in names)
+    else:
+        yield from _memories(seen, pairs)
+
+
+def _usable(seen: Seen) -> list[int]:
+    """Stretches with rest and two rates; of those of one soak the last, which has settled best."""
+    found: dict[tuple[float, float], int] = {}
+    for number, stretch in enumerate(seen.stretches):
+        points = seen.swept_in([number])
+        if not stretch.across and has_rest(points) and np.unique(points.set_dps).size > 2:
+            found[stretch.setpoint_c, stretch.before_c] = number
+    return sorted(found.values())
+
+
+def _celsius(seen: Seen, number: int) -> float:
+    return seen.stretches[number].temperature_c
+
+
+def _slopes(points: Points, chosen: Sequence[np.ndarray]) -> Of:
+    def slopes(offsets: Offsets) -> FloatArray:
+        rate_dps, output_v = points.moved(offsets)
+        return 1e3 * np.stack([line(rate_dps[:, own], output_v[:, own])[0] for own in chosen], axis=1)
+
+    return slopes
+
+
+def _biases(points: Points, chosen: Sequence[np.ndarray], slope: float) -> Of:
+    places = [int(np.flatnonzero(own & (points.set_dps == 0.0))[0]) for own in chosen]
+
+    def biases(offsets: Offsets) -> FloatArray:
+        return np.asarray(_DEG_PER_H * points.moved(offsets)[1][:, places] / slope)
+
+    return biases
+
+
+def _together(seen: Seen, numbers: Sequence[int]) -> tuple[Points, list[np.ndarray]]:
+    """The points of some stretches at the rates that all of them have, and which belong to each."""
+    points = seen.swept_in(numbers)
+    common = set(points.set_dps.tolist())
+    for number in numbers:
+        common &= set(points.set_dps[points.stretch == number].tolist())
+    points = points.of(np.isin(points.set_dps, sorted(common)))
+    return points, [points.stretch == number for number in numbers]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Kind:
+    """Scale factor or bias: at every chosen stretch, (d, k), and how far two of them are apart."""
+
+    name: str
+    unit: str
+    of: Of
+    apart: Callable[[FloatArray, FloatArray], FloatArray]
+
+
+def _kinds(seen: Seen, points: Points, chosen: Sequence[np.ndarray]) -> tuple[_Kind, _Kind]:
+    return (
+        _Kind(
+            name="scale_factor",
+            unit="mV/(deg/s)",
+            of=_slopes(points, chosen),
+            apart=lambda there, here: 1e6 * (there / here - 1.0),
+        ),
+        _Kind(
+            name="bias",
+            unit="deg/h",
+            of=_biases(points, chosen, seen.scale_v_per_dps),
+            apart=lambda there, here: there - here,
+        ),
+    )
+
+
+def _rates(points: Points) -> int:
+    return int(np.unique(points.set_dps).size)
+
+
+def _sensitivities(seen: Seen, home: int, away: Sequence[int]) -> Iterator[Measured]:
+    points, chosen = _together(seen, [home, *away])
+    celsius = np.array([_celsius(seen, number) for number in (home, *away)])
+    warmth = independent(
+        "thermometer", np.full(celsius.size, seen.stated.thermometer_c.standard), seen.stated.thermometer_c.says
+    )
+    quantities, order = [*seen.quantities(points), warmth], np.argsort(celsius)
+    for kind in _kinds(seen, points, chosen):
+        name = f"{kind.name}_temperature"
+        if kind.name == "scale_factor" and _rates(points) < _FEWEST_RATES:
+            yield refused(name, said("needs_rates", found=_rates(points), needed=_FEWEST_RATES))
+            continue
+
+        def per_degree(offsets: Offsets, kind: _Kind = kind) -> FloatArray:
+            found, warm = kind.of(offsets), celsius + offsets["thermometer"]
+            return kind.apart(found[:, 1:], found[:, :1]) / (warm[:, 1:] - warm[:, :1])
+
+        values = as_read(kind.of, quantities)[order]
+        table = column("temperature", "degC", celsius[order]), column(kind.name, kind.unit, values)
+        yield measured(
+            name,
+            *largest_of(per_degree, quantities),
+            points,
+            table=table,
+            picture=dots(*table),
+        )
+
+
+def _legs(seen: Seen, usable: Sequence[int]) -> list[tuple[int, int]]:
+    """Stretches at one set point, reached from colder and from warmer."""
+    found = []
+    for one in usable:
+        for other in usable:
+            heated, cooled = seen.stretches[one], seen.stretches[other]
+            same = abs(heated.setpoint_c - cooled.setpoint_c) < SAME_C
+            if same and heated.before_c < heated.setpoint_c and cooled.before_c > cooled.setpoint_c:
+                found.append((one, other))
+    return found
+
+
+def _memories(seen: Seen, pairs: Sequence[tuple[int, int]]) -> Iterator[Measured]:
+    numbers = sorted({number for pair in pairs for number in pair})
+    points, chosen = _together(seen, numbers)
+    heated, cooled = (np.array([numbers.index(pair[side]) for pair in pairs]) for side in (0, 1))
+    celsius = np.array([seen.stretches[one].setpoint_c for one, _ in pairs])
+    quantities = seen.quantities(points)
+    for kind in _kinds(seen, points, chosen):
+        name = f"hysteresis_temperature_{'scale' if kind.name == 'scale_factor' else 'bias'}"
+        if kind.name == "scale_factor" and _rates(points) < _FEWEST_RATES:
+            yield refused(name, said("needs_rates", found=_rates(points), needed=_FEWEST_RATES))
+            continue
+
+        def apart(offsets: Offsets, kind: _Kind = kind) -> FloatArray:
+            found = kind.of(offsets)
+            return kind.apart(found[:, heated], found[:, cooled])
+
+        yield measured(
+            name,
+            *largest_of(apart, quantities),
+            points,
+            table=(
+                column("temperature", "degC", celsius),
+                column("heated_less_cooled", UNITS[name], as_read(apart, quantities)),
+            ),
+        )

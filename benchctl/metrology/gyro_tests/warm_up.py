@@ -1,0 +1,158 @@
+"""Warm-up: how far the bias is off when the supply comes on, and after how long it stays near its final value.
+
+The rest that follows a turn-on is fitted by c + A·e^(−t/τ), t since the turn-on, under the noise that rest shows. Warm
+is where the exponential stays within a stated limit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from benchctl.calibration.noise_model import walk_covariance
+from benchctl.metrology.drift import likeliest, white_variance
+from benchctl.metrology.names import UNITS
+from benchctl.metrology.propagation import K, Offsets, as_read, largest_of, nothing, propagated, scattered
+from benchctl.metrology.result import Measured, Picture, Trace, Uncertainty
+from benchctl.metrology.said import said
+from benchctl.metrology.seen import FloatArray, Seen, celsius_of, refused
+from benchctl.metrology.stretches import LEAST_V2
+from benchctl.recordings.model import StepInfo
+
+_NAMES = ("warm_up_time", "warm_up_bias")
+_SHORTEST_S = 300.0
+_MEANS = 120
+_FEWEST_SAMPLES = 40
+_SURE = 3.0
+_DEG_PER_H = 3600.0
+
+
+def warm_up_tests(seen: Seen) -> Iterator[Measured]:
+    """Time and size, by the longest rest right after a turn-on."""
+    after = [
+        (on, rest)
+        for on, rest in pairwise(seen.recording.infos)
+        if on.kind == "power_cycle" and rest.kind == "static" and rest.whole and rest.t_end - rest.t_start > _SHORTEST_S
+    ]
+    if not after:
+        yield from (refused(name, said("needs_power_on")) for name in _NAMES)
+        return
+    if seen.reference is None:
+        yield from (refused(name, said("needs_scale_factor")) for name in _NAMES)
+        return
+    on, rest = max(after, key=lambda pair: pair[1].t_end - pair[1].t_start)
+    yield from _found(seen, on, rest)
+
+
+def _found(seen: Seen, on: StepInfo, rest: StepInfo) -> Iterator[Measured]:
+    means = _means(seen, rest)
+    if means is None:
+        yield from (refused(name, said("needs_power_on")) for name in _NAMES)
+        return
+    time_s, bias, white = means
+    time_s = time_s - on.t_end
+    (c, amplitude, log_tau), covariance = _exponential(time_s, bias, white, seen)
+    within, deviation = seen.settings.warm_deg_per_h, float(np.sqrt(covariance[1, 1]))
+    scatter = scattered("scatter", covariance[1:, 1:], "scatter of the means, drift of the bias included")
+    sure = abs(amplitude) > _SURE * deviation
+
+    def warm_s(offsets: Offsets) -> FloatArray:
+        size = np.abs(amplitude + offsets["scatter"][:, 0])
+        tau_s = np.exp(log_tau + offsets["scatter"][:, 1])
+        return np.asarray(tau_s * np.log(np.maximum(size / within, 1.0)))
+
+    def off(offsets: Offsets) -> FloatArray:
+        return np.asarray(amplitude + offsets["scatter"][:, :1])
+
+    note = said("no_settling_seen")
+    if sure:
+        note = said("warm_up_law", amplitude=float(amplitude), tau_s=float(np.exp(log_tau)), within=within)
+    law = c + amplitude * _decay(time_s, log_tau)
+    common = {
+        "notes": (note,),
+        "temperature_c": celsius_of(rest.chamber_setpoint_c),
+        "steps": (on.index, rest.index),
+        "picture": Picture(
+            x="time_since_on",
+            x_unit="s",
+            y="bias",
+            y_unit="deg/h",
+            traces=(
+                Trace(label="readings", x=time_s, y=bias),
+                Trace(label="line", x=time_s, y=law, dots=False),
+            ),
+            left=(Trace(label="misfit", x=time_s, y=bias - law),),
+            left_unit="deg/h",
+        ),
+    }
+    if not sure and abs(amplitude) + K * deviation > within:
+        yield refused("warm_up_time", note)
+    else:
+        value = float(as_read(warm_s, [scatter])) if sure else 0.0
+        early = value <= float(time_s[0])
+        uncertainty = nothing() if early else propagated(warm_s, [scatter])
+        yield _result("warm_up_time", float(time_s[0]) if early else value, uncertainty, early, common)
+    yield _result("warm_up_bias", *largest_of(off, [scatter]), False, common)
+
+
+def _result(name: str, value: float, uncertainty: Uncertainty, at_most: bool, common: dict[str, Any]) -> Measured:
+    return Measured(
+        name=name,
+        unit=UNITS[name],
+        value=value,
+        uncertainty=uncertainty,
+        bound="at most" if at_most else "",
+        **common,
+    )
+
+
+def _means(seen: Seen, rest: StepInfo) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    """Times, biases [deg/h] and their variances by the noise within; (n,) each. None where hardly a sample is good."""
+    step = seen.recording.step(rest.index, ("time_s", "gyro_v"))
+    good = np.isfinite(step["gyro_v"])
+    factor = _DEG_PER_H / seen.scale_v_per_dps
+    time_s, bias = step["time_s"][good], factor * step["gyro_v"][good]
+    if time_s.size < _FEWEST_SAMPLES:
+        return None
+    parts = np.array_split(np.arange(time_s.size), min(_MEANS, time_s.size // 2))
+    return (
+        np.array([time_s[part].mean() for part in parts]),
+        np.array([bias[part].mean() for part in parts]),
+        np.array([max(white_variance(bias[part]) / part.size, factor**2 * LEAST_V2) for part in parts]),
+    )
+
+
+def _decay(time_s: FloatArray, log_tau: float) -> FloatArray:
+    """e^(−t/τ) as even means have it about their middles: sinh(h)/h of it, h half a mean's length over τ."""
+    half = 0.5 * float(np.median(np.diff(time_s))) / np.exp(log_tau)
+    return np.asarray(np.exp(-time_s / np.exp(log_tau)) * np.sinh(half) / half)
+
+
+def _exponential(time_s: FloatArray, bias: FloatArray, white: FloatArray, seen: Seen) -> tuple[FloatArray, FloatArray]:
+    """c, A and ln τ with their covariance, (3,) and (3, 3), under white noise and the likeliest walk of the bias.
+
+    A settling of less than half a mean would be over before the first of them, and could have been of any size.
+    """
+    noise = likeliest(seen.noises)
+    walk = noise.walk * (_DEG_PER_H / seen.scale_v_per_dps) ** 2
+    wide_s = float(np.median(np.diff(time_s)))
+    wiener = walk_covariance(time_s - time_s[0] + wide_s, np.full(time_s.size, wide_s))
+    root = np.linalg.cholesky(walk * wiener + noise.excess * np.diag(white))
+
+    def misfit(parameters: FloatArray) -> FloatArray:
+        c, amplitude, log_tau = parameters
+        return np.asarray(np.linalg.solve(root, bias - c - amplitude * _decay(time_s, log_tau)))
+
+    last = float(bias[-bias.size // 5 :].mean())
+    length_s = float(time_s[-1] - time_s[0])
+    starts = [(last, float(bias[0]) - last, float(np.log(length_s * share))) for share in (0.05, 0.2, 0.5)]
+    bounds = ([-np.inf, -np.inf, np.log(wide_s / 2)], [np.inf, np.inf, np.log(5 * length_s)])
+    best = min(
+        (least_squares(misfit, start, bounds=bounds, x_scale="jac") for start in starts), key=lambda fit: fit.cost
+    )
+    slopes = np.asarray(best.jac)
+    return best.x, np.linalg.pinv(slopes.T @ slopes)

@@ -1,0 +1,170 @@
+"""The file of limits: what an accepted unit may show, in which units, and how near to a limit a value may lie.
+
+title = "Acceptance of VG910"
+guard = 1.0                      # guard band in expanded uncertainties (k = 2); 0: simple acceptance
+
+[settings]                       # what belongs to the tests' definitions
+low_rate_dps = 40.0
+
+[limits.scale_factor]
+low = 49.5
+high = 50.5
+unit = "mV/(deg/s)"
+"""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import math
+import re
+import tokenize
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import pint
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from benchctl.limits import cut, shown
+from benchctl.metrology.names import UNITS
+from benchctl.metrology.result import Limit, Papers
+from benchctl.metrology.seen import Settings
+from benchctl.toml_file import line_of, parse_toml, read_text
+from instruments.errors import UsageError
+
+_LONGEST_UNIT = 60
+_SPELLING = re.compile(r"(?:(?:[A-Za-z]++|\))(?:(?:\^|\*\*)-?\d(?:\.\d)?)?|[( ]|/(?!/)|\*(?!\*)|1)+")
+"""Words, brackets, products, quotients and small powers: nothing that could take long to work out."""
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class _LimitEntry(_Table):
+    low: float | None = None
+    high: float | None = None
+    unit: str = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _in_order(self) -> _LimitEntry:
+        if self.low is None and self.high is None:
+            raise ValueError("expected low, high or both")
+        if self.low is not None and self.high is not None and self.low > self.high:
+            raise ValueError(f"low ({self.low:g}) must not be above high ({self.high:g})")
+        return self
+
+
+class _SettingsEntry(_Table):
+    low_rate_dps: float = Field(default=Settings().low_rate_dps, gt=0)
+    linearity_percent: float = Field(default=Settings().linearity_percent, gt=0)
+    warm_deg_per_h: float = Field(default=Settings().warm_deg_per_h, gt=0)
+    mean_s: float = Field(default=Settings().mean_s, gt=0)
+    rest_s: float = Field(default=Settings().rest_s, gt=0)
+
+
+class _LimitFile(_Table):
+    title: str = ""
+    customer: str = ""
+    standard: str = ""
+    stage: str = ""
+    firmware: str = ""
+    guard: float = Field(default=1.0, ge=0)
+    settings: _SettingsEntry = _SettingsEntry()
+    limits: dict[str, _LimitEntry] = Field(min_length=1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """A file of limits: by the test's name, each in its own unit, and what else it states."""
+
+    path: Path
+    text: str
+    sha256: str
+    guard: float
+    limits: Mapping[str, Limit]
+    settings: Settings
+    papers: Papers
+
+
+def read_limits(path: Path) -> Limits:
+    """Read a file of limits.
+
+    Raises
+    ------
+    UsageError
+        Where it is not there or no TOML, names a test that does not exist, or a unit that a test cannot have; names the
+        line.
+    """
+    return limits_of_text(read_text(path, "limits"), path)
+
+
+def limits_of_text(text: str, path: Path) -> Limits:
+    """The limits of a text that is read already; raises what `read_limits` does."""
+    told = parse_toml(text, _LimitFile, str(path))
+    for name, entry in told.limits.items():
+        if name not in UNITS:
+            raise UsageError(f"{path}, line {line_of(text, ('limits', name))}: {_unknown(name)}")
+        try:
+            factor_between(UNITS[name], entry.unit)
+        except ValueError as err:
+            line = line_of(text, ("limits", name, "unit"))
+            raise UsageError(f"{path}, line {line}: limits.{name}.unit: {err}") from err
+    return Limits(
+        path=path,
+        text=text,
+        sha256=hashlib.sha256(text.encode()).hexdigest(),
+        guard=told.guard,
+        limits={name: Limit(low=one.low, high=one.high, unit=one.unit) for name, one in told.limits.items()},
+        settings=Settings(**told.settings.model_dump()),
+        papers=Papers(
+            title=told.title,
+            customer=told.customer,
+            standard=told.standard,
+            stage=told.stage,
+            firmware=told.firmware,
+        ),
+    )
+
+
+def _unknown(name: str) -> str:
+    close = difflib.get_close_matches(name, UNITS, 1)
+    hint = f"did you mean {close[0]}?" if close else f"there are {', '.join(UNITS)}"
+    return f"there is no test {shown(name)}: {hint}"
+
+
+def factor_between(unit: str, other: str) -> float:
+    """By what a number in one unit is multiplied to be in another.
+
+    Raises
+    ------
+    ValueError
+        Where the other is no unit, or one of something else; in words.
+
+    >>> factor_between("deg/h", "deg/s") * 3600
+    1.0
+    """
+    try:
+        ours, theirs = 1.0 * _unit(unit), 1.0 * _unit(other)
+        if ours.to_root_units().units != theirs.to_root_units().units:  # for pint an angle is but a number: rad/s is Hz
+            raise ValueError(other)
+        factor = float(ours.to(theirs.units).magnitude)
+    except (pint.PintError, TypeError, ValueError, AttributeError, SyntaxError, tokenize.TokenError) as err:
+        raise ValueError(f"the unit {cut(other, _LONGEST_UNIT)!r} is none of what is measured in {unit}") from err
+    if not math.isfinite(factor) or factor <= 0.0:
+        raise ValueError(f"the unit {cut(other, _LONGEST_UNIT)!r} is none of what is measured in {unit}")
+    return factor
+
+
+def _unit(text: str) -> pint.Unit:
+    spelled = re.sub(r"sqrt\(([^()]*)\)", r"(\1)**0.5", text.replace("°", "deg").replace("%", "percent"))
+    if len(spelled) > _LONGEST_UNIT or not _SPELLING.fullmatch(spelled):
+        raise ValueError(text)
+    return _registry().parse_units(spelled)
+
+
+@lru_cache(maxsize=1)
+def _registry() -> pint.UnitRegistry[float]:
+    return pint.UnitRegistry(cache_folder=None)

@@ -1,0 +1,202 @@
+"""Points of output over rate, freed of drift, and everything that is not known exactly about them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.metrology.drift import Means, Noises, settled
+from benchctl.metrology.propagation import Offsets, Quantity, independent, scattered, single
+from benchctl.metrology.stretches import Reading, Stretch
+from benchctl.recordings.stated import StatedUncertainties
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+UP, DOWN, REST = 1, -1, 0
+_ALIKE_DPS = 1e-6
+_SLOWEST_DPS = 1.0
+_ARCSEC_PER_DEG = 3600.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Points:
+    """Outputs over rates, (n,) each; of every stretch the rest first, as one point, then its rates in time order.
+
+    `output_v` has the bias in it and the drift taken off, `covariance_v2` (n, n) is its own. `leg`: `UP` where the rate
+    before of the same sign was smaller or there was none, `DOWN` where it was larger, `REST`. `stretch` counts
+    stretches, `step` is the recording's index, of rest that of its first; `rest_steps` has all of them, by stretch.
+    `swept` are those that a line is fitted to: rest, and of every rate from 1 °/s in both directions its first visit on
+    either leg, so that a rate that is come back to, or small changes about one, do not weigh more. `begins_s` is when
+    the point's stretch begins, `walk_v2_per_s` how strongly the bias walks.
+    """
+
+    rate_dps: FloatArray
+    set_dps: FloatArray
+    output_v: FloatArray
+    covariance_v2: FloatArray
+    duration_s: FloatArray
+    temperature_c: FloatArray
+    coarse_v: FloatArray
+    stretch: IntArray
+    leg: IntArray
+    step: IntArray
+    swept: BoolArray
+    begins_s: FloatArray
+    walk_v2_per_s: float
+    rest_steps: Mapping[int, tuple[int, ...]]
+
+    @property
+    def steps(self) -> tuple[int, ...]:
+        """Every step that the points come from, all the rest of a stretch among them."""
+        resting = {int(one) for one in self.stretch[self.leg == REST]}
+        return tuple(sorted({*map(int, self.step), *(step for one in resting for step in self.rest_steps[one])}))
+
+    def of(self, chosen: BoolArray | IntArray) -> Points:
+        """Some of the points."""
+        places = np.flatnonzero(chosen) if chosen.dtype == np.bool_ else chosen
+        whole = ("covariance_v2", "walk_v2_per_s", "rest_steps")
+        own = {name: getattr(self, name)[places] for name in self.__dataclass_fields__ if name not in whole}
+        return Points(
+            **own,
+            covariance_v2=self.covariance_v2[np.ix_(places, places)],
+            walk_v2_per_s=self.walk_v2_per_s,
+            rest_steps=self.rest_steps,
+        )
+
+    def quantities(self, stated: StatedUncertainties, *, drifting: bool = True) -> list[Quantity]:
+        """What is not known exactly of rates and outputs; `moved` takes their offsets.
+
+        From one stretch to another the bias walks on: that belongs to what they are compared by, if `drifting`.
+        """
+        walked_s = np.minimum.outer(self.begins_s, self.begins_s) - np.min(self.begins_s, initial=np.inf)
+        covariance = self.covariance_v2 + (self.walk_v2_per_s * walked_s if drifting else 0.0)
+        per_angle = np.sqrt(2.0) * stated.encoder_arcsec.standard / _ARCSEC_PER_DEG
+        return [
+            scattered("scatter", covariance, "scatter of the readings, drift of the bias included"),
+            independent("encoder", per_angle / self.duration_s * (self.leg != REST), stated.encoder_arcsec.says),
+            single("clock", 1e-6 * stated.clock_ppm.standard, stated.clock_ppm.says),
+            single("mounting", float(np.deg2rad(stated.mounting_deg.standard)), stated.mounting_deg.says),
+            single("converter's gain", 1e-6 * stated.gain_ppm.standard, stated.gain_ppm.says),
+            single("converter's offset", stated.offset_v.standard, stated.offset_v.says),
+            independent("converter's steps", self.coarse_v, "its steps, where noise does not blur them", uniform=True),
+        ]
+
+    def moved(self, offsets: Offsets) -> tuple[FloatArray, FloatArray]:
+        """True rates about the gyro's axis and true volts, (d, n) each, if these were the offsets of what was read."""
+        rate_dps = (self.rate_dps + offsets["encoder"]) * (1.0 + offsets["clock"]) * np.cos(offsets["mounting"])
+        output_v = self.output_v + offsets["scatter"] + offsets["converter's steps"]
+        return rate_dps, output_v * (1.0 + offsets["converter's gain"]) + offsets["converter's offset"]
+
+
+def points_of(stretches: Sequence[Stretch], noises: Noises) -> Points:
+    """The points of stretches, in their order; `noises` say how far the bias walks."""
+    means = [means_of(stretch.readings) for stretch in stretches]
+    parts = [settled(one, noises) for one in means]
+    sizes = [part.output_v.size for part in parts]
+    covariance = np.zeros((sum(sizes), sum(sizes)))
+    edges = np.concatenate([[0], np.cumsum(sizes)]).astype(int)
+    for part, first, last in zip(parts, edges[:-1], edges[1:], strict=True):
+        covariance[first:last, first:last] = part.covariance_v2
+    begins_s = [float(np.min(one.middle_s - 0.5 * one.duration_s)) for one in means]
+    rows = [row for number, stretch in enumerate(stretches) for row in _rows(stretch.readings, number)]
+    return Points(
+        rate_dps=np.array([row.rate_dps for row in rows]),
+        set_dps=np.array([row.set_dps for row in rows]),
+        output_v=np.concatenate([part.output_v for part in parts]) if parts else np.zeros(0),
+        covariance_v2=covariance,
+        duration_s=np.array([row.duration_s for row in rows]),
+        temperature_c=np.array([row.temperature_c for row in rows]),
+        coarse_v=np.array([row.coarse_v for row in rows]),
+        stretch=np.array([row.stretch for row in rows], dtype=np.int64),
+        leg=np.array([row.leg for row in rows], dtype=np.int64),
+        step=np.array([row.step for row in rows], dtype=np.int64),
+        swept=_swept(rows),
+        begins_s=np.array([begins_s[row.stretch] for row in rows]),
+        walk_v2_per_s=float(sum(weight * noise.walk for noise, weight in noises)),
+        rest_steps={
+            number: tuple(sorted({one.step for one in stretch.readings if one.set_dps == 0.0}))
+            for number, stretch in enumerate(stretches)
+        },
+    )
+
+
+def _swept(rows: Sequence[_Row]) -> BoolArray:
+    """See `Points`; where a stretch has no rate in both directions, all its rates count."""
+    rates = {(row.stretch, round(row.set_dps, 6)) for row in rows if abs(row.set_dps) >= _SLOWEST_DPS}
+    paired = {(stretch, rate) for stretch, rate in rates if (stretch, -rate) in rates}
+    of_pairs = {stretch for stretch, _ in paired}
+    visited: set[tuple[int, float, int]] = set()
+    found = []
+    for row in rows:
+        rate, visit = (row.stretch, round(row.set_dps, 6)), (row.stretch, round(row.set_dps, 6), row.leg)
+        counts = rate in (paired if row.stretch in of_pairs else rates)
+        found.append(row.leg == REST or (counts and visit not in visited))
+        visited.add(visit)
+    return np.array(found, dtype=np.bool_)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Row:
+    rate_dps: float
+    set_dps: float
+    duration_s: float
+    temperature_c: float
+    coarse_v: float
+    stretch: int
+    leg: int
+    step: int
+
+
+def means_of(readings: Sequence[Reading]) -> Means:
+    """Readings as arrays."""
+    return Means(
+        output_v=np.array([one.output_v for one in readings]),
+        middle_s=np.array([one.middle_s for one in readings]),
+        duration_s=np.array([one.duration_s for one in readings]),
+        white_v2=np.array([one.white_v2 for one in readings]),
+        rest=np.array([one.set_dps == 0.0 for one in readings]),
+    )
+
+
+def _rows(readings: Sequence[Reading], stretch: int) -> list[_Row]:
+    """One row for the rest, one for each rate, as `settled` orders them."""
+    rows: list[_Row] = []
+    rest = [one for one in readings if one.set_dps == 0.0]
+    if rest:
+        rows.append(
+            _Row(
+                rate_dps=0.0,
+                set_dps=0.0,
+                duration_s=sum(one.duration_s for one in rest),
+                temperature_c=float(np.mean([one.temperature_c for one in rest])),
+                coarse_v=max(one.coarse_v for one in rest),
+                stretch=stretch,
+                leg=REST,
+                step=rest[0].step,
+            )
+        )
+    before: dict[bool, float] = {}
+    for one in readings:
+        if one.set_dps == 0.0:
+            continue
+        forward = one.set_dps > 0.0
+        leg = DOWN if before.get(forward, 0.0) > abs(one.set_dps) + _ALIKE_DPS else UP
+        before[forward] = abs(one.set_dps)
+        rows.append(
+            _Row(
+                rate_dps=one.rate_dps,
+                set_dps=one.set_dps,
+                duration_s=one.duration_s,
+                temperature_c=one.temperature_c,
+                coarse_v=one.coarse_v,
+                stretch=stretch,
+                leg=leg,
+                step=one.step,
+            )
+        )
+    return rows

@@ -1,0 +1,179 @@
+"""What a recording shows, gathered once for all tests: its stretches, points, and the reference among them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.metrology.drift import Noises, noises_of
+from benchctl.metrology.names import UNITS
+from benchctl.metrology.points import REST, Points, means_of, points_of
+from benchctl.metrology.propagation import Quantity
+from benchctl.metrology.result import Bound, Column, Measured, Picture, Trace, Uncertainty
+from benchctl.metrology.said import Said
+from benchctl.metrology.stretches import Stretch, stretches_of
+from benchctl.recordings.reader import Recording
+from benchctl.recordings.stated import StatedUncertainties, stated_of
+
+FloatArray = npt.NDArray[np.float64]
+
+ROOM_C = 20.0
+"""The temperature of reference where nothing states another (ISO 1)."""
+SAME_C = 1.0
+"""Set points that are no further apart are one temperature."""
+_FEWEST_RATES = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """What the tests may be told: thresholds that belong to a test's definition.
+
+    `low_rate_dps`: the line that readings are held against is fitted up to there. `linearity_percent` bounds the input
+    range. `warm_deg_per_h`: how near the final bias is warm. `mean_s` and `rest_s`: bias stability is the deviation of
+    means over so long, of a rest of so long at least.
+    """
+
+    low_rate_dps: float = 40.0
+    linearity_percent: float = 1.0
+    warm_deg_per_h: float = 10.0
+    mean_s: float = 10.0
+    rest_s: float = 600.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Seen:
+    """A recording for the tests. `reference` counts stretches, None where no stretch has three rates.
+
+    `noises` say how far the bias walks, by all the rest.
+    """
+
+    recording: Recording
+    stated: StatedUncertainties
+    settings: Settings
+    stretches: Sequence[Stretch]
+    noises: Noises
+    points: Points
+    reference: int | None
+
+    def in_stretch(self, number: int) -> Points:
+        """The points of one stretch."""
+        return self.points.of(self.points.stretch == number)
+
+    def swept_in(self, numbers: Sequence[int]) -> Points:
+        """The points of some stretches to which lines are fitted."""
+        return self.points.of(np.isin(self.points.stretch, numbers) & self.points.swept)
+
+    @property
+    def at_reference(self) -> Points | None:
+        """Those of the reference: the sweep that reaches furthest, at the temperature nearest to room's."""
+        return None if self.reference is None else self.swept_in([self.reference])
+
+    @property
+    def scale_v_per_dps(self) -> float:
+        """Slope of the reference's line; NaN where there is none."""
+        points = self.at_reference
+        if points is None:
+            return float("nan")
+        return float(np.polyfit(points.rate_dps, points.output_v, 1)[0])
+
+    def quantities(self, points: Points, *, drifting: bool = True) -> list[Quantity]:
+        """What is not known exactly of some points."""
+        return points.quantities(self.stated, drifting=drifting)
+
+
+def seen_in(recording: Recording, settings: Settings) -> Seen:
+    """Gather what a recording shows."""
+    stretches = list(stretches_of(recording))
+    noises = noises_of([means_of(stretch.readings) for stretch in stretches])
+    points = points_of(stretches, noises)
+    room_c = float((recording.meta.simulation or {}).get("T0_c", ROOM_C))
+    return Seen(
+        recording=recording,
+        stated=stated_of(recording.meta),
+        settings=settings,
+        stretches=stretches,
+        noises=noises,
+        points=points,
+        reference=_reference(stretches, points, room_c),
+    )
+
+
+def _reference(stretches: Sequence[Stretch], points: Points, room_c: float) -> int | None:
+    def merit(number: int) -> tuple[float, float, int]:
+        rates = points.set_dps[(points.stretch == number) & points.swept]
+        away = np.round(abs(stretches[number].temperature_c - room_c) / SAME_C)  # a thermistor's noise decides nothing
+        return float(np.round(np.max(np.abs(rates)))), -float(away), -number
+
+    usable = [
+        number
+        for number, stretch in enumerate(stretches)
+        if not stretch.across
+        and np.unique(points.set_dps[(points.stretch == number) & points.swept]).size >= _FEWEST_RATES
+    ]
+    return max(usable, key=merit, default=None)
+
+
+def refused(name: str, why: Said) -> Measured:
+    """A test that the recording does not hold."""
+    return Measured(name=name, unit=UNITS[name], refused=why)
+
+
+def measured(
+    name: str,
+    value: float,
+    uncertainty: Uncertainty,
+    points: Points,
+    *,
+    notes: tuple[Said, ...] = (),
+    bound: Bound = "",
+    table: tuple[Column, ...] = (),
+    picture: Picture | None = None,
+) -> Measured:
+    """A result of some points, with their steps and mean temperature."""
+    return Measured(
+        name=name,
+        unit=UNITS[name],
+        value=value,
+        uncertainty=uncertainty,
+        bound=bound,
+        notes=notes,
+        temperature_c=celsius_of(*points.temperature_c),
+        steps=points.steps,
+        table=table,
+        picture=picture,
+    )
+
+
+def celsius_of(*celsius: float) -> float | None:
+    """The mean temperature; None where nobody states it."""
+    mean = float(np.mean(celsius))
+    return mean if np.isfinite(mean) else None
+
+
+def same_set_point(one_c: float, other_c: float) -> bool:
+    """Whether two set points are one temperature: two that nobody states are, too."""
+    return abs(one_c - other_c) < SAME_C or bool(np.isnan(one_c) and np.isnan(other_c))
+
+
+def column(name: str, unit: str, values: FloatArray) -> Column:
+    """A column of a table of points."""
+    return Column(name=name, unit=unit, values=tuple(values.tolist()))
+
+
+def dots(x: Column, y: Column) -> Picture:
+    """A picture of one column over another."""
+    trace = Trace(label="readings", x=np.array(x.values), y=np.array(y.values))
+    return Picture(x=x.name, x_unit=x.unit, y=y.name, y_unit=y.unit, traces=(trace,))
+
+
+def both_directions(points: Points) -> bool:
+    """Whether there are at least two rates in either direction."""
+    return all(np.unique(points.set_dps[side]).size > 1 for side in (points.set_dps > 0, points.set_dps < 0))
+
+
+def has_rest(points: Points) -> bool:
+    """Whether there is a reading at rest."""
+    return bool((points.leg == REST).any())

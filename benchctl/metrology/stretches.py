@@ -1,0 +1,139 @@
+"""A recording as stretches: readings at rest and at constant rates of one temperature, one turn-on and one mounting.
+
+A stretch ends with a soak, a ramp, a power cycle or a remounting; swings inside it are passed over, and so is the rest
+right after a power cycle, in which the unit warms up.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.calibration.reduce import QUIET_KINDS, ReducedStep, reduce_step
+from benchctl.metrology.drift import white_variance
+from benchctl.recordings.model import BenchFacts, StepInfo
+from benchctl.recordings.reader import Recording
+
+FloatArray = npt.NDArray[np.float64]
+
+BREAKS = ("soak", "thermal_ramp", "power_cycle", "mount")
+LEAST_V2 = 1e-22
+"""Of the variance of a mean: an output that a converter's step hides the noise of does not scatter at all."""
+_PIECES = 20
+_SHORTEST_PIECE_S = 10.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reading:
+    """Mean output at a constant rate or at rest, in time order.
+
+    `rate_dps` is the encoder's mean over the same samples, `set_dps` what was asked for; `white_v2` the variance of
+    `output_v` by the noise within it, `coarse_v` its standard uncertainty by the converter's steps as far as noise
+    does not blur them. Rest is cut into pieces of 10 s and more, each a reading.
+    """
+
+    step: int
+    set_dps: float
+    rate_dps: float
+    output_v: float
+    white_v2: float
+    middle_s: float
+    duration_s: float
+    temperature_c: float
+    coarse_v: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stretch:
+    """Readings that belong together; `before_c` is the set point that the chamber came from, NaN for the first.
+
+    `power_on` counts the times that the unit was switched on before.
+    """
+
+    setpoint_c: float
+    before_c: float
+    power_on: int
+    across: bool
+    readings: tuple[Reading, ...] = ()
+
+    @property
+    def temperature_c(self) -> float:
+        """Mean of the thermistor; the set point where there is none."""
+        mean = float(np.mean([reading.temperature_c for reading in self.readings])) if self.readings else np.nan
+        return mean if np.isfinite(mean) else self.setpoint_c
+
+
+def stretches_of(recording: Recording) -> Iterator[Stretch]:
+    """All stretches with readings, one step in memory at a time; steps that were cut are passed over."""
+    current = Stretch(setpoint_c=np.nan, before_c=np.nan, power_on=0, across=False)
+    before: StepInfo | None = None
+    for info in recording.infos:
+        warms_up = before is not None and before.kind == "power_cycle" and info.kind == "static"
+        before = info
+        if info.kind in BREAKS:
+            if current.readings:
+                yield current
+            current = _after(current, info)
+        elif info.kind in QUIET_KINDS and info.whole and not warms_up:
+            if not np.isfinite(current.setpoint_c):
+                current = replace(current, setpoint_c=info.chamber_setpoint_c)
+            reduced = reduce_step(recording.step(info.index), recording.meta)
+            if reduced is not None:
+                current = replace(current, readings=(*current.readings, *_readings(reduced, recording.meta.bench)))
+    if current.readings:
+        yield current
+
+
+def _after(before: Stretch, info: StepInfo) -> Stretch:
+    moved = info.chamber_setpoint_c != before.setpoint_c
+    return Stretch(
+        setpoint_c=info.chamber_setpoint_c,
+        before_c=before.setpoint_c if moved else before.before_c,
+        power_on=before.power_on + (info.kind == "power_cycle"),
+        across=info.name.startswith("mount across") if info.kind == "mount" else before.across,
+    )
+
+
+def _readings(reduced: ReducedStep, bench: BenchFacts) -> Iterator[Reading]:
+    pieces = 1
+    if reduced.kind == "static":
+        pieces = max(1, min(_PIECES, int(reduced.duration_s / _SHORTEST_PIECE_S)))
+    rate_dps = reduced.info.rate_dps if reduced.kind == "constant_rate" else 0.0
+    white_v2 = max(white_variance(reduced.output_v), LEAST_V2)
+    sample_v = math.sqrt(white_v2 * float(np.mean(reduced.count)))
+    for part in np.array_split(np.arange(reduced.count.size), pieces):
+        weights = reduced.count[part] / reduced.count[part].sum()
+        yield Reading(
+            step=reduced.info.index,
+            set_dps=float(weights @ reduced.rate_dps[part]) if rate_dps is None else rate_dps,
+            rate_dps=float(weights @ reduced.rate_dps[part]),
+            output_v=float(weights @ reduced.output_v[part]),
+            white_v2=white_v2 / part.size,
+            middle_s=float(weights @ reduced.time_s[part]),
+            duration_s=reduced.duration_s * part.size / reduced.count.size,
+            temperature_c=float(np.mean(reduced.temperature_c[part])),
+            coarse_v=_coarse_v(sample_v, bench.adc_step_v),
+        )
+
+
+def _coarse_v(sample_v: float, step_v: float) -> float:
+    """Of the mean of many samples with so much noise through a converter of such steps, standard uncertainty.
+
+    The step's own, uniform, times what noise leaves of the first wave of the rounding, e^(−2π²σ²/step²) (Widrow and
+    Kollár).
+    """
+    return step_v / math.sqrt(12.0) * math.exp(-2.0 * (math.pi * sample_v / step_v) ** 2) if step_v else 0.0
+
+
+def rest_of(recording: Recording) -> StepInfo | None:
+    """The longest whole step at rest but those right after a power cycle; None where there is none."""
+    infos = recording.infos
+    warming = {after.index for on, after in pairwise(infos) if on.kind == "power_cycle"}
+    resting = [one for one in infos if one.kind == "static" and one.whole and not one.mounting]
+    settled = [one for one in resting if one.index not in warming]
+    return max(settled, key=lambda info: info.t_end - info.t_start, default=None)

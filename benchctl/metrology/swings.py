@@ -1,0 +1,90 @@
+"""A swing of known frequency, fitted by its harmonics: its motion without differentiating, its output's fundamental."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.calibration.angle_rate import unwrap_deg
+from benchctl.recordings.model import Step
+
+FloatArray = npt.NDArray[np.float64]
+
+_MOST_HARMONICS, _OF_NYQUIST = 40, 0.8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Swing:
+    """Samples of a swing, (n,) each, and its fundamentals as phasors.
+
+    `rate_dps` is that of the fitted motion; `left_v` what the harmonics leave of the output.
+    """
+
+    time_s: FloatArray
+    rate_dps: FloatArray
+    output_v: FloatArray
+    left_v: FloatArray
+    rate_phasor: complex
+    output_phasor: complex
+
+
+def fitted(step: Step, frequency_hz: float) -> Swing | None:
+    """Fit angle and output by a drift and as many harmonics as there is room for; a rate is jω times its angle.
+
+    The frequency is that of the table's clock: by the stamps' clock it is another, and is taken from the angle. None
+    where angle or output are missing, or have too few samples for one harmonic.
+    """
+    if not {"encoder_deg", "gyro_v"} <= step.channels.keys():
+        return None
+    good = np.isfinite(step["encoder_deg"]) & np.isfinite(step["gyro_v"])
+    room = (int(good.sum()) // 2 - 2) // 2
+    if room < 1:
+        return None
+    time_s = step["time_s"][good] - step["time_s"][0]
+    angle_deg, output_v = unwrap_deg(step["encoder_deg"][good]), step["gyro_v"][good]
+    highest_hz = 0.5 * _OF_NYQUIST * (time_s.size - 1) / float(time_s[-1] - time_s[0])
+    if frequency_hz > highest_hz:
+        return None
+    frequency_hz = _by_the_stamps(time_s, angle_deg, frequency_hz)
+    harmonics = max(1, min(int(highest_hz / frequency_hz), _MOST_HARMONICS, room))
+    omega = 2.0 * np.pi * frequency_hz * np.arange(1.0, harmonics + 1.0)
+    columns = _columns(time_s, omega)
+    both = np.stack([angle_deg, output_v], axis=1)
+    # even columns, many rows: the normal equations are as good and need no copy of them
+    solution = np.linalg.solve(columns.T @ columns, columns.T @ both)
+    phasors = solution[:harmonics] - 1j * solution[harmonics:-2]
+    rates = 1j * omega * phasors[:, 0]
+    moving = columns[:, :harmonics] @ rates.real - columns[:, harmonics:-2] @ rates.imag
+    return Swing(
+        time_s=step["time_s"][good],
+        rate_dps=moving + solution[-1, 0],
+        output_v=output_v,
+        left_v=output_v - columns @ solution[:, 1],
+        rate_phasor=complex(rates[0]),
+        output_phasor=complex(phasors[0, 1]),
+    )
+
+
+def _columns(time_s: FloatArray, omega: FloatArray) -> FloatArray:
+    """Cosines, sines, 1 and t, shape (n, 2·harmonics + 2)."""
+    phase = np.outer(time_s, omega)
+    return np.concatenate([np.cos(phase), np.sin(phase), np.stack([np.ones_like(time_s), time_s], axis=1)], axis=1)
+
+
+def _by_the_stamps(time_s: FloatArray, angle_deg: FloatArray, frequency_hz: float) -> float:
+    """The frequency by how the phase of the angle moves from the first half of the swing to the second."""
+    half = time_s.size // 2
+    if time_s[half] * frequency_hz < 1.0:
+        return frequency_hz
+    omega = np.array([2.0 * np.pi * frequency_hz])
+    phases: list[float] = []
+    middles: list[float] = []
+    for part in (slice(0, half), slice(half, None)):
+        columns = _columns(time_s[part], omega)
+        solution = np.linalg.solve(columns.T @ columns, columns.T @ angle_deg[part])
+        phases.append(float(np.angle(solution[0] - 1j * solution[1])))
+        middles.append(float(time_s[part].mean()))
+    moved = float(np.angle(np.exp(1j * (phases[1] - phases[0]))))
+    return frequency_hz + moved / (2.0 * np.pi * (middles[1] - middles[0]))

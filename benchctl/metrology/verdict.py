@@ -1,0 +1,111 @@
+"""A value with its uncertainty against a limit: PASS, FAIL or INCONCLUSIVE, and what would make it conclusive.
+
+The limits are narrowed by a guard band for acceptance and widened by it for rejection (JCGM 106:2012, 8.3; ILAC-G8):
+with a band of one expanded uncertainty (k = 2) a unit that lies at the limit is accepted, or rejected, in at most 2.3 %
+of all tries. In between the verdict is open. Without a band the value alone counts and the risk is shared.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from scipy.stats import norm
+
+from benchctl.metrology.limit_file import factor_between
+from benchctl.metrology.names import PROCEDURES
+from benchctl.metrology.propagation import K
+from benchctl.metrology.result import Judged, Limit, Measured, Rule, Uncertainty, Verdict
+from benchctl.metrology.said import Said, said
+
+_MOST_TIMES = 10_000
+"""As long: nobody measures longer."""
+
+
+def rule_of(guard: float) -> Rule:
+    """The rule for a guard band of so many expanded uncertainties."""
+    if guard == 0.0:
+        return Rule(guard=0.0, says=said("rule_simple"))
+    return Rule(guard=guard, says=said("rule_guarded", guard=guard, risk_percent=100.0 * float(norm.sf(K * guard))))
+
+
+def judged(measured: Measured, limit: Limit | None, rule: Rule) -> Judged:
+    """A result against its limit, in the limit's unit."""
+    if limit is None:
+        return Judged(measured=measured, limit=None, verdict=None)
+    measured = in_unit(measured, limit.unit)
+    if measured.value is None or measured.uncertainty is None:
+        remedy = said("run_procedure", procedure=PROCEDURES[measured.name])
+        return Judged(measured=measured, limit=limit, verdict="INCONCLUSIVE", remedy=remedy)
+    band = rule.guard * measured.uncertainty.expanded
+    verdict = _verdict(measured, limit, band)
+    open_still = _remedy(measured, limit, rule) if verdict == "INCONCLUSIVE" else None
+    return Judged(measured=measured, limit=limit, verdict=verdict, remedy=open_still)
+
+
+def overall(every: tuple[Judged, ...]) -> Verdict:
+    """FAIL where one fails, INCONCLUSIVE where one is open, else PASS."""
+    verdicts = {one.verdict for one in every}
+    if "FAIL" in verdicts:
+        return "FAIL"
+    return "INCONCLUSIVE" if "INCONCLUSIVE" in verdicts else "PASS"
+
+
+def in_unit(measured: Measured, unit: str) -> Measured:
+    """The same result in another unit; its tables and pictures keep theirs."""
+    factor = factor_between(measured.unit, unit)
+    value, uncertainty = measured.value, measured.uncertainty
+    return replace(
+        measured,
+        unit=unit,
+        value=None if value is None else factor * value,
+        uncertainty=None if uncertainty is None else _scaled(uncertainty, factor),
+    )
+
+
+def _scaled(uncertainty: Uncertainty, factor: float) -> Uncertainty:
+    return replace(
+        uncertainty,
+        standard=factor * uncertainty.standard,
+        expanded=factor * uncertainty.expanded,
+        monte_carlo=factor * uncertainty.monte_carlo,
+        contributors=tuple(replace(one, standard=factor * one.standard) for one in uncertainty.contributors),
+    )
+
+
+def _verdict(measured: Measured, limit: Limit, band: float) -> Verdict:
+    """A bound decides only what lies on its side: at least so much is no maximum."""
+    value = float(measured.value or 0.0)
+    low = -math.inf if limit.low is None else limit.low
+    high = math.inf if limit.high is None else limit.high
+    known_low, known_high = measured.bound != "at most", measured.bound != "at least"
+    if (value - band > high and known_low) or (value + band < low and known_high):
+        return "FAIL"
+    above = limit.low is None or (value - band >= low and known_low)
+    below = limit.high is None or (value + band <= high and known_high)
+    return "PASS" if above and below else "INCONCLUSIVE"
+
+
+def _remedy(measured: Measured, limit: Limit, rule: Rule) -> Said:
+    """How much longer the scatter must be averaged for the guard band to end before the limit, if that can help."""
+    uncertainty = measured.uncertainty
+    if measured.bound or uncertainty is None or rule.guard == 0.0:
+        return said("run_procedure", procedure=PROCEDURES[measured.name])
+    value = float(measured.value or 0.0)
+    nearest = min(abs(value - end) for end in (limit.low, limit.high) if end is not None)
+    allowed = (nearest / (rule.guard * K)) ** 2
+    if allowed == 0.0:
+        return said("too_near")
+    variances = {
+        kind: math.fsum(one.standard**2 for one in uncertainty.contributors if one.kind == kind) for kind in "AB"
+    }
+    # what is stated may be more than the contributions make together: each has its share of that
+    stated = (uncertainty.expanded / K) ** 2 / (math.fsum(variances.values()) or math.nan)
+    scatter, others = stated * variances["A"], stated * variances["B"]
+    if math.isnan(stated):
+        return said("run_procedure", procedure=PROCEDURES[measured.name])
+    if others >= allowed:
+        largest = max((one for one in uncertainty.contributors if one.kind == "B"), key=lambda one: one.standard)
+        return said("better_instrument", source=largest.source)
+    times = scatter / (allowed - others)
+    return said("longer", times=math.floor(times) + 1, source="scatter") if times < _MOST_TIMES else said("too_near")
