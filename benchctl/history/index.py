@@ -1,0 +1,171 @@
+"""The index: what is known of a folder's campaigns, in SQLite, so that only what has changed is read again.
+
+It is a cache and never more: each entry stands for a file of one size and time of change. It is worked on in memory
+and put back whole, in one move, so that of two processes at once each reads and leaves a whole index; the later one
+stays. A file that is damaged, of another version, or no index at all, is left aside and made anew.
+
+    files      key, size, mtime_ns, problem        key: path in the folder; problem: why it cannot be read, or empty
+    campaigns  path, serial, model, procedure, started_utc, status, digest
+    documents  path, source, verdict, digests, campaign
+    figures    document, campaign, name, unit, value, uncertainty, temperature_c, bound, source, verdict, low, high
+
+`uncertainty` is expanded (k = 2); `campaign` is null until the document's recording is found.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sqlite3
+from collections.abc import Callable, Iterable
+from contextlib import closing
+from dataclasses import astuple
+from pathlib import Path
+
+from benchctl.atomic import whole_file
+from benchctl.history.entries import read_campaign, read_document
+from benchctl.history.found import FoundFile
+from benchctl.history.model import SOURCES, Campaign, Document
+from instruments.errors import UsageError
+
+NAME = ".benchctl-history.sqlite"
+VERSION = 1
+_MOST_BYTES = 256 << 20
+"""An index of a hundred thousand campaigns; it is held in memory."""
+
+_COLUMNS = {
+    "files": "key text, size integer, mtime_ns integer, problem text",
+    "campaigns": "path text, serial text, model text, procedure text, started_utc text, status text, digest text",
+    "documents": "path text, source text, verdict text, digests text, campaign text?",
+    "figures": "document text, campaign text?, name text, unit text, value real, uncertainty real?, "
+    "temperature_c real?, bound text, source text, verdict text, low real?, high real?",
+}
+"""The columns of each table and what stands in them; `?`: or null."""
+_CONSTRAINTS = {
+    "files": "PRIMARY KEY (key)",
+    "campaigns": "PRIMARY KEY (path), FOREIGN KEY (path) REFERENCES files ON DELETE CASCADE, "
+    "CHECK (started_utc GLOB '????-??-??T??:??:??+00:00' AND datetime(started_utc) IS NOT NULL)",
+    "documents": "PRIMARY KEY (path), FOREIGN KEY (path) REFERENCES files ON DELETE CASCADE",
+    "figures": f"FOREIGN KEY (document) REFERENCES documents ON DELETE CASCADE, CHECK (source IN {SOURCES})",
+}
+
+
+def place_of(folder: Path) -> Path:
+    """Where a folder's index is: in it, or in the user's cache where the folder may not be written to."""
+    if os.access(folder, os.W_OK | os.X_OK):
+        return folder / NAME
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    name = hashlib.sha256(os.fsencode(folder.resolve())).hexdigest()[:32]
+    return cache / "benchctl" / f"history-{name}.sqlite"
+
+
+def opened(place: Path | None, say: Callable[[str], None]) -> sqlite3.Connection:
+    """The index in memory, to be closed by the caller: as it was kept, or empty; `say` hears why a damaged one is not.
+
+    An index of another version is left aside without a word.
+    """
+    index = _empty()
+    if place is None or not place.exists():
+        return index
+    try:
+        if place.stat().st_size > _MOST_BYTES:
+            raise ValueError(f"is larger than {_MOST_BYTES / 1e6:.0f} MB")
+        # Nobody writes to this file, it is only ever replaced: no locks, and no journal of a stranger's beside it.
+        with closing(sqlite3.connect(f"{place.absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as kept:
+            if _version(kept) != VERSION:
+                return index
+            kept.backup(index)
+        # In memory: of a file that is only read SQLite 3.40 does not check the columns' types.
+        faults = [text for (text,) in index.execute("PRAGMA quick_check(1)")]
+        with closing(_empty()) as empty:
+            if faults != ["ok"] or _tables(index) != _tables(empty):
+                raise ValueError("is damaged")
+    except (sqlite3.Error, ValueError, OSError) as err:
+        say(f"{place}: {err}: the index is thrown away and made anew from the recordings")
+        index.close()
+        return _empty()
+    return index
+
+
+def keep(index: sqlite3.Connection, place: Path) -> None:
+    """Put the index back whole; `UsageError` where the disk refuses."""
+    try:
+        place.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as err:
+        raise UsageError(f"{place.parent}: cannot be made: {err.strerror or err}") from err
+    with whole_file(place) as temporary, closing(sqlite3.connect(temporary)) as kept:
+        index.backup(kept)
+
+
+def refresh(index: sqlite3.Connection, files: Iterable[FoundFile]) -> bool:
+    """Forget files that are gone or have changed, read those that are new; whether anything changed.
+
+    What could not be read is tried again each time: permissions change without a trace in size and time.
+    """
+    now = {file.key: file for file in files}
+    known = {
+        key: (size, mtime_ns, problem)
+        for key, size, mtime_ns, problem in index.execute("SELECT key, size, mtime_ns, problem FROM files")
+    }
+    stale = [key for key, told in known.items() if key not in now or told != (now[key].size, now[key].mtime_ns, "")]
+    with index:
+        index.executemany("DELETE FROM files WHERE key = ?", [(key,) for key in stale])
+        for key in sorted(now.keys() - (known.keys() - set(stale))):
+            _add(index, now[key])
+    return bool(stale) or now.keys() != known.keys()
+
+
+def _add(index: sqlite3.Connection, file: FoundFile) -> None:
+    """Read a file into the index, or the reason why it cannot be."""
+    add_file = "INSERT INTO files VALUES (?, ?, ?, ?)"
+    entry: Campaign | Document
+    try:
+        entry = read_campaign(file.path, file.key) if file.source is None else read_document(file.path, file.source)
+    except UsageError as err:
+        says = str(err).replace(f"{file.path}: ", "").replace(str(file.path), file.key)
+        index.execute(add_file, (file.key, file.size, file.mtime_ns, says))
+        return
+    index.execute(add_file, (file.key, file.size, file.mtime_ns, ""))
+    if isinstance(entry, Campaign):
+        index.execute("INSERT INTO campaigns VALUES (?, ?, ?, ?, ?, ?, ?)", astuple(entry))
+        return
+    index.execute(
+        "INSERT INTO documents VALUES (?, ?, ?, ?, NULL)",
+        (file.key, entry.source, entry.verdict, " ".join(entry.digests)),
+    )
+    index.executemany(
+        "INSERT INTO figures (document, source, name, unit, value, uncertainty, temperature_c, bound, verdict, low, "
+        "high) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        [(file.key, entry.source, *astuple(figure)) for figure in entry.figures],
+    )
+
+
+def _empty() -> sqlite3.Connection:
+    index = sqlite3.connect(":memory:")
+    index.execute("PRAGMA foreign_keys = ON")
+    index.text_factory = lambda text: text.decode("utf-8", "replace")
+    for table, columns in _COLUMNS.items():
+        index.execute(f"CREATE TABLE {table} ({_checked(columns)}, {_CONSTRAINTS[table]})")
+    index.execute("CREATE INDEX figures_by_document ON figures (document)")
+    index.execute(f"PRAGMA user_version = {VERSION}")
+    return index
+
+
+def _checked(columns: str) -> str:
+    """Columns with the types that SQLite is to insist on: a kept index is held against them, too."""
+    told = []
+    for column in columns.split(", "):
+        name, kind = column.removesuffix("?").split()
+        kinds = f"'{kind}', 'null'" if column.endswith("?") else f"'{kind}'"
+        told.append(f"{name} {kind} CHECK (typeof({name}) IN ({kinds}))")
+    return ", ".join(told)
+
+
+def _version(index: sqlite3.Connection) -> int:
+    (version,) = index.execute("PRAGMA user_version").fetchone()
+    return int(version)
+
+
+def _tables(index: sqlite3.Connection) -> list[tuple[str, str | None]]:
+    """Names and definitions of everything in a database."""
+    return index.execute("SELECT name, sql FROM sqlite_master ORDER BY name").fetchall()

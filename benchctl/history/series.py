@@ -1,0 +1,92 @@
+"""One figure of one unit over time, and by how much it has drifted since it was last calibrated."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from benchctl.history.model import Source
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Point:
+    """A figure as one campaign states it, in the series' unit; the fields are those of `Campaign` and `Figure`.
+
+    `calibrated`: coefficients were fitted to that campaign.
+    """
+
+    started_utc: str
+    campaign: str
+    value: float
+    uncertainty: float | None
+    temperature_c: float | None
+    bound: str
+    verdict: str
+    low: float | None
+    high: float | None
+    calibrated: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Series:
+    """A figure of a unit over time: at least one point, in the order of their starts, then of their paths."""
+
+    serial: str
+    model: str
+    source: Source
+    name: str
+    unit: str
+    points: tuple[Point, ...]
+
+    @property
+    def latest(self) -> Point:
+        """The last of its points."""
+        return self.points[-1]
+
+    @property
+    def known(self) -> tuple[Point, ...]:
+        """The points that state a value, and not only a limit of what could be seen."""
+        return tuple(point for point in self.points if not point.bound)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drift:
+    """The latest value less an earlier one, in the series' unit.
+
+    `uncertainty` is √(U1² + U2²), expanded (k = 2), and `e_n` the difference over it, as ISO/IEC 17043 has it: beyond
+    ±1 the two disagree. Both are None where an uncertainty is not known. What both campaigns have in common, the same
+    bench and its certificates, is in U1 and in U2 but not in the difference: `e_n` is then smaller than it could be.
+    """
+
+    difference: float
+    uncertainty: float | None
+    e_n: float | None
+    since: Point
+
+    @property
+    def is_significant(self) -> bool:
+        """Whether |E_n| > 1."""
+        return self.e_n is not None and abs(self.e_n) > 1.0
+
+
+def drifts(points: Sequence[Point]) -> tuple[Drift, Drift] | None:
+    """The drift of the last point since the one before it, and since the first; None where nothing came before.
+
+    Before: at a campaign with a calibration; where no earlier one has any, at any.
+    """
+    if len(points) < 2:
+        return None
+    *earlier, latest = points
+    references = [point for point in earlier if point.calibrated] or earlier
+    return drift_between(references[-1], latest), drift_between(references[0], latest)
+
+
+def drift_between(before: Point, after: Point) -> Drift:
+    """The drift from one point to another."""
+    difference = after.value - before.value
+    if before.uncertainty is None or after.uncertainty is None:
+        return Drift(difference=difference, uncertainty=None, e_n=None, since=before)
+    combined = math.hypot(before.uncertainty, after.uncertainty)
+    e_n = difference / combined if combined > 0.0 else None
+    return Drift(difference=difference, uncertainty=combined, e_n=e_n, since=before)
