@@ -45,6 +45,7 @@ def allan(
     from benchctl.cli.places import report_folder
     from benchctl.metrology.allan import analysed
     from benchctl.metrology.series import series_of_step, series_of_text
+    from benchctl.recordings.campaign_manifest import add_to_manifest
     from benchctl.recordings.reader import open_recording
     from benchctl.reports import allan_report
     from benchctl.reports.results import name_of
@@ -70,5 +71,6 @@ def allan(
         result.say(allan_report.lines(found))
         if folder is not None:
             report, table = allan_report.write_report(found, folder, name_of(source))
+            add_to_manifest(folder, [report, table])
             result.values |= {"report": report, "table": table}
             result.say(f"report: {report}")

@@ -11,12 +11,15 @@ from typer.exceptions import TyperException
 
 import benchctl
 from benchctl.cli import (
+    accept,
     allan,
+    apply,
     check,
     compare,
     diagnose,
     export,
     fit,
+    history,
     import_,
     init,
     paper,
@@ -67,9 +70,12 @@ _VERBS: dict[str, Callable[..., None]] = {
     "run": run.run,
     "recover": recover.recover,
     "fit": fit.fit,
+    "accept": accept.accept,
     "diagnose": diagnose.diagnose,
     "compare": compare.compare,
     "allan": allan.allan,
+    "history": history.history,
+    "apply": apply.apply,
     "export": export.export,
     "show": show.show,
     "verify": verify.verify,

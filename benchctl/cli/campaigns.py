@@ -9,22 +9,31 @@ from typing import Any
 
 from benchctl.bench import Bench
 from benchctl.campaign.check import refuse_problems
+from benchctl.campaign.expiry import expiring
 from benchctl.campaign.guard.keeper import guarded
 from benchctl.campaign.opened import open_bench
 from benchctl.campaign.resume import Past
 from benchctl.campaign.runner import Outcome, run_campaign
 from benchctl.campaign.stop import stop_on_signals
 from benchctl.cli.live import live_progress
+from benchctl.cli.output import tell
 from benchctl.cli.words import duration, size
 from benchctl.plan import Plan
-from benchctl.recordings.schema import JOURNAL
+from benchctl.recordings.campaign_manifest import write_manifest
+from benchctl.recordings.schema import JOURNAL, RECORDING
+from instruments.errors import UsageError
 
 
 def play(
     plan: Plan, bench: Bench, folder: Path, *, quiet: bool, wires: bool = True, past: Past | None = None
 ) -> Outcome:
-    """Run a plan on a bench, or go on with its `past`, heeding signals and showing at the terminal how it goes."""
+    """Run a plan on a bench, or go on with its `past`, heeding signals and showing at the terminal how it goes.
+
+    Says beforehand whose certificate does not hold so long, and writes the folder's manifest once all is closed.
+    """
     refuse_problems(plan, bench, folder)
+    for certificate in expiring(plan, bench, past.first if past else 1):
+        tell(f"benchctl: warning: {certificate.says}", err=True)
     elapsed_s = past.elapsed_s if past else 0.0
     with (
         stop_on_signals() as stop,
@@ -32,7 +41,19 @@ def play(
         open_bench(bench, wires=wires, elapsed_s=elapsed_s, purpose=f"campaign {folder.absolute()}") as opened,
         live_progress(quiet) as progress,
     ):
-        return run_campaign(plan, opened, folder, stop=stop, progress=progress, guard=guard, past=past)
+        outcome = run_campaign(plan, opened, folder, stop=stop, progress=progress, guard=guard, past=past)
+    _seal(outcome)
+    return outcome
+
+
+def _seal(outcome: Outcome) -> None:
+    """Write the manifest of a campaign that has its recording; a disk that refuses must not hide how the run ended."""
+    if outcome.recording.name != RECORDING:
+        return
+    try:
+        write_manifest(outcome.campaign)
+    except UsageError as err:
+        tell(f"benchctl: warning: the campaign has no manifest: {err}", err=True)
 
 
 def told(outcome: Outcome) -> dict[str, Any]:

@@ -31,6 +31,7 @@ def check(
     from benchctl.atomic import free_bytes
     from benchctl.bench import load_bench
     from benchctl.campaign.check import bench_time_s, problems, room_problems
+    from benchctl.campaign.expiry import expiring
     from benchctl.campaign.interlocks import words
     from benchctl.campaign.opened import open_bench
     from benchctl.campaign.timing import disk_bytes
@@ -48,13 +49,17 @@ def check(
         needs = disk_bytes(plan, stands.recorded_hz) if playable else None
         free = free_bytes(out)
         found += room_problems(plan, stands, out) if playable else []
+        warnings = [each.says for each in expiring(plan, stands)] if playable else []
         result.values |= {
             "steps": len(plan.steps),
             "bench_time_s": takes_s,
             "disk_bytes": needs,
             "disk_free_bytes": free,
             "problems": [asdict(problem) for problem in found],
+            "warnings": warnings,
         }
+        for warning in warnings:
+            result.say(f"warning: {warning}")
         if found:
             for problem in found:
                 result.say(f"step {problem.step}: {problem.says}")

@@ -29,6 +29,7 @@ def compare(
     Example: `benchctl compare recording.h5 --model recording.diagnosis/model.toml`
     """
     from benchctl.cli.places import report_folder
+    from benchctl.recordings.campaign_manifest import add_to_manifest
     from benchctl.reports import comparing
     from instruments.errors import UsageError
 
@@ -44,4 +45,5 @@ def compare(
         result.say(comparing.table(compared))
         if folder is not None:
             result.values["report"] = comparing.write_compared(compared, folder)
+            add_to_manifest(folder, [result.values["report"]])
             result.say(f"report: {result.values['report']}")

@@ -54,6 +54,7 @@ def diagnose(
     from benchctl.cli.live import search_progress
     from benchctl.cli.places import report_folder
     from benchctl.cli.settling import bench_of, refuse_other_files, run_next, write_next
+    from benchctl.recordings.campaign_manifest import add_to_manifest
     from benchctl.recordings.verify import refuse_changed
     from benchctl.reports.diagnosing import diagnose_recordings, write_diagnosed
     from benchctl.reports.diagnosis_lines import lines
@@ -83,5 +84,7 @@ def diagnose(
         if following is not None:
             result.say(write_next(following, found.diagnosis))
         if folder is not None:
-            for name, path in write_diagnosed(found, folder).items():
+            written = write_diagnosed(found, folder)
+            add_to_manifest(folder, written.values())
+            for name, path in written.items():
                 result.say(f"{name}: {path}")

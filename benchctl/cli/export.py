@@ -1,4 +1,4 @@
-"""`benchctl export`: a recording for other programs."""
+"""`benchctl export`: a recording, or the compensation of its unit, for other programs."""
 
 from __future__ import annotations
 
@@ -8,40 +8,87 @@ from typing import Annotated
 
 import typer
 
-from benchctl.cli.output import JsonOption, QuietOption, result_of
+from benchctl.cli.output import JsonOption, QuietOption, refuse_existing, result_of
+from benchctl.cli.places import beside, refuse_folder
 
 
 class Format(StrEnum):
-    """What a recording can be exported to."""
+    """What a recording, or what was fitted on it, can be exported to."""
 
     csv = "csv"
     mat = "mat"
     netcdf = "netcdf"
     open = "open"
+    c_header = "c-header"
+    json = "json"
 
 
-_ENDINGS = {Format.csv: "_csv", Format.mat: ".mat", Format.netcdf: ".nc", Format.open: "_open"}
+_ENDINGS = {
+    Format.csv: "_csv",
+    Format.mat: ".mat",
+    Format.netcdf: ".nc",
+    Format.open: "_open",
+    Format.c_header: "_compensation.h",
+    Format.json: "_compensation.json",
+}
+_FOLDERS = (Format.csv, Format.open)
+_OF_COEFFICIENTS = (Format.c_header, Format.json)
 
 
 def export(
-    recording: Annotated[Path, typer.Argument(help="A recording, a campaign's folder, or an open recording's.")],
-    to: Annotated[Format, typer.Option("--to", help="csv and open make a folder, mat and netcdf a file.")],
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RECORDING",
+            help="A recording, a campaign's folder, or an open recording's; for c-header and json also coefficients.",
+        ),
+    ],
+    to: Annotated[
+        Format,
+        typer.Option("--to", help="csv and open make a folder, the others a file; c-header and json: compensation."),
+    ],
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Where to; default: beside the recording, with an ending.")
     ] = None,
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Export a recording: a CSV a step, a MAT file, netCDF-4, or an open recording.
+    """Export a recording: a CSV a step, a MAT file, netCDF-4, or an open recording; or the compensation of its unit.
 
-    Example: `benchctl export recording.h5 --to open -o for_the_other_lab`
+    c-header and json take the coefficients that benchctl fit wrote beside the recording: a C99 header for firmware,
+    with a self-test, or the same numbers for programs that read JSON.
+
+    Example: `benchctl export recording.h5 --to open -o for_the_other_lab`,
+    `benchctl export coefficients.json --to c-header -o gyro_compensation.h`
     """
+    from benchctl.recordings.campaign_manifest import add_to_manifest
+
+    with result_of("export", json_to, quiet) as result:
+        target = output or beside(source, _ENDINGS[to])
+        if to not in _FOLDERS:
+            refuse_folder(target)
+        if to in _OF_COEFFICIENTS:
+            refuse_existing(target)
+            _export_compensation(source, to, target)
+        else:
+            _export_recording(source, to, target)
+        add_to_manifest(target.parent, target.rglob("*") if target.is_dir() else [target])
+        result.values["output"] = target
+        result.say(f"wrote {target}")
+
+
+def _export_recording(source: Path, to: Format, target: Path) -> None:
     from benchctl.recordings.exporting import EXPORTERS
     from benchctl.recordings.reader import open_recording
 
-    with result_of("export", json_to, quiet) as result:
-        target = output or recording.with_name(recording.stem + _ENDINGS[to])
-        with open_recording(recording) as opened:
-            EXPORTERS[to.value](opened, target)
-        result.values["output"] = target
-        result.say(f"wrote {target}")
+    with open_recording(source) as opened:
+        EXPORTERS[to.value](opened, target)
+
+
+def _export_compensation(source: Path, to: Format, target: Path) -> None:
+    from benchctl.calibration.c_header import export_c_header
+    from benchctl.calibration.compensation_json import export_json
+    from benchctl.reports.own_coefficients import own_compensation
+
+    write = export_c_header if to is Format.c_header else export_json
+    write(own_compensation(source), target)

@@ -34,6 +34,7 @@ def paper(
     from benchctl.calibration.paper_audit import audit, implied_sine
     from benchctl.cli.campaigns import play
     from benchctl.plan.find import find_procedure
+    from benchctl.recordings.campaign_manifest import add_to_manifest
     from benchctl.recordings.reader import open_recording
     from benchctl.reports.fitting import fit_recordings
 
@@ -56,6 +57,7 @@ def paper(
         result.say(_table(found))
         if out is not None:
             fitted = fit_recordings([outcome.recording], folder)
+            add_to_manifest(folder, [fitted.values["coefficients"], fitted.values["report"]])
             result.values |= {"recording": outcome.recording, "report": fitted.values["report"]}
             result.say(f"recording: {outcome.recording}\nreport: {fitted.values['report']}")
 

@@ -1,10 +1,24 @@
-"""Where a verb that judges a recording puts its report: looked at before any work."""
+"""Where a verb puts what it writes about a recording: looked at before any work."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from benchctl.cli.output import tell
+
+
+def beside(path: Path, ending: str) -> Path:
+    """A name beside a file or a folder: its own, less the suffix, with this ending."""
+    named = path if path.name not in ("", "..") else path.resolve()
+    return named.with_name(named.stem + ending)
+
+
+def refuse_folder(path: Path) -> None:
+    """Raise `UsageError` where a folder stands in the place of a file to be written."""
+    from instruments.errors import UsageError
+
+    if path.is_dir():
+        raise UsageError(f"-o {path}: is a folder; name the file to write")
 
 
 def report_folder(

@@ -1,4 +1,4 @@
-"""`benchctl run`: a campaign."""
+"""`benchctl run`: a campaign, or one again."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from benchctl.cli.output import (
-    BenchOption,
     JsonOption,
     ParameterOption,
     QuietOption,
@@ -19,9 +18,17 @@ from benchctl.cli.output import (
 
 
 def run(
-    procedure: Annotated[str, typer.Argument(help="Its name, or a .py file.")],
-    bench: BenchOption,
+    procedure: Annotated[str | None, typer.Argument(help="Its name, or a .py file.")] = None,
+    bench: Annotated[
+        str | None, typer.Option("--bench", metavar="BENCH", help="A bench.toml, or `simulated`, which needs no file.")
+    ] = None,
     parameter: ParameterOption = None,
+    again: Annotated[
+        Path | None, typer.Option("--again", metavar="FIRST", help="Run again what made a recording, and compare.")
+    ] = None,
+    limits: Annotated[
+        Path | None, typer.Option("--limits", metavar="FILE", help="Judges --again; default: those that judged FIRST.")
+    ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="The campaign's folder; default: a new one in results/.")
     ] = None,
@@ -37,6 +44,13 @@ def run(
 
     Example: `benchctl run two_stage --bench simulated -p points=5 -p soak_s=3600`; after a crash the same command with
     `--resume results/20261120-180000_two_stage_SIM-0001`
+
+    With --again FIRST, a recording or a campaign's folder, its procedure is run again with its parameters on the same
+    unit: on --bench, or on its own bench where that was simulated, with the noise of another day unless --seed. Says
+    what differs from FIRST: procedure, bench, instruments, software, and every test. By --limits, or by those of the
+    acceptance beside FIRST, it is judged as by accept: exit status 1 unless all passes. Writes `rerun.json`.
+
+    Example: `benchctl run --again first/recording.h5 --bench lab/bench.toml`
     """
     from benchctl.bench import load_bench
     from benchctl.cli.campaigns import new_folder, play, summary, told
@@ -45,13 +59,20 @@ def run(
     from instruments.errors import UsageError
 
     with result_of("run", json_to, quiet) as result:
-        stands = load_bench(bench)
-        if seed is not None and not stands.simulated:
+        _refuse_contradictions(procedure, parameter, again, limits, out, resume)
+        stands = None if bench is None else load_bench(bench)
+        if seed is not None and stands is not None and not stands.simulated:
             raise UsageError(f"--seed {seed}: only a bench with simulated = true has a seed; {stands.name} is none")
-        stands = stands.with_seed(seed)
-        plan = find_procedure(procedure).expand(parameters(parameter))
-        if resume is not None and out is not None:
-            raise UsageError(f"--out {out}: a campaign that is resumed stays in its folder, {resume}")
+        rerun = None
+        if again is not None:
+            from benchctl.cli.rerunning import to_run_again
+
+            rerun = to_run_again(again, bench=stands, limits=limits, seed=seed)
+            plan, stands = rerun.plan, rerun.bench
+        elif procedure is None or stands is None:
+            raise UsageError("run needs a procedure (benchctl procedures lists them) and --bench, or --again FIRST")
+        else:
+            plan, stands = find_procedure(procedure).expand(parameters(parameter)), stands.with_seed(seed)
         if resume is not None:
             outcome = resumed(plan, stands, resume, seeded=seed is not None, yes=yes, quiet=quiet)
         else:
@@ -61,8 +82,38 @@ def run(
         if outcome.error is not None:
             raise outcome.error
         if plan.calibrates:
+            from benchctl.recordings.campaign_manifest import add_to_manifest
             from benchctl.reports.fitting import fit_recordings
 
             fitted = fit_recordings([outcome.recording], outcome.campaign)
+            add_to_manifest(outcome.campaign, [fitted.values["coefficients"], fitted.values["report"]])
             result.values |= {key: fitted.values[key] for key in ("coefficients", "error_percent")}
             result.say(fitted.says)
+        if rerun is not None:
+            rerun.tell(outcome, result)
+
+
+def _refuse_contradictions(
+    procedure: str | None,
+    parameter: list[str] | None,
+    again: Path | None,
+    limits: Path | None,
+    out: Path | None,
+    resume: Path | None,
+) -> None:
+    from instruments.errors import UsageError
+
+    if resume is not None and out is not None:
+        raise UsageError(f"--out {out}: a campaign that is resumed stays in its folder, {resume}")
+    if again is None:
+        if limits is not None:
+            raise UsageError(f"--limits {limits}: judges a run --again; benchctl accept judges a recording")
+        return
+    if procedure is not None:
+        raise UsageError(f"--again {again}: names its procedure itself; leave {procedure} out")
+    if parameter:
+        raise UsageError(f"--again {again}: is run with its own parameters; leave -p {parameter[0]} out")
+    if resume is not None:
+        raise UsageError(
+            f"--again {again}: begins a campaign, --resume {resume} goes on with one; leave one of them out"
+        )

@@ -9,7 +9,14 @@ from benchctl.campaign.timing import timeline
 from benchctl.cli.words import duration
 from benchctl.plan import Plan, Sine, Step, ThermalRamp
 
-_WORDS = {"static": "at rest", "constant_rate": "at constant rate", "sine": "sine", "thermal_ramp": "thermal ramp"}
+_WORDS = {
+    "static": "at rest",
+    "constant_rate": "at constant rate",
+    "sine": "sine",
+    "thermal_ramp": "thermal ramp",
+    "power_cycle": "powered off and on",
+    "mount": "mounted by hand",
+}
 
 
 def timeline_lines(plan: Plan, limits: Limits, from_c: float) -> Iterator[str]:

@@ -15,19 +15,28 @@ def verify(
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Check a recording's digests: names every channel, attribute and step that changed; exit status 1 then.
+    """Check digests: names every channel, attribute, step, and file of a campaign that changed; exit status 1 then.
 
-    Example: `benchctl verify recording.h5`
+    Example: `benchctl verify results/20261120-180000_two_stage_SIM-0001`, `benchctl verify recording.h5`
     """
+    from benchctl.recordings.campaign_manifest import manifest_digest
     from benchctl.recordings.verify import verify as problems_of
 
     with result_of("verify", json_to, quiet) as result:
         problems = [str(problem) for problem in problems_of(recording)]
-        result.values |= {"recording": recording, "problems": problems}
+        campaign = manifest_digest(recording)
+        result.values |= {"recording": recording, "problems": problems, "campaign_digest": campaign}
         if not problems:
-            result.say(f"{recording}: nothing changed since it was written")
+            result.say(f"{recording}: nothing changed since it was written{_reach(recording, campaign)}")
             return
         result.ok, result.error = False, problems[0]
         for problem in problems:
             typer.echo(f"benchctl: {recording}: {problem}", err=True)
         raise typer.Exit(1)
+
+
+def _reach(path: Path, campaign: str | None) -> str:
+    """What that was said of, where a campaign's folder was named."""
+    if campaign is not None:
+        return f"; campaign digest {campaign}"
+    return " (its recording; the other files have no manifest)" if path.is_dir() else ""

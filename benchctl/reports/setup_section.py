@@ -44,6 +44,7 @@ class Instrument:
     serial: str
     firmware: str
     calibrated_until: str
+    certificate: str
 
 
 def kind_name(kind: str) -> str:
@@ -93,6 +94,7 @@ def instruments(meta: Meta) -> list[Instrument]:
                 serial=str(told.get("bench_serial") or told.get("serial") or text.NOT_KNOWN),
                 firmware=str(told.get("firmware") or text.NOT_KNOWN),
                 calibrated_until=str(told.get("calibrated_until") or "not stated"),
+                certificate=str(told.get("certificate") or text.NOT_KNOWN),
             )
         )
     return found

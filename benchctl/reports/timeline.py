@@ -25,6 +25,8 @@ KIND_COLOURS: Mapping[str, str] = {
     "constant_rate": "#0072B2",
     "sine": "#009E73",
     "thermal_ramp": "#CC79A7",
+    "power_cycle": "#D55E00",
+    "mount": "#56B4E9",
 }
 _KIND_NAMES: Mapping[str, str] = {
     "soak": "soak",
@@ -32,6 +34,8 @@ _KIND_NAMES: Mapping[str, str] = {
     "constant_rate": "constant rate",
     "sine": "sine",
     "thermal_ramp": "thermal ramp",
+    "power_cycle": "power cycle",
+    "mount": "mounted by hand",
 }
 _KEPT_ASIDE: dict[str, Any] = {"linestyle": "none", "marker": "v", "markersize": 4, "color": INK}
 _FORMATS = (".svg", ".png")

@@ -30,8 +30,8 @@ def test_the_template_is_the_simulated_bench() -> None:
         ("coldest_c = -55.0", "coldest_c = 90.0", 17, "coldest_c (90) must be below hottest_c (85)"),
         ("chamber_c = 23.0", "chamber_c = 99.0", 1, "safe.chamber_c (99) lies outside"),
         ("simulated = true", "simulated = false", 1, "rate_table.address is needed where simulated is not true"),
-        ("encoder_sign = 1 ", "encoder_sign = 2 ", 66, "digitizer.encoder_sign: input should be 1 or -1, got 2"),
-        ("thermistor_c_per_v = 20.0", "thermistor_c_per_v = 0.0", 68, "thermistor_c_per_v: expected another number"),
+        ("encoder_sign = 1 ", "encoder_sign = 2 ", 67, "digitizer.encoder_sign: input should be 1 or -1, got 2"),
+        ("thermistor_c_per_v = 20.0", "thermistor_c_per_v = 0.0", 69, "thermistor_c_per_v: expected another number"),
         ("rate_dps = 300.0", "rate_dps = nan", 18, "limits.rate_dps: input should be"),
         ("hang_s = 60.0", "hang_s = 10.0", 1, "safe.hang_s (10) must be longer than limits.silence_s (10)"),
         (

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 VERBS = (
-    "check", "compare", "diagnose", "export", "fit", "import", "init", "paper", "procedures", "prove",
+    "apply", "check", "compare", "diagnose", "export", "fit", "import", "init", "paper", "procedures", "prove",
     "recover", "run", "show", "sim", "simulate", "verify",
 )  # fmt: skip
 

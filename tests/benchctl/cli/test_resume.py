@@ -117,6 +117,7 @@ def test_killed_again_and_resumed_it_ends_complete_and_a_complete_one_is_left_al
     told = json.loads((crashed / "r.json").read_text())
     assert (told["ok"], told["status"], told["steps"]) == (True, "complete", {"planned": 4, "whole": 4})
     assert told["campaign"] == "c"
+    assert _run(crashed, "verify", "c").stdout.startswith("c: nothing changed since it was written; campaign digest ")
     with open_recording(crashed / "c") as recording:
         assert recording.meta.status == "complete"
         assert [info.whole for info in recording.infos[:4]] == [True] * 4

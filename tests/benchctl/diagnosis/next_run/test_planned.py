@@ -8,7 +8,7 @@ import pytest
 from benchctl.campaign.timing import timeline
 from benchctl.diagnosis.next_run.planned import planned
 from benchctl.diagnosis.next_run.sampled import SampleNoise
-from benchctl.plan import ConstantRate, Sine, Soak, Static, ThermalRamp
+from benchctl.plan import ConstantRate, Mount, PowerCycle, Sine, Soak, Static, ThermalRamp
 from benchctl.plan.find import find_procedure
 from tests.benchctl.diagnosis.following import bench, plan_of
 
@@ -51,6 +51,14 @@ def test_motion_is_what_the_steps_ask_for_and_its_own_derivative() -> None:
         turning = np.gradient(frame.rate_dps[part], frame.interval_s)
         assert rate[1:-1] == pytest.approx(frame.rate_dps[part][1:-1], abs=0.02 * 40.0)
         assert turning[1:-1] == pytest.approx(frame.acceleration_dps2[part][1:-1], abs=0.03 * 252.0)
+
+
+def test_what_a_person_does_and_a_unit_mounted_across_have_no_rows_and_take_their_time() -> None:
+    turn = ConstantRate(rate_dps=-40.0, duration_s=30.0)
+    steps = (turn, Mount(position="across"), turn, Mount(position="along"), PowerCycle(off_s=60.0), turn)
+    rows = planned(plan_of(*steps), bench())
+    assert set(rows.frame.step) == {0, 5}
+    assert rows.bench_time_s > 3 * 30.0 + 2 * 120.0 + 60.0
 
 
 def test_the_thermistor_lags_behind_a_ramp_and_arrives_after_a_soak() -> None:

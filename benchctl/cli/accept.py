@@ -1,0 +1,52 @@
+"""`benchctl accept`: the tests of a gyro with limits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from benchctl.cli.output import JsonOption, QuietOption, result_of
+
+LanguageOption = Annotated[Literal["en", "ru"], typer.Option("--lang", help="Language of the report.")]
+
+
+def accept(
+    recording: Annotated[Path, typer.Argument(help="A recording, a campaign's folder, or an open recording's.")],
+    limits: Annotated[
+        Path, typer.Option("--limits", metavar="FILE", help="The limits, as TOML; `benchctl init` writes an example.")
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="For the report; default: in the campaign's folder.")
+    ] = None,
+    lang: LanguageOption = "en",
+    json_to: JsonOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Measure what the recording shows of the gyro, judge it by limits, and write the report.
+
+    PASS, FAIL or INCONCLUSIVE each, with expanded uncertainty (k = 2) and guard band. Writes `acceptance.html`, `.pdf`,
+    `.xml` (JUnit) and `.json`. Exit status 1 unless all that has a limit passes.
+
+    Example: `benchctl accept results/20261120-180000_acceptance_SIM-0001 --limits lab/limits.toml`
+    """
+    from benchctl.cli.places import report_folder
+    from benchctl.metrology.limit_file import read_limits
+    from benchctl.recordings.verify import refuse_changed
+    from benchctl.reports.accepting import accept_recording
+
+    with result_of("accept", json_to, quiet) as result:
+        told = read_limits(limits)
+        folder = report_folder(recording, out, json_to, quiet=False, kind="acceptance")  # QA files it, whoever asks
+        refuse_changed(recording, "accepted")
+        found = accept_recording(recording, told)
+        result.values |= found.values()
+        result.say(found.lines(lang))
+        if folder is not None:
+            written = found.write(folder, lang)
+            result.values |= written
+            result.say("\n".join(f"{kind}: {path}" for kind, path in written.items()))
+        if found.fails:
+            result.ok, result.error = False, found.fails
+            raise typer.Exit(1)

@@ -1,0 +1,53 @@
+"""`benchctl history`: units over time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from benchctl.cli.output import JsonOption, QuietOption, result_of, tell
+
+
+def history(
+    folder: Annotated[Path, typer.Argument(help="A folder with campaigns anywhere in it, or a .zip, .tar, .tar.gz.")],
+    unit: Annotated[str | None, typer.Option(metavar="SERIAL", help="Only this unit.")] = None,
+    figure: Annotated[str | None, typer.Option(metavar="NAME", help="Only this figure, such as K0_v_per_dps.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="For the page; default: the folder.")] = None,
+    json_to: JsonOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Chart what calibrations and acceptances said of each unit over time, and hold units against each other.
+
+    Control limits, drift since the last calibration, units apart from their siblings. Writes `history.html`; with
+    --quiet and --json, without --out, only the JSON. What was read is kept in `.benchctl-history.sqlite`, which is
+    made anew whenever it is missing.
+
+    Example: `benchctl history results`
+    """
+    from contextlib import nullcontext
+
+    from benchctl.cli.places import report_folder
+    from benchctl.history.archives import unpacked
+    from benchctl.history.history import history_of
+    from benchctl.reports import history_page, history_report
+    from instruments.errors import UsageError
+
+    def say(text: str) -> None:
+        tell(f"benchctl: {text}", err=True)
+
+    with result_of("history", json_to, quiet) as result:
+        if not folder.exists():
+            raise UsageError(f"{folder}: is not there; expected a folder of campaigns, .zip, .tar or .tar.gz")
+        page_folder = report_folder(folder, out, json_to, quiet, kind="history")
+        archived = not folder.is_dir()
+        with unpacked(folder) if archived else nullcontext(folder) as place:
+            found = history_of(place, str(folder), say, kept=not archived)
+        units = history_report.chosen(found, unit, figure)
+        result.values |= history_report.values(found, units)
+        result.say(history_report.lines(found, units))
+        if page_folder is not None:
+            name = folder.resolve().name or str(folder.resolve())
+            result.values["report"] = history_page.write_page_of(found, units, page_folder, name)
+            result.say(f"report: {result.values['report']}")

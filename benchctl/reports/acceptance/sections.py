@@ -1,0 +1,195 @@
+"""A test in full: definition, conditions, points, picture, result, uncertainty budget, verdict and its remedy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from benchctl.calibration.result import Contribution
+from benchctl.metrology.names import PROCEDURES
+from benchctl.metrology.result import Acceptance, Column, Judged, Measured, Uncertainty
+from benchctl.recordings.model import StepInfo
+from benchctl.reports import text
+from benchctl.reports.acceptance.catalogue import Catalogue, short
+from benchctl.reports.acceptance.document import Badge, Budget, Row, Section, Table
+from benchctl.reports.acceptance.pictures import drawn
+from benchctl.reports.acceptance.values import column, duration, limits, significant, stated, verdict_of
+
+_MOST_STEPS_TOLD = 24
+"""Steps of a test that are told one by one with the beginning of their digest; more are told as spans."""
+_SHORT_DIGEST = 8
+_WELL_KNOWN_SHARE = 0.8
+"""Of the variance: a contributor with more is named alone."""
+
+
+def section(
+    judged: Judged, number: str, acceptance: Acceptance, infos: Mapping[int, StepInfo], words: Catalogue
+) -> Section:
+    """The section of one test."""
+    measured, told = judged.measured, words.test(judged.measured.name)
+    uncertainty = measured.uncertainty
+    notes = measured.notes
+    if uncertainty is not None and not uncertainty.contributors:  # a bound: nothing adds up to it
+        notes, uncertainty = (*notes, uncertainty.says), None
+    return Section(
+        number=number,
+        anchor=anchor(number),
+        name=told.name,
+        verdict=badge(judged, words),
+        result=_result(judged, words),
+        refused=words.said(measured.refused) if measured.refused else "",
+        remedy=words.said(judged.remedy) if judged.remedy else "",
+        definition=told.definition,
+        formula=told.formula,
+        conditions=_conditions(measured, acceptance.step_digests, infos, words),
+        notes=tuple(words.said(note) for note in notes),
+        points=_points(measured.table, words) if measured.table else None,
+        picture=drawn(measured.picture, anchor(number), words) if measured.picture else None,
+        budget=_budget(uncertainty, measured.unit, words) if uncertainty else None,
+    )
+
+
+def anchor(number: str) -> str:
+    """The id, in the page, of the section of this number."""
+    return f"test-{number.replace('.', '-')}"
+
+
+def badge(judged: Judged, words: Catalogue) -> Badge:
+    """The verdict on a test."""
+    return Badge(text=verdict_of(judged, words), kind=judged.verdict or "")
+
+
+def _result(judged: Judged, words: Catalogue) -> tuple[Row, ...]:
+    measured = judged.measured
+    value = "value" if measured.uncertainty else "value_short"
+    return (
+        (words.label(value), stated(measured, words)),
+        (words.label("limit"), limits(judged.limit, words)),
+    )
+
+
+def _conditions(
+    measured: Measured, digests: Mapping[int, str], infos: Mapping[int, StepInfo], words: Catalogue
+) -> tuple[Row, ...]:
+    procedure = PROCEDURES.get(measured.name, "")
+    used = [infos[index] for index in measured.steps if index in infos]
+    rows = [(words.label("measured_by"), words.label("measured_by_told", procedure=procedure))] if procedure else []
+    if measured.temperature_c is not None:
+        celsius = words.number(f"{measured.temperature_c:.1f}".replace("-", "−"))
+        rows.append((words.label("temperature"), text.with_unit(celsius, "°C")))
+    if used:
+        length_s = math.fsum(info.t_end - info.t_start for info in used)
+        told = [*_groups(used, words), words.label("recorded_for", duration=duration(length_s, words))]
+        rows.append((words.label("conditions"), "; ".join(told)))
+    if measured.steps:
+        many = len(measured.steps) > _MOST_STEPS_TOLD
+        listed = _spans(measured.steps) if many else ", ".join(_with_digest(one, digests) for one in measured.steps)
+        rows.append((words.label("steps_used_many" if many else "steps_used"), listed))
+    return tuple(rows)
+
+
+def _groups(used: Sequence[StepInfo], words: Catalogue) -> list[str]:
+    """Steps by their kind: how many, at which rates and frequencies."""
+    kinds: dict[str, list[StepInfo]] = {}
+    for info in used:
+        kinds.setdefault(info.kind, []).append(info)
+    return [_group(words.word(kind, "kinds"), members, words) for kind, members in kinds.items()]
+
+
+def _group(kind: str, members: Sequence[StepInfo], words: Catalogue) -> str:
+    rates = [info.amplitude_dps or info.rate_dps for info in members]
+    told = words.label("group", kind=kind, count=str(len(members)))
+    if any(rates):
+        told = words.label("group_rates", kind=kind, count=str(len(members)), rates=_span(rates, words))
+    frequencies = [info.frequency_hz for info in members]
+    if any(frequencies):
+        told += ", " + words.label("group_frequencies", frequencies=_span(frequencies, words))
+    return told
+
+
+def _span(values: Sequence[float | None], words: Catalogue) -> str:
+    known = [value for value in values if value is not None]
+    low, high = (words.number(short(end)) for end in (min(known), max(known)))
+    return low if low == high else words.label("between", low=low, high=high)
+
+
+def _with_digest(index: int, digests: Mapping[int, str]) -> str:
+    digest = digests.get(index, "")[:_SHORT_DIGEST]
+    return f"{index}\u00a0({digest})" if digest else str(index)
+
+
+def _spans(indices: Sequence[int]) -> str:
+    """`3–7, 9, 11–12`."""
+    spans: list[list[int]] = []
+    for index in sorted(indices):
+        if spans and index == spans[-1][1] + 1:
+            spans[-1][1] = index
+        else:
+            spans.append([index, index])
+    return ", ".join(str(low) if low == high else f"{low}–{high}" for low, high in spans)
+
+
+def _points(columns: Sequence[Column], words: Catalogue) -> Table:
+    printed = [column(one.values, words) for one in columns]
+    units = [words.unit(one.unit) for one in columns]
+    return Table(
+        headings=tuple(
+            f"{words.word(one.name)}, {unit}" if unit else words.word(one.name)
+            for one, unit in zip(columns, units, strict=True)
+        ),
+        rows=tuple(zip(*printed, strict=True)),
+        numeric=(True,) * len(columns),
+    )
+
+
+def _budget(uncertainty: Uncertainty, unit: str, words: Catalogue) -> Budget:
+    printed = words.unit(unit)
+    total = math.fsum(part.standard**2 for part in uncertainty.contributors)
+    shares = [part.standard**2 / total if total else 0.0 for part in uncertainty.contributors]
+    heading = words.label("standard_uncertainty", unit=printed) if printed else words.label("standard_uncertainty_bare")
+    return Budget(
+        contributors=Table(
+            headings=(words.label("source"), words.label("kind"), heading, words.label("share"), words.label("says")),
+            rows=tuple(
+                (
+                    words.word(part.source, "sources"),
+                    part.kind,
+                    _standard(part.standard, words),
+                    _percent(share, words),
+                    words.phrase(part.says),
+                )
+                for part, share in zip(uncertainty.contributors, shares, strict=True)
+            ),
+            numeric=(False, False, True, True, False),
+        ),
+        totals=(
+            (words.label("combined"), text.with_unit(_standard(uncertainty.standard, words), printed)),
+            (words.label("twice_combined"), text.with_unit(_standard(2.0 * uncertainty.standard, words), printed)),
+            (words.label("monte_carlo"), text.with_unit(_standard(uncertainty.monte_carlo, words), printed)),
+            (words.label("stated"), text.with_unit(_standard(uncertainty.expanded, words), printed)),
+        ),
+        largest=_largest(uncertainty.contributors, shares, words),
+        says=words.said(uncertainty.says),
+    )
+
+
+def _largest(contributors: Sequence[Contribution], shares: Sequence[float], words: Catalogue) -> str:
+    """The largest contribution in words; with the second, unless the first is nearly all."""
+    if not any(shares):
+        return ""
+    names = [words.word(part.source, "sources") for part in contributors]
+    first, first_share = names[0], f"{100.0 * shares[0]:.0f}"
+    if shares[0] > _WELL_KNOWN_SHARE or len(names) == 1:
+        return words.label("largest", source=first, share=first_share)
+    second_share = f"{100.0 * shares[1]:.0f}"
+    return words.label("largest_two", source=first, share=first_share, second=names[1], second_share=second_share)
+
+
+def _standard(value: float, words: Catalogue) -> str:
+    return significant(value, words, 3) if value else "0"
+
+
+def _percent(share: float, words: Catalogue) -> str:
+    if not share:
+        return "0\u00a0%"
+    return "<\u00a0" + words.number("0.1\u00a0%") if share < 1e-3 else words.number(f"{100.0 * share:.1f}\u00a0%")

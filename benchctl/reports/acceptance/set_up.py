@@ -1,0 +1,204 @@
+"""What was tested, with what, where and by whom: rows of the report's header, equipment, environment and appendix."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+
+from benchctl.bench import Bench, bench_of_text
+from benchctl.campaign.provenance import software
+from benchctl.documents import json_document
+from benchctl.limits import cut
+from benchctl.metrology.result import Acceptance
+from benchctl.recordings.model import Meta, StepInfo
+from benchctl.recordings.stated import expired_of
+from benchctl.reports import setup_section, text
+from benchctl.reports.acceptance.catalogue import Catalogue
+from benchctl.reports.acceptance.document import EquipmentRow, Row, Table
+from benchctl.reports.acceptance.recording_facts import RecordingFacts
+from benchctl.reports.acceptance.values import duration, exact
+from instruments.errors import UsageError
+
+_JUDGED_WITH = ("benchctl", "python", "numpy", "scipy")
+_NOT_STATED = "not stated"
+"""What `setup_section` says of a certificate's date that nobody gave."""
+
+
+def header(acceptance: Acceptance, facts: RecordingFacts, words: Catalogue) -> tuple[Row, ...]:
+    """Customer, unit, standard, stage, recording, operator; what is not known is left out."""
+    meta, papers = facts.meta, acceptance.papers
+    told = meta.provenance
+    firmware = papers.firmware or next(
+        (one.firmware for one in setup_section.instruments(meta) if one.role == "gyro"), text.NOT_KNOWN
+    )
+    rows = (
+        ("customer", papers.customer),
+        ("unit", meta.unit.model),
+        ("serial", meta.unit.serial),
+        ("firmware", firmware if firmware != text.NOT_KNOWN else ""),
+        ("rated_range", _plus_minus(meta.unit.range_dps, "deg/s", words)),
+        ("standard", papers.standard),
+        ("stage", words.stage(papers.stage)),
+        ("recorded", _utc(told.get("started_utc", ""))),
+        ("recording", facts.name),
+        ("procedure", told.get("procedure", "")),
+        ("limits_file", acceptance.limits_name),
+        ("bench", told.get("bench", "")),
+        ("operator", told.get("operator", "")),
+    )
+    return _stated(rows, words)
+
+
+def equipment(meta: Meta, words: Catalogue) -> tuple[EquipmentRow, ...]:
+    """The instruments of the bench, those first whose certificate had expired marked."""
+    ended = {one.role.replace("_", " ") for one in expired_of(meta)}
+    return tuple(
+        EquipmentRow(
+            role=words.word(one.role.replace(" ", "_"), "roles"),
+            model=one.model,
+            serial=one.serial,
+            certificate=one.certificate,
+            until=_until(one.calibrated_until, one.role in ended, words),
+            expired=one.role in ended,
+        )
+        for one in setup_section.instruments(meta)
+    )
+
+
+def environment(facts: RecordingFacts, words: Catalogue) -> tuple[Row, ...]:
+    """Temperatures, place, mounting and signs, and how it was sampled."""
+    meta, infos = facts.meta, facts.infos
+    bench = meta.bench
+    length_s = max(i.t_end for i in infos) - min(i.t_start for i in infos) if infos else 0.0
+    rows = (
+        ("environment", _set_points([info.chamber_setpoint_c for info in infos], words)),
+        ("mounting", "; ".join(_mounting(meta, infos, words))),
+        ("latitude", "" if bench.latitude_deg is None else text.with_unit(exact(bench.latitude_deg, words), "°")),
+        ("encoder", _encoder(meta, words)),
+        ("converter", _converter(meta, words)),
+        ("sample_rate", _with_unit(bench.sample_rate_hz, "Hz", words)),
+        ("duration", duration(length_s, words) if infos else ""),
+        ("steps", _steps(infos, words)),
+        ("parameters", ", ".join(f"{name} = {value}" for name, value in setup_section.parameters(meta).items())),
+    )
+    return _stated(rows, words)
+
+
+def traceability(acceptance: Acceptance, facts: RecordingFacts, words: Catalogue) -> tuple[Row, ...]:
+    """Digests of all that the report comes from, and the versions of the programs."""
+    rows = (
+        (words.label("recording_sha256"), facts.digest),
+        (words.label("limits_sha256", file=acceptance.limits_name), acceptance.limits_sha256),
+        (words.label("procedure_sha256"), facts.meta.provenance.get("procedure_sha256", "")),
+        (words.label("recorded_with"), _versions(_table(facts.meta.provenance.get("software", "")))),
+        (words.label("judged_with"), _versions({name: software()[name] for name in _JUDGED_WITH})),
+    )
+    return tuple((name, value) for name, value in rows if value)
+
+
+def step_table(acceptance: Acceptance, facts: RecordingFacts, words: Catalogue) -> Table:
+    """Every step of the recording with its whole digest."""
+    return Table(
+        headings=(*(words.label(key) for key in ("step_number", "step_name", "step_kind")), "SHA-256"),
+        rows=tuple(
+            (
+                str(info.index),
+                info.name,
+                words.word(info.kind, "kinds"),
+                acceptance.step_digests.get(info.index) or info.digest or text.NOT_KNOWN,
+            )
+            for info in facts.infos
+        ),
+        numeric=(True, False, False, False),
+    )
+
+
+def deviations(facts: RecordingFacts, words: Catalogue) -> tuple[str, ...]:
+    """Where the recording is not what the procedure asked for, and what the operator states."""
+    found = []
+    for info in facts.infos:
+        step = f"{info.index} ({info.name})"
+        if info.is_cut_attempt:
+            found.append(words.label("made_again", step=step))
+        if info.gaps:
+            found.append(words.label("stream_gaps", step=step, count=str(info.gaps)))
+    return (*found, *facts.deviations)
+
+
+def _stated(rows: Iterable[tuple[str, str]], words: Catalogue) -> tuple[Row, ...]:
+    return tuple((words.label(key), value) for key, value in rows if value)
+
+
+def _until(told: str, expired: bool, words: Catalogue) -> str:
+    if told == _NOT_STATED:
+        return words.label("not_stated")
+    return words.label("expired", date=told) if expired else told
+
+
+def _set_points(celsius: list[float], words: Catalogue) -> str:
+    known = [value for value in celsius if math.isfinite(value)]
+    if not known:
+        return ""
+    low, high = (exact(end, words) for end in (min(known), max(known)))
+    return words.label("set_point", low=low) if low == high else words.label("set_points", low=low, high=high)
+
+
+def _mounting(meta: Meta, infos: Iterable[StepInfo], words: Catalogue) -> Iterator[str]:
+    moved = [str(info.index) for info in infos if info.kind == "mount"]
+    yield words.label("mounted_both", steps=", ".join(moved)) if moved else words.label("mounted")
+    yield words.label("sign")
+    bench = _bench(meta)
+    if bench is not None and bench.digitizer.encoder_sign < 0:
+        yield words.label("encoder_reversed")
+
+
+def _bench(meta: Meta) -> Bench | None:
+    """The bench.toml that a recording keeps; None where there is none, or none that this version reads."""
+    try:
+        return bench_of_text(meta.provenance.get("bench_toml", ""), "bench.toml")
+    except UsageError:
+        return None
+
+
+def _encoder(meta: Meta, words: Catalogue) -> str:
+    counts, accuracy = meta.bench.encoder_counts_per_rev, meta.bench.encoder_accuracy_arcsec
+    if not counts:
+        return ""
+    if not accuracy:
+        return words.label("encoder_counts", counts=text.count(counts))
+    return words.label("encoder_told", counts=text.count(counts), accuracy=exact(accuracy, words))
+
+
+def _converter(meta: Meta, words: Catalogue) -> str:
+    bits, range_v = meta.bench.adc_bits, meta.bench.adc_range_v
+    return words.label("converter_told", bits=str(bits), range=exact(range_v, words)) if bits else ""
+
+
+def _steps(infos: tuple[StepInfo, ...], words: Catalogue) -> str:
+    samples = text.count(sum(info.samples for info in infos))
+    return words.label("steps_told", steps=str(len(infos)), samples=samples) if infos else ""
+
+
+def _plus_minus(value: float, unit: str, words: Catalogue) -> str:
+    return f"±{_with_unit(value, unit, words)}" if value else ""
+
+
+def _with_unit(value: float, unit: str, words: Catalogue) -> str:
+    return text.with_unit(exact(value, words), words.unit(unit)) if value else ""
+
+
+def _utc(stamp: str) -> str:
+    return cut(stamp.replace("T", " ").replace("+00:00", " UTC"))
+
+
+def _versions(told: Mapping[str, object]) -> str:
+    return ", ".join(f"{name} {version}" for name, version in told.items())
+
+
+def _table(told: str) -> Mapping[str, object]:
+    """A table that the provenance keeps as JSON; empty where it is none."""
+    try:
+        found = json_document(told, "provenance") if told else {}
+    except UsageError:
+        return {}
+    return found if isinstance(found, dict) else {}

@@ -1,0 +1,371 @@
+"""Sheets of A4 that the report is printed on: head and foot of each page, headings, text, tables, pictures.
+
+The fonts are DejaVu Sans, which matplotlib brings: Cyrillic, and the letters of formulas.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import unicodedata
+from collections.abc import Callable, Sequence
+from datetime import datetime
+from functools import cache
+from pathlib import Path
+
+import matplotlib as mpl
+from fpdf import FPDF
+from fpdf.enums import Align, TableBordersLayout, TextEmphasis, VAlign, XPos, YPos
+from fpdf.fonts import FontFace
+from fpdf.table import Row as TableRow
+from matplotlib.ft2font import FT2Font
+from PIL import Image
+
+from benchctl.limits import cut
+
+INK, GREY, RULE = (34, 34, 34), (95, 95, 95), (187, 187, 187)
+KIND_COLOURS = {"PASS": (0, 112, 90), "FAIL": (179, 38, 30), "INCONCLUSIVE": (138, 109, 0), "": GREY}
+EXPIRED = KIND_COLOURS["FAIL"]
+
+_FONTS = {("sans", ""): "DejaVuSans.ttf", ("sans", "B"): "DejaVuSans-Bold.ttf", ("mono", ""): "DejaVuSansMono.ttf"}
+_MARGIN_MM, _TOP_MM, _BOTTOM_MM = 15.0, 22.0, 17.0
+_BODY_PT, _SMALL_PT, _FOOT_PT = 8.0, 7.0, 6.5
+_LEADING = 1.38
+_MM_PER_PT = 25.4 / 72.0
+_CELL_PADDING_MM = (0.55, 1.8, 0.55, 0.8)
+_WIDEST_SHARE = 0.5
+"""Of a table's width: no column asks for more, however long its text."""
+_NARROW_SHARE = 0.22
+"""Of a table's width: columns that need no more are not narrowed."""
+_HEADING_NEEDS_MM = 34.0
+"""A heading stands on a page only with so much room for what follows it."""
+_MONO_PT, _MONO_ADVANCE = 6.0, 0.602
+_MONO = FontFace(family="mono", size_pt=_MONO_PT)
+_CAPTION_MM = 9.0
+_FEWEST_FOLDED, _FEWEST_ROWS, _GUTTER_MM = 13, 4, 7.0
+_SPACES = " \u00a0\u202f"
+_LONGEST_VALUE, _LONGEST_CELL, _LONGEST_HEAD = 3000, 600, 200
+"""Characters of what somebody wrote: no row of a table is higher than a page."""
+_UNKNOWN = "\ufffd"
+
+
+class Sheet(FPDF):
+    """A document of A4 pages; `head` are the texts at the left and the right of each page, `kind` colours the right."""
+
+    def __init__(
+        self, *, language: str, title: str, head: tuple[str, str], kind: str, foot: Callable[..., str]
+    ) -> None:
+        super().__init__(format="A4")
+        self._head, self._kind, self._foot = head, kind, foot
+        for (family, style), file in _FONTS.items():
+            self.add_font(family, style, _font_file(file))
+        self.set_margins(_MARGIN_MM, _TOP_MM, _MARGIN_MM)
+        self.c_margin = 0.0
+        self.set_auto_page_break(True, _BOTTOM_MM)
+        self.set_lang(language)
+        self.set_title(title)
+        self.set_creator("benchctl")
+
+    def dated(self, created: datetime) -> None:
+        """State when the document was made: its bytes depend on it, and not on the clock."""
+        self.set_creation_date(created)
+
+    def header(self) -> None:
+        """See `FPDF`."""
+        self.set_y(10.0)
+        left, right = self._head
+        right_mm = self._width(right, "B") + 2.0
+        self._ink(GREY, _FOOT_PT)
+        self.cell(self.epw - right_mm, 4.0, self._fitted(left, self.epw - right_mm - 2.0))
+        self._ink(KIND_COLOURS[self._kind], _FOOT_PT, "B")
+        self.cell(right_mm, 4.0, printable(right), align=Align.R)
+        self.set_draw_color(*RULE)
+        self.set_line_width(0.2)
+        self.line(self.l_margin, 15.0, self.w - self.r_margin, 15.0)
+        self.set_y(_TOP_MM)
+
+    def footer(self) -> None:
+        """See `FPDF`."""
+        self.set_y(-11.0)
+        self._ink(GREY, _FOOT_PT)
+        self.cell(0, 4.0, self._foot(page=str(self.page_no()), pages="{nb}"))
+
+    def heading(self, words: str, level: int = 2, *, needs_mm: float = _HEADING_NEEDS_MM) -> None:
+        """A heading; on the next page where this one has too little room for what follows."""
+        self.keep(needs_mm)
+        size = {1: 15.0, 2: 11.5, 3: 9.5, 4: 8.0}[level]
+        if self.get_y() > _TOP_MM + 1.0:
+            self.ln({1: 2.0, 2: 5.0, 3: 4.0, 4: 1.6}[level])
+        self.start_section(printable(words), level=max(level - 2, 0)) if level in (2, 3) else None
+        self._ink(INK, size, "B")
+        self._block(words, size)
+        if level == 2:
+            self._rule(INK, 0.35)
+        self.ln(0.8)
+
+    def keep(self, height_mm: float) -> None:
+        """Begin a page where this one has not so much room."""
+        if self.will_page_break(height_mm):
+            self.add_page()
+
+    def text_block(self, words: str, *, small: bool = False, grey: bool = False, bold: bool = False) -> None:
+        """A paragraph."""
+        size = _SMALL_PT if small else _BODY_PT
+        self._ink(GREY if grey else INK, size, "B" if bold else "")
+        self._block(words, size)
+        self.ln(0.9)
+
+    def bullets(self, sentences: Sequence[str]) -> None:
+        """A list of sentences."""
+        for sentence in sentences:
+            self._ink(INK, _BODY_PT)
+            self.cell(4.0, _BODY_PT * _LEADING * _MM_PER_PT, "•")
+            self._block(sentence, _BODY_PT)
+        self.ln(0.8)
+
+    def banner(self, words: str, kind: str) -> None:
+        """A sentence that must not be overlooked."""
+        top = self.get_y()
+        self.set_x(self.l_margin + 4.0)
+        self._ink(INK, _BODY_PT, "B")
+        self._block(words, _BODY_PT)
+        with self.local_context(fill_color=KIND_COLOURS[kind]):
+            self.rect(self.l_margin, top, 1.6, self.get_y() - top, style="F")
+        self.ln(1.6)
+
+    def chip(self, words: str, kind: str, beside: str) -> None:
+        """A verdict on its colour, and a sentence beside it."""
+        width = self._width(words, "B", 11.0) + 7.0
+        self._ink((255, 255, 255), 11.0, "B")
+        with self.local_context(fill_color=KIND_COLOURS[kind]):
+            self.cell(width, 7.0, printable(words), fill=True, align=Align.C)
+        self._ink(INK, 11.0, "B")
+        self.set_x(self.get_x() + 3.0)
+        self.multi_cell(0, 7.0, printable(beside), align=Align.L, new_x=XPos.LMARGIN, new_y=YPos.NEXT)
+        self.ln(1.6)
+
+    def rows(self, rows: Sequence[tuple[str, str]], *, name_share: float = 0.27, mono: bool = False) -> None:
+        """Names and values beside each other."""
+        if not rows:
+            return
+        self._ink(INK, _BODY_PT)
+        with self.table(
+            col_widths=(name_share, 1.0 - name_share),
+            first_row_as_headings=False,
+            borders_layout=TableBordersLayout.NONE,
+            line_height=_BODY_PT * _LEADING * _MM_PER_PT,
+            padding=(0.25, 1.5, 0.25, 0.0),
+            text_align=Align.L,
+            v_align=VAlign.T,
+        ) as table:
+            for name, value in rows:
+                row = table.row()
+                row.cell(printable(cut(name, _LONGEST_CELL)), style=FontFace(color=GREY))
+                row.cell(
+                    printable(cut(value, _LONGEST_VALUE)),
+                    style=FontFace(family="mono", size_pt=_SMALL_PT) if mono else None,
+                )
+        self.ln(1.6)
+
+    def grid(
+        self,
+        headings: Sequence[str],
+        rows: Sequence[Sequence[str]],
+        numeric: Sequence[bool],
+        *,
+        fill: bool = True,
+        small: bool = False,
+        looks: Callable[[int, int], FontFace | None] = lambda row, column: None,
+        links: Sequence[int | None] = (),
+        mono_last: bool = False,
+    ) -> None:
+        """A table whose headings are repeated on each page that it reaches; `fill`: over the whole width.
+
+        `mono_last`: the last column is of digests, in letters of one width.
+
+        `looks` gives the face of a cell by its row and column; `links` the target of each row's last cell. Without
+        headings, none are printed.
+        """
+        size = _SMALL_PT if small else _BODY_PT - 0.5
+        told = [*([headings] if headings else []), *rows]
+        widths = self._column_widths(told, size, fill=fill, mono_last=mono_last)
+        self._ink(INK, size)
+        self.set_draw_color(*RULE)
+        self.set_line_width(0.15)
+        with self.table(
+            col_widths=tuple(widths),
+            width=min(sum(widths), self.epw),
+            align=Align.L,
+            first_row_as_headings=bool(headings),
+            headings_style=FontFace(emphasis=TextEmphasis.B, color=INK, fill_color=(240, 241, 243)),
+            borders_layout=TableBordersLayout.HORIZONTAL_LINES,
+            line_height=size * _LEADING * _MM_PER_PT,
+            padding=_CELL_PADDING_MM,
+            v_align=VAlign.T,
+            text_align=tuple(Align.R if right else Align.L for right in numeric),
+        ) as table:
+            if headings:
+                _fill(table.row(), headings, [None] * len(headings), None)
+            for number, cells in enumerate(rows):
+                faces = [looks(number, place) for place in range(len(cells))]
+                faces[-1] = _MONO if mono_last else faces[-1]
+                _fill(table.row(), cells, faces, links[number] if links else None)
+        self.ln(2.0)
+
+    def folded(self, headings: Sequence[str], rows: Sequence[Sequence[str]], numeric: Sequence[bool]) -> None:
+        """A long narrow table in blocks beside each other, to be read block by block."""
+        widths = self._column_widths([headings, *rows], _SMALL_PT, fill=False)
+        blocks = 1 if len(rows) < _FEWEST_FOLDED else max(1, int((self.epw + _GUTTER_MM) / (sum(widths) + _GUTTER_MM)))
+        row_mm = _SMALL_PT * _LEADING * _MM_PER_PT + _CELL_PADDING_MM[0] + _CELL_PADDING_MM[2]
+        left = list(rows)
+        while left:
+            fitting = int((self.page_break_trigger - self.get_y()) / row_mm) - 2  # the headings may need two lines
+            if fitting < min(_FEWEST_ROWS, len(left)):
+                self.add_page()
+                continue
+            deep = min(fitting, -(-len(left) // blocks))
+            part, left = left[: blocks * deep], left[blocks * deep :]
+            self._blocks(headings, [part[start : start + deep] for start in range(0, len(part), deep)], numeric)
+
+    def has_room_for(self, png: bytes) -> bool:
+        """Whether a picture stands on this page, with its caption."""
+        return not self.will_page_break(self._height(png) + _CAPTION_MM)
+
+    def picture(self, png: bytes, caption: str) -> None:
+        """A picture over the whole width, with its caption on the same page."""
+        if not self.has_room_for(png):
+            self.add_page()
+        self.image(io.BytesIO(png), w=self.epw, h=self._height(png), alt_text=printable(caption))
+        self.set_y(self.get_y() + 0.6)
+        self.text_block(caption, small=True, grey=True)
+
+    def signature_lines(self, headings: Sequence[str], who: Sequence[str]) -> None:
+        """A line for each who signs."""
+        widths = (0.31 * self.epw, 0.27 * self.epw, 0.24 * self.epw, 0.18 * self.epw)
+        self._ink(GREY, _SMALL_PT)
+        for heading, width in zip(headings, widths, strict=True):
+            self.cell(width, 5.0, printable(heading))
+        self.ln(5.0)
+        for role in who:
+            self.ln(9.0)
+            self._ink(INK, _BODY_PT)
+            self.cell(widths[0], 5.0, printable(role))
+            x, y = self.l_margin + widths[0], self.get_y() + 5.0
+            for width in widths[1:]:
+                self.line(x, y, x + width - 4.0, y)
+                x += width
+            self.ln(6.0)
+
+    def blank_line(self) -> None:
+        """A line to be written on by hand."""
+        self.ln(7.0)
+        self._rule(RULE, 0.2)
+
+    def _height(self, png: bytes) -> float:
+        with Image.open(io.BytesIO(png)) as image:
+            return float(self.epw * image.height / image.width)
+
+    def _blocks(
+        self, headings: Sequence[str], blocks: Sequence[Sequence[Sequence[str]]], numeric: Sequence[bool]
+    ) -> None:
+        """Blocks of rows beside each other, the first the longest."""
+        empty = ("",) * len(headings)
+        self.grid(
+            _spaced([headings] * len(blocks)),
+            [_spaced([block[k] if k < len(block) else empty for block in blocks]) for k in range(len(blocks[0]))],
+            [right for place in range(len(blocks)) for right in ((False,) if place else ()) + tuple(numeric)],
+            fill=False,
+            small=True,
+        )
+
+    def _column_widths(
+        self, rows: Sequence[Sequence[str]], size: float, *, fill: bool, mono_last: bool = False
+    ) -> list[float]:
+        """What each column needs to stand on one line; where that is too much, wide ones yield, words stay whole."""
+        pad = _CELL_PADDING_MM[1] + _CELL_PADDING_MM[3] + 0.6
+        columns = list(zip(*rows, strict=True))
+        whole = [max(self._width(cell, "B", size) for cell in column) + pad for column in columns]
+        least = [
+            max(self._width(word, "B", size) for cell in column for word in cell.split(" ")) + pad for column in columns
+        ]
+        if mono_last:
+            whole[-1] = least[-1] = max(map(len, columns[-1])) * _MONO_ADVANCE * _MONO_PT * _MM_PER_PT + pad
+        if sum(whole) > self.epw:
+            whole = _yielding(whole, [min(one, _WIDEST_SHARE * self.epw) for one in least], self.epw)
+        total = sum(whole)
+        return [self.epw * one / total for one in whole] if fill or total > self.epw else whole
+
+    def _block(self, words: str, size: float) -> None:
+        height = size * _LEADING * _MM_PER_PT
+        self.multi_cell(0, height, printable(words), align=Align.L, new_x=XPos.LMARGIN, new_y=YPos.NEXT)
+
+    def _rule(self, colour: tuple[int, int, int], width: float) -> None:
+        self.set_draw_color(*colour)
+        self.set_line_width(width)
+        self.line(self.l_margin, self.get_y(), self.w - self.r_margin, self.get_y())
+        self.ln(1.2)
+
+    def _ink(self, colour: tuple[int, int, int], size: float, style: str = "") -> None:
+        self.set_font("sans", style, size)
+        self.set_text_color(*colour)
+
+    def _width(self, words: str, style: str = "", size: float = _FOOT_PT) -> float:
+        self.set_font("sans", style, size)
+        return float(self.get_string_width(printable(words)))
+
+    def _fitted(self, words: str, width: float) -> str:
+        """A text cut to a width."""
+        shown = printable(cut(words, _LONGEST_HEAD))
+        while shown and self.get_string_width(shown) > width:
+            shown = shown[:-2] + "…"
+        return shown
+
+
+def _yielding(wanted: Sequence[float], least: Sequence[float], room: float) -> list[float]:
+    """Widths that share some room: narrow columns stay whole, wide ones yield, the wider the more, down to their least.
+
+    Long texts share by the roots of their lengths, so that a cell of many lines does not squeeze one of two.
+    """
+    shared = [one if one <= _NARROW_SHARE * room else 0.0 for one in wanted]
+    waiting = [place for place, width in enumerate(shared) if not width]
+    while waiting:
+        left = room - sum(shared)
+        roots = sum(math.sqrt(wanted[place]) for place in waiting)
+        parts = {place: left * math.sqrt(wanted[place]) / roots for place in waiting}
+        bounded = {place: min(wanted[place], max(least[place], part)) for place, part in parts.items()}
+        fixed = [place for place in waiting if bounded[place] != parts[place]] or waiting
+        for place in fixed:
+            shared[place] = bounded[place]
+        waiting = [place for place in waiting if place not in fixed]
+    return shared
+
+
+def _fill(row: TableRow, cells: Sequence[str], faces: Sequence[FontFace | None], link: int | None) -> None:
+    """Write a row; a link is that of its last cell."""
+    for place, (cell, face) in enumerate(zip(cells, faces, strict=True), start=1):
+        row.cell(printable(cut(cell, _LONGEST_CELL)), style=face, link=link if place == len(cells) else None)
+
+
+def _spaced(blocks: Sequence[Sequence[str]]) -> tuple[str, ...]:
+    """The cells of blocks beside each other, with an empty cell between two blocks."""
+    return tuple(cell for place, block in enumerate(blocks) for cell in (("    ",) if place else ()) + tuple(block))
+
+
+def printable(words: str) -> str:
+    """A text as the font can print it: what it has no letter for becomes U+FFFD; no line breaks, no control codes."""
+    return "".join(_letter(one) for one in words)
+
+
+def _letter(one: str) -> str:
+    if one.isspace():
+        return one if one in _SPACES else " "
+    return one if ord(one) in _letters() and not unicodedata.category(one).startswith("C") else _UNKNOWN
+
+
+@cache
+def _letters() -> frozenset[int]:
+    return frozenset(code for code in FT2Font(str(_font_file(_FONTS["sans", ""]))).get_charmap() if code >= ord(" "))
+
+
+def _font_file(name: str) -> Path:
+    return Path(mpl.get_data_path(), "fonts", "ttf", name)

@@ -1,0 +1,252 @@
+"""The charts of a history: a figure of a unit over time, and the latest of each unit beside the others.
+
+They are small, many, and full of names from files, so they are written as SVG at once: a folder of a thousand
+campaigns has thousands of them. Whatever comes from a file is escaped; a point tells its numbers where the mouse rests.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+
+from markupsafe import Markup
+
+from benchctl.history.history import Charted
+from benchctl.history.series import Point, Series
+from benchctl.history.siblings import Siblings
+from benchctl.reports import text
+from benchctl.reports.figures import GREY, INK
+
+_CONTROL, _LIMIT, _FLAGGED = "#0072B2", "#B3261E", "#D55E00"
+_WIDTH, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM = 280.0, 138.0, 52.0, 8.0, 15.0, 18.0
+_ROW, _WIDE, _NAMES = 19.0, 850.0, 170.0
+_ROOM = 0.08
+_FAR = 2.0
+"""Limits further away than so many spans of all else are told in words and not drawn, unless a value is beyond."""
+_TICKS = 5
+_LONGEST_NAME, _LONGEST_LABEL = 24, 9
+_DIGITS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class _Axis:
+    """From values to places on a line; `exponent` is the power of ten that its labels leave out."""
+
+    low: float
+    high: float
+    start: float
+    end: float
+
+    def place(self, value: float) -> float:
+        return self.start + (self.end - self.start) * (value - self.low) / (self.high - self.low)
+
+    @property
+    def step(self) -> float:
+        rough = (self.high - self.low) / _TICKS
+        size = 10.0 ** math.floor(math.log10(rough))
+        return next(size * factor for factor in (1.0, 2.0, 5.0, 10.0) if size * factor >= rough * (1 - 1e-9))
+
+    @property
+    def exponent(self) -> int:
+        largest = max(abs(self.low), abs(self.high))
+        return 0 if 0.01 <= largest < 1e5 else 3 * math.floor(math.log10(largest) / 3)
+
+    def ticks(self) -> list[tuple[float, str]]:
+        """Values and their labels."""
+        step, unit = self.step, 10.0**self.exponent
+        decimals = max(0, -math.floor(math.log10(step / unit) + 1e-9))
+        counts = range(math.ceil(self.low / step), math.floor(self.high / step) + 1)
+        return [(n * step, f"{n * step / unit:.{decimals}f}".replace("-", "−")) for n in counts]
+
+
+def time_chart(charted: Charted) -> Markup:
+    """A figure of a unit over time: points with expanded uncertainties, control limits, limits of the acceptance."""
+    points = charted.series.points
+    moments = [datetime.fromisoformat(point.started_utc).timestamp() for point in points]
+    day = 43_200.0 if moments[0] == moments[-1] else 0.0
+    across = _Axis(moments[0] - day, moments[-1] + day, _LEFT + 6.0, _WIDTH - _RIGHT - 6.0)
+    low, high = _span(points, [] if charted.control is None else [charted.control.low, charted.control.high])
+    latest = charted.series.latest
+    limits = [
+        limit
+        for limit, side in ((latest.low, -1.0), (latest.high, 1.0))
+        if limit is not None
+        and (
+            low - _FAR * (high - low) <= limit <= high + _FAR * (high - low)
+            or any(side * (point.value - limit) > 0.0 for point in points)
+        )
+    ]
+    up = _up([low, high, *limits])
+    parts = [_scale(up), *_dates(points)]
+    parts += [_line(up.place(limit), _LIMIT, 1.2, "") for limit in limits]
+    if charted.control is not None:
+        parts.append(_line(up.place(charted.control.centre), _CONTROL, 0.8, ""))
+        parts += [_line(up.place(limit), _CONTROL, 0.8, "4 3") for limit in (charted.control.low, charted.control.high)]
+    places = [(across.place(moment), up.place(point.value)) for moment, point in zip(moments, points, strict=True)]
+    parts.append(_path(places))
+    flagged = {flag.campaign for flag in charted.flags if flag.kind in ("outside_limits", "fails")}
+    for point, (x, y) in zip(points, places, strict=True):
+        error = None if point.uncertainty is None else abs(up.place(point.uncertainty) - up.place(0.0))
+        title = Markup("<title>{}</title>").format(told(charted.series, point))
+        parts.append(_mark(x, y, point, error, title, ring=point.campaign in flagged, upright=True))
+    return _svg(_WIDTH, _HEIGHT, 9.5, parts)
+
+
+def units_chart(series: Sequence[Series], siblings: Siblings | None) -> Markup:
+    """The latest value of each unit, one row each; `siblings` gives the median and how far from it is too far."""
+    points = [one.latest for one in series]
+    band = [] if siblings is None else [siblings.median - siblings.half_width, siblings.median + siblings.half_width]
+    low, high = _span(points, [])
+    near = [edge for edge in band if low - _FAR * (high - low) <= edge <= high + _FAR * (high - low)]
+    across = _padded([low, high, *near], _NAMES, _WIDE - 14.0)
+    height = _ROW * len(points) + 2.0
+    parts = [
+        Markup(
+            '<line x1="{0:.1f}" x2="{0:.1f}" y1="0" y2="{1:.1f}" stroke="#e6e6e6"/>'
+            '<text x="{0:.1f}" y="{2:.1f}" text-anchor="middle">{3}</text>'
+        ).format(across.place(value), height, height + 11.0, label)
+        for value, label in across.ticks()
+    ]
+    if across.exponent:
+        parts.append(_text(_WIDE, height + 22.0, _power(across), "end"))
+    if siblings is not None:
+        for edge, dashes in ((siblings.median, ""), *((edge, "4 3") for edge in near)):
+            parts.append(
+                Markup(
+                    '<line x1="{0:.1f}" x2="{0:.1f}" y1="0" y2="{1:.1f}" stroke="{2}" stroke-dasharray="{3}"/>'
+                ).format(across.place(edge), height, _CONTROL, dashes)
+            )
+    for row, (one, point) in enumerate(zip(series, points, strict=True)):
+        y = _ROW * (row + 0.5) + 1.0
+        parts.append(_text(_NAMES - 10.0, y + 3.0, _short(one.serial), "end"))
+        error = None if point.uncertainty is None else across.place(point.uncertainty) - across.place(0.0)
+        apart = siblings is not None and not point.bound and siblings.is_apart(point.value, point.uncertainty)
+        title = Markup("<title>{}: {}</title>").format(one.serial, told(one, point))
+        parts.append(_mark(across.place(point.value), y, point, error, title, ring=apart, upright=False))
+    return _svg(_WIDE, height + (26.0 if across.exponent else 15.0), 11.0, parts)
+
+
+def told(series: Series, point: Point) -> str:
+    """A point in words: value, uncertainty, when, where, verdict."""
+    parts = [point.started_utc[:16].replace("T", " "), stated(series, point), point.verdict, point.campaign]
+    return " · ".join(part for part in parts if part)
+
+
+def stated(series: Series, point: Point) -> str:
+    """A point's value, its expanded uncertainty and its unit."""
+    value = amount(point.value, point.uncertainty, series.unit)
+    return f"{point.bound} {value}" if point.bound else value
+
+
+def amount(value: float, uncertainty: float | None, unit: str) -> str:
+    """A value as the report states it: rounded by its uncertainty, or to four digits where that is not known."""
+    if uncertainty is None:
+        return text.with_unit(text.number(value, _DIGITS), text.unit_text(unit))
+    return text.with_uncertainty(value, uncertainty, text.unit_text(unit))
+
+
+def _span(points: Sequence[Point], more: Sequence[float]) -> tuple[float, float]:
+    """The lowest and highest of values with their uncertainties, and of what else must be seen."""
+    ends = [point.value + side * (point.uncertainty or 0.0) for point in points for side in (-1.0, 1.0)]
+    return min([*ends, *more]), max([*ends, *more])
+
+
+def _padded(values: Sequence[float], start: float, end: float) -> _Axis:
+    """An axis that shows all values with some room; of equal ones, a little to both sides."""
+    low, high = min(values), max(values)
+    room, largest = _ROOM * (high - low), max(abs(low), abs(high))
+    if largest == 0.0:
+        room = 1.0
+    elif room <= 1e-9 * largest:  # equal, or not to be told apart
+        room = 0.05 * largest
+    return _Axis(low - room, high + room, start, end)
+
+
+def _up(values: Sequence[float]) -> _Axis:
+    return _padded(values, _HEIGHT - _BOTTOM, _TOP)
+
+
+def _scale(up: _Axis) -> Markup:
+    lines = [
+        Markup(
+            '<line x1="{1}" x2="{2}" y1="{0:.1f}" y2="{0:.1f}" stroke="#e6e6e6"/>'
+            '<text x="{3}" y="{4:.1f}" text-anchor="end"{6}>{5}</text>'
+        ).format(up.place(value), _LEFT, _WIDTH - _RIGHT, _LEFT - 4.0, up.place(value) + 3.0, label, _narrow(label))
+        for value, label in up.ticks()
+    ]
+    return Markup("").join([*lines, _text(2.0, 8.0, _power(up), "start") if up.exponent else Markup("")])
+
+
+def _narrow(label: str) -> Markup:
+    """Long labels are set narrower: their first digits must not be cut off."""
+    long = len(label) > _LONGEST_LABEL
+    return Markup(' textLength="{}" lengthAdjust="spacingAndGlyphs"').format(_LEFT - 6.0) if long else Markup("")
+
+
+def _power(axis: _Axis) -> str:
+    return text.raised(f"× 10^{axis.exponent}")
+
+
+def _dates(points: Sequence[Point]) -> list[Markup]:
+    """The dates of the first and of the last point, at the ends of the axis."""
+    first, last = points[0].started_utc[:10], points[-1].started_utc[:10]
+    y = _HEIGHT - 4.0
+    if first == last:
+        return [_text((_LEFT + _WIDTH - _RIGHT) / 2, y, first, "middle")]
+    return [_text(_LEFT, y, first, "start"), _text(_WIDTH - _RIGHT, y, last, "end")]
+
+
+def _mark(x: float, y: float, point: Point, error: float | None, title: Markup, *, ring: bool, upright: bool) -> Markup:
+    """A point with its error bar: a cross where it fails, hollow where it is only a bound, ringed where flagged."""
+    parts = [title]
+    if error is not None and not point.bound:
+        dx, dy = (0.0, error) if upright else (error, 0.0)
+        parts.append(
+            Markup('<line x1="{:.1f}" x2="{:.1f}" y1="{:.1f}" y2="{:.1f}" stroke="{}" stroke-width="0.9"/>').format(
+                x - dx, x + dx, y - dy, y + dy, GREY
+            )
+        )
+    if ring:
+        parts.append(
+            Markup('<circle cx="{:.1f}" cy="{:.1f}" r="5.5" fill="none" stroke="{}" stroke-width="1.6"/>').format(
+                x, y, _FLAGGED
+            )
+        )
+    if point.verdict == "FAIL":
+        parts.append(
+            Markup('<path d="M{0:.1f} {1:.1f}l6 6m0 -6l-6 6" stroke="{2}" stroke-width="1.8"/>').format(
+                x - 3.0, y - 3.0, _LIMIT
+            )
+        )
+    else:
+        fill = "#fff" if point.bound else INK
+        parts.append(Markup('<circle cx="{:.1f}" cy="{:.1f}" r="2.6" fill="{}" stroke="{}"/>').format(x, y, fill, INK))
+    parts.append(Markup('<circle cx="{:.1f}" cy="{:.1f}" r="8" fill="transparent"/>').format(x, y))
+    return Markup("<g>{}</g>").format(Markup("").join(parts))
+
+
+def _path(places: Iterable[tuple[float, float]]) -> Markup:
+    corners = " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
+    return Markup('<polyline points="{}" fill="none" stroke="{}" stroke-width="0.7"/>').format(corners, GREY)
+
+
+def _line(y: float, colour: str, width: float, dashes: str) -> Markup:
+    return Markup(
+        '<line x1="{}" x2="{}" y1="{:.1f}" y2="{:.1f}" stroke="{}" stroke-width="{}" stroke-dasharray="{}"/>'
+    ).format(_LEFT, _WIDTH - _RIGHT, y, y, colour, width, dashes)
+
+
+def _text(x: float, y: float, words: str, anchor: str) -> Markup:
+    return Markup('<text x="{:.1f}" y="{:.1f}" text-anchor="{}">{}</text>').format(x, y, anchor, words)
+
+
+def _short(name: str) -> str:
+    return name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…"
+
+
+def _svg(width: float, height: float, font_size: float, parts: Sequence[Markup]) -> Markup:
+    return Markup('<svg viewBox="0 0 {:.0f} {:.0f}" font-size="{}" fill="#444">{}</svg>').format(
+        width, height, font_size, Markup("").join(parts)
+    )

@@ -1,0 +1,156 @@
+"""A history of units as programs and terminals are told it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from benchctl.history.flags import Flag
+from benchctl.history.history import Charted, History, UnitHistory
+from benchctl.history.series import Drift, Point
+from benchctl.limits import listed
+from instruments.errors import UsageError
+
+_MOST_DATES = 3
+MOST_PROBLEMS = 20
+"""Problems that a reader is shown; programs are told all."""
+
+
+def chosen(history: History, serial: str | None, figure: str | None) -> tuple[UnitHistory, ...]:
+    """The units, and of each the figures, that were asked for; what they are held against stays as it is.
+
+    Raises
+    ------
+    UsageError
+        Where there is no such unit or figure; names those that there are.
+    """
+    units = [unit for unit in history.units if serial is None or unit.serial == serial]
+    if not units:
+        raise UsageError(f"--unit {serial}: there is no such unit; there are {listed(_once(history))}")
+    names = list(dict.fromkeys(one.series.name for unit in units for one in unit.figures))
+    if figure is not None and figure not in names:
+        there = f"there are {listed(names)}" if names else "there is none: run benchctl fit or benchctl accept first"
+        raise UsageError(f"--figure {figure}: there is no such figure; {there}")
+    return tuple(
+        UnitHistory(
+            serial=unit.serial,
+            model=unit.model,
+            campaigns=unit.campaigns,
+            verdict=unit.verdict,
+            accepted_utc=unit.accepted_utc,
+            figures=tuple(one for one in unit.figures if figure is None or one.series.name == figure),
+        )
+        for unit in units
+    )
+
+
+def _once(history: History) -> list[str]:
+    return list(dict.fromkeys(unit.serial for unit in history.units))
+
+
+def values(history: History, units: Sequence[UnitHistory]) -> dict[str, Any]:
+    """What `--json` says of a history."""
+    return {
+        "units": [
+            {
+                "serial": unit.serial,
+                "model": unit.model,
+                "verdict": unit.verdict or None,
+                "accepted_utc": unit.accepted_utc or None,
+                "campaigns": [
+                    {name: getattr(one, name) for name in ("path", "procedure", "started_utc", "status", "digest")}
+                    for one in unit.campaigns
+                ],
+                "figures": [_figure(one) for one in unit.figures],
+            }
+            for unit in units
+        ],
+        "problems": [{"where": problem.where, "says": problem.says} for problem in history.problems],
+        "index": history.index,
+    }
+
+
+def _figure(charted: Charted) -> dict[str, Any]:
+    control, siblings, latest = charted.control, charted.siblings, charted.series.latest
+    return {
+        "name": charted.series.name,
+        "unit": charted.series.unit,
+        "source": charted.series.source,
+        "points": [_point(point) for point in charted.series.points],
+        "control": control and {"centre": control.centre, "low": control.low, "high": control.high},
+        "drift": _drift(charted.drift),
+        "drift_since_first": _drift(charted.drift_since_first),
+        "siblings": siblings
+        and {
+            "z": None if latest.bound else siblings.z(latest.value),
+            "limit": siblings.limit,
+            "median": siblings.median,
+            "mad": siblings.mad,
+            "units": siblings.units,
+        },
+        "flags": [{"kind": flag.kind, "campaign": flag.campaign, "says": flag.says} for flag in charted.flags],
+    }
+
+
+def _point(point: Point) -> dict[str, Any]:
+    return {
+        "started_utc": point.started_utc,
+        "value": point.value,
+        "uncertainty": point.uncertainty,
+        "campaign": point.campaign,
+        "verdict": point.verdict or None,
+        "bound": point.bound,
+        "temperature_c": point.temperature_c,
+        "limit": None if point.low is None and point.high is None else {"low": point.low, "high": point.high},
+    }
+
+
+def _drift(drift: Drift | None) -> dict[str, Any] | None:
+    if drift is None:
+        return None
+    return {
+        "difference": drift.difference,
+        "uncertainty": drift.uncertainty,
+        "e_n": drift.e_n,
+        "since": {"started_utc": drift.since.started_utc, "campaign": drift.since.campaign},
+    }
+
+
+def lines(history: History, units: Sequence[UnitHistory]) -> str:
+    """The history for a terminal: a line for each unit, and below it what is to be looked at."""
+    width = max(4, *(len(unit.serial) for unit in units))
+    model = max(5, *(len(unit.model) for unit in units))
+    rows = [f"{'unit':<{width}}  {'model':<{model}}  campaigns  latest            verdict"]
+    for unit in units:
+        row = f"{unit.serial:<{width}}  {unit.model:<{model}}  {len(unit.campaigns):>9}  {latest_of(unit):<16}"
+        rows.append(f"{row}  {verdict_of(unit)}".rstrip())
+        rows += [f"  {one.series.name}: {'; '.join(sentences(one.flags))}" for one in unit.figures if one.flags]
+    rows += [f"not counted: {problem}" for problem in history.problems[:MOST_PROBLEMS]]
+    if len(history.problems) > MOST_PROBLEMS:
+        rows.append(f"not counted: {len(history.problems) - MOST_PROBLEMS} more; --json names all")
+    return "\n".join(rows)
+
+
+def verdict_of(unit: UnitHistory) -> str:
+    """The verdict of a unit's last acceptance, with its date where a later campaign was not judged."""
+    if not unit.verdict or unit.accepted_utc == unit.campaigns[-1].started_utc:
+        return unit.verdict
+    return f"{unit.verdict} ({unit.accepted_utc[:10]})"
+
+
+def sentences(flags: Sequence[Flag]) -> list[str]:
+    """What flags say; those of control limits in one sentence, the latest dates first."""
+    dates = [flag.says.rpartition(" ")[2] for flag in flags if flag.kind == "outside_limits"][::-1]
+    told: dict[str, None] = {}
+    for flag in flags:
+        if flag.kind != "outside_limits":
+            told[flag.says] = None
+            continue
+        more = f" and {len(dates) - _MOST_DATES} earlier" if len(dates) > _MOST_DATES else ""
+        told[f"outside the control limits on {', '.join(dates[:_MOST_DATES])}{more}"] = None
+    return list(told)
+
+
+def latest_of(unit: UnitHistory) -> str:
+    """When a unit's last campaign began, to the minute."""
+    return unit.campaigns[-1].started_utc[:16].replace("T", " ")
