@@ -50,8 +50,7 @@ class TrialUnit:
     @property
     def adc_step_v(self) -> float:
         """The step of the digitizer's converter."""
-        entry = load_bench("simulated").digitizer
-        return 2.0 * entry.adc_range_v / 2.0**entry.adc_bits
+        return load_bench("simulated").digitizer.adc_step_v
 
     @property
     def earth_dps(self) -> float:

@@ -136,7 +136,7 @@ def _motions(unwrapped: Sequence[FloatArray], sample_rate_hz: float, beyond: boo
 
 
 def _has_scans(step: Step) -> bool:
-    return not step.info.is_cut_attempt and all(name in step.channels for name in NEEDED) and step["time_s"].size > 1
+    return not step.info.is_left_out and all(name in step.channels for name in NEEDED) and step["time_s"].size > 1
 
 
 def _channels_of(recording: Recording) -> str:
@@ -195,7 +195,7 @@ def _thermistors(
         add(step["time_s"], step[name] if name else np.full(step["time_s"].size, temperature_c))
     polled = f"poll_{THERMISTOR}"
     for info in recording.infos if name == THERMISTOR else ():
-        if polled in recording.channels(info.index):
+        if not info.is_left_out and polled in recording.channels(info.index):
             soak = recording.step(info.index, ("poll_time_s", polled))
             add(soak["poll_time_s"], soak[polled])
     return name, {at: thermistor_of(those) for at, those in measured.items()}

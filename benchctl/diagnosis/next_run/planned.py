@@ -19,6 +19,7 @@ from benchctl.campaign.timing import timeline
 from benchctl.diagnosis.gyro.frame import Frame
 from benchctl.diagnosis.signals.motion import motion_of
 from benchctl.plan import ConstantRate, Plan, Sine, Soak, Step, ThermalRamp
+from benchctl.plan.steps import ByHand, positions
 from benchctl.recordings.model import StepInfo
 from instruments.physics.chamber import ChamberParameters, ChamberState, advance, settled, switched
 
@@ -89,15 +90,19 @@ def _frequency_hz(step: Step) -> float | None:
 def _excerpts(
     steps: Sequence[Step], times: Sequence[tuple[float, float, float]], bench: Bench, interval_s: float
 ) -> Iterator[_Excerpt]:
-    """Every streamed step's excerpts, the climate carried on from one to the next."""
+    """Every streamed step's excerpts, the climate carried on from one to the next; none of a unit mounted across."""
     climate = _Climate(bench)
-    for place, (step, (start_s, end_s, _)) in enumerate(zip(steps, times, strict=True)):
+    for place, (step, (start_s, end_s, _), position) in enumerate(zip(steps, times, positions(steps), strict=True)):
         if isinstance(step, Soak):
             climate.set(start_s, step.setpoint_c, bench.limits.ramp_c_per_min)
+            continue
+        if isinstance(step, ByHand):
             continue
         stream_s = end_s - step.streamed_s
         if isinstance(step, ThermalRamp):
             climate.set(stream_s, step.to_c, step.ramp_c_per_min)
+        if position == "across":
+            continue
         hz = _frequency_hz(step)
         length_s = min(step.streamed_s, max(_EXCERPT_S, _PERIODS / hz if hz else 0.0))
         count = min(2 + int(step.streamed_s / _APART_S), _MOST_EXCERPTS, int(step.streamed_s / length_s))

@@ -64,7 +64,7 @@ class Pieces:
 def series_of(recording: Recording, needed: Sequence[str], further: Sequence[str] = (), *, polled: bool) -> Series:
     """The steps of a recording that have all channels `needed`; `polled` ones where asked, under their plain names.
 
-    What an import's list of steps does not name is left out, and so are cut attempts.
+    What an import's list of steps does not name is left out, and so are cut attempts and what a person did.
 
     Raises `UsageError` where no step has them.
     """
@@ -73,7 +73,7 @@ def series_of(recording: Recording, needed: Sequence[str], further: Sequence[str
     found = []
     for info in recording.infos:
         there = set(recording.channels(info.index))
-        if info.kind not in left_out and not info.is_cut_attempt and all(f"{prefix}{name}" in there for name in needed):
+        if info.kind not in left_out and not info.is_left_out and all(f"{prefix}{name}" in there for name in needed):
             names = [name for name in (*needed, *further) if f"{prefix}{name}" in there]
             step = recording.step(info.index, (f"{prefix}time_s", *(f"{prefix}{name}" for name in names)))
             if step[f"{prefix}time_s"].size > 1:
