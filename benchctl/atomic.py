@@ -50,6 +50,8 @@ def whole_folder(path: Path) -> Iterator[Path]:
 
     Raises `UsageError` where `path` holds something already, or where the disk refuses.
     """
+    if path.name in ("", ".."):
+        raise UsageError(f"{path}: is a folder that cannot be replaced while it is in use; name a new one in it")
     require_empty(path)
     temporary = _beside(path)
     with disk_errors(path):

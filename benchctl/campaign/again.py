@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 from benchctl.bench import Bench
-from benchctl.campaign.opened import another_day
+from benchctl.campaign.opened import another_day, as_drawn
 from benchctl.campaign.provenance import recorded_bench, table_of
 from benchctl.limits import cut, listed, shown
 from benchctl.plan import Plan
@@ -22,7 +22,6 @@ CHOSEN_HERE = (
 )
 """What `bench_again` sets of a simulated bench whose seed nobody names, by dotted names."""
 
-_PHASES = tuple(name.rpartition(".")[2] for name in CHOSEN_HERE[1:])
 _LONGEST_WORD = 200
 
 
@@ -95,9 +94,7 @@ def _simulated(meta: Meta, whose: str) -> Bench | None:
 
 def _on_the_day_after(first: Bench, bench: Bench) -> Bench:
     """A bench with noise that neither has had, its encoder mounted as it was at first unless it states otherwise."""
-    day = another_day(first, 1).physics
-    mounted = {name: day["encoder"][name] for name in _PHASES} | bench.physics.get("encoder", {})
-    return bench.model_copy(update={"physics": {**bench.physics, "seed": day["seed"], "encoder": mounted}})
+    return as_drawn(bench, another_day(first, 1).physics)
 
 
 def _texts(procedure: Procedure, recorded: dict[str, Any]) -> dict[str, str]:

@@ -161,13 +161,24 @@ def world_settings(bench: Bench) -> WorldSettings:
     )
 
 
+_ENCODER_PHASES = ("eccentricity_phase_deg", "ellipticity_phase_deg")
+"""How the encoder is mounted; drawn by the seed where bench.toml does not say."""
+
+
 def another_day(bench: Bench, days: int) -> Bench:
     """The same simulated bench and unit, encoder and all, with noise that it has not had yet: drawn by seed + days."""
     world = world_settings(bench)
-    phases = ("eccentricity_phase_deg", "ellipticity_phase_deg")
-    mounted = {**bench.physics.get("encoder", {}), **{name: getattr(world.encoder, name) for name in phases}}
+    mounted = {**bench.physics.get("encoder", {}), **{name: getattr(world.encoder, name) for name in _ENCODER_PHASES}}
     physics = {**bench.physics, "seed": world.seed + days, "encoder": mounted}
     return bench.model_copy(update={"physics": physics})
+
+
+def as_drawn(bench: Bench, physics: Mapping[str, Any]) -> Bench:
+    """A simulated bench with the seed of other physics, its encoder mounted as there unless it states otherwise."""
+    there = {name: phase for name, phase in physics.get("encoder", {}).items() if name in _ENCODER_PHASES}
+    mounted = there | bench.physics.get("encoder", {})
+    drawn = {**({"seed": physics["seed"]} if "seed" in physics else {}), **({"encoder": mounted} if mounted else {})}
+    return bench.model_copy(update={"physics": {**bench.physics, **drawn}})
 
 
 def effects_of(bench: Bench, settings: WorldSettings) -> tuple[PhysicalEffect, ...]:

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from benchctl.bench import Bench
-from benchctl.campaign.opened import another_day
+from benchctl.campaign.opened import another_day, as_drawn
 from benchctl.campaign.provenance import recorded_bench
 from benchctl.campaign.sameness import refuse_another
 from benchctl.limits import LONGEST_TIME_S
@@ -158,7 +158,7 @@ def _look_back(folder: Path, lock: Lock, plan: Plan, bench: Bench, seeded: bool)
         infos = recording.infos
     whole = whole_steps(plan, infos)
     if bench.simulated and not seeded and "bench_physics" in meta.provenance:
-        bench = bench.with_seed(recorded_bench(meta, "the campaign").physics.get("seed"))
+        bench = as_drawn(bench, recorded_bench(meta, "the campaign").physics)
     refuse_another(meta, whole, plan, bench)
     journal = journal_text(folder / JOURNAL)
     day = 1 + sum(event.get("kind") == "resume" for event in events_in(journal))

@@ -44,8 +44,10 @@ class Compared:
 
 
 def compare_recordings(simulated: Path, real: Path) -> Compared:
-    """Two recordings of one procedure; raises `UsageError` where one cannot be read or they share no step."""
+    """Two recordings of one procedure; raises `UsageError` where one cannot be read, they share no step or are the same."""
     with open_recording(simulated) as theirs, open_recording(real) as ours:
+        if theirs.digest and theirs.digest == ours.digest:
+            raise UsageError(f"{simulated}, {real}: the samples are the same, they part nowhere; name two recordings")
         steps, alone = with_recording(frame_of(ours), frame_of(theirs), name_of(simulated))
         remarks = [
             *alone[:_MOST_ALONE],

@@ -14,7 +14,7 @@ import pytest
 
 from benchctl.bench import Bench, load_bench
 from benchctl.calibration.calibrate import calibrate
-from benchctl.campaign.opened import open_bench
+from benchctl.campaign.opened import another_day, open_bench
 from benchctl.campaign.progress import Moment
 from benchctl.campaign.resume import PLAIN_SOAK_S, elapsed_s, past_of, soak_before, steps_to_play
 from benchctl.campaign.runner import Outcome, run_campaign
@@ -157,6 +157,16 @@ def test_another_noise_but_the_same_unit_and_encoder_after_a_resume(tmp_path: Pa
         ours, theirs = resumed.step(2)["gyro_v"], straight.step(2)["gyro_v"]
         assert abs(np.corrcoef(ours, theirs)[0, 1]) < 0.1
         assert ours.std() == pytest.approx(theirs.std(), rel=0.1)
+
+
+def test_a_rerun_of_another_day_that_was_cut_goes_on_with_the_bench_that_it_was_told_to_use(tmp_path: Path) -> None:
+    plan = plan_of(Static(duration_s=4.0), Static(duration_s=40.0))
+    rerun = another_day(BENCH, 1)
+    begin(tmp_path / "c", lambda moment: moment.index == 2 and moment.samples > 4000, plan, rerun)
+    with past_of(tmp_path / "c", plan, BENCH) as past:
+        assert past.bench.physics["seed"] == rerun.physics["seed"] + 1
+        assert past.bench.physics["encoder"] == rerun.physics["encoder"]
+    assert go_on(tmp_path / "c", plan=plan).status == "complete"
 
 
 def test_a_resumed_campaign_fits_like_an_uninterrupted_one(tmp_path: Path) -> None:

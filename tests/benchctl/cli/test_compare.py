@@ -77,6 +77,14 @@ def test_two_recordings_of_one_procedure_are_laid_over_each_other(capsys: pytest
     assert "only in the simulated one: sine at +23" in told["remarks"]
 
 
+def test_a_recording_is_not_compared_with_itself(capsys: pytest.CaptureFixture[str]) -> None:
+    write_moving(Path("real.h5"))
+    Path("copy.h5").write_bytes(Path("real.h5").read_bytes())
+    assert compare("real.h5", "copy.h5") == 2
+    assert "the samples are the same" in capsys.readouterr().err
+    assert sorted(path.name for path in Path().iterdir()) == ["copy.h5", "real.h5"]
+
+
 def test_a_program_that_asks_for_json_alone_gets_that(capsys: pytest.CaptureFixture[str]) -> None:
     write_moving(Path("real.h5"))
     assert compare("real.h5", "--json", "out.json", "--quiet") == 0

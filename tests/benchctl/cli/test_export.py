@@ -111,6 +111,18 @@ def test_what_is_not_there_is_named(export: Verb, tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("folder", [".", ".."])
+def test_a_folder_that_somebody_is_in_is_not_replaced(
+    export: Verb, recording: Path, monkeypatch: pytest.MonkeyPatch, folder: str
+) -> None:
+    (empty := recording.parent / "empty" / "below").mkdir(parents=True)
+    monkeypatch.chdir(empty)
+    status, line = export(recording, "--to", "csv", "-o", folder)
+    assert status == 2
+    assert "name a new one in it" in line
+    assert list(empty.iterdir()) == []
+
+
 def test_an_export_of_the_current_folder_lies_beside_it(export: Verb, recording: Path) -> None:
     recording.rename(recording.parent / "recording.h5")
     target = recording.parent.with_name(recording.parent.name + "_compensation.h")
