@@ -1,0 +1,201 @@
+"""The JSON schema of bench.toml, and of limits.toml: what an editor knows of a field while it is written.
+
+Made from the models that read the files, so that both refuse the same: keys that do not exist, values of another kind
+or beyond their bounds, what is missing. What only the reader knows: which of two numbers is the larger (coldest_c and
+hottest_c), whether a text is a quantity of the right kind ("2 kg") and within bounds, whether a profile is there.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Iterator
+from typing import Any, get_args
+
+from benchctl.bench import Bench
+from benchctl.bench_words import FIELD_WORDS
+from benchctl.metrology.limit_file import LimitFile
+from benchctl.metrology.names import UNITS
+from benchctl.quantities import unit_stated
+from instruments.catalog import Kind, models
+from instruments.physics.effects.effect import Parameter, PhysicalEffect
+from instruments.physics.effects.registry import effects
+from instruments.simulated.faults.bench import AnyFault
+
+Schema = dict[str, Any]
+
+DIALECT = "http://json-schema.org/draft-07/schema#"
+"""The one that editors of TOML know."""
+
+BENCH_SCHEMA, LIMITS_SCHEMA = "bench.schema.json", "limits.schema.json"
+"""The files' names, beside bench.toml and limits.toml."""
+
+_NUMBER = r"(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*([^\d\s.+-].*)?$"
+_KINDS: dict[str, Kind] = {
+    "RateTableEntry": "rate_table",
+    "ChamberEntry": "chamber",
+    "DigitizerEntry": "digitizer",
+    "GyroEntry": "gyro",
+}
+
+
+def directive(schema_name: str) -> str:
+    """The line that tells Taplo, Even Better TOML and others where the schema is; first in the file."""
+    return f"#:schema {schema_name}\n"
+
+
+def bench_schema() -> Schema:
+    """The schema of bench.toml; models and effects are those of this installation, and others stay allowed."""
+    schema = _tidy(Bench.model_json_schema(), FIELD_WORDS)
+    for name, kind in _KINDS.items():
+        schema["$defs"][name]["properties"]["model"]["anyOf"] = [
+            {"enum": list(models(kind)), "description": "A model that this installation has."},
+            {"type": "string", "description": "A model of another package, or a chamber's profile (….toml)."},
+        ]
+    for fault in get_args(get_args(AnyFault)[0]):
+        told = schema["$defs"][fault.__name__]
+        told["required"] = ["on", "kind"]
+        told["properties"]["on"]["enum"] = list(fault.places)
+    schema["properties"]["effects"] |= _effects()
+    schema["allOf"] = _rules_of_a_bench()
+    schema["$defs"]["Interlock"]["allOf"] = _rules_of_an_interlock()
+    schema["$defs"]["DigitizerEntry"]["properties"]["thermistor_c_per_v"]["not"] = {"const": 0}
+    return {"$schema": DIALECT, **schema, "title": "A bench of benchctl"}
+
+
+def limits_schema() -> Schema:
+    """The schema of limits.toml."""
+    schema = _tidy(LimitFile.model_json_schema(), {})
+    entry = schema["properties"]["limits"].pop("additionalProperties")
+    schema["properties"]["limits"] |= {
+        "additionalProperties": False,
+        "properties": {name: {**entry, "description": f"Measured in {unit}."} for name, unit in UNITS.items()},
+    }
+    return {"$schema": DIALECT, **schema, "title": "The limits of an acceptance"}
+
+
+def as_text(schema: Schema) -> str:
+    """A schema as its file holds it."""
+    return json.dumps(schema, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _tidy(schema: Schema, words: dict[str, tuple[str, str, Any]]) -> Schema:
+    """Pydantic's schema with words, units and quantities, and without what TOML has not (null) or JSON (infinity)."""
+    for name, table in [(schema["title"], schema), *schema["$defs"].items()]:
+        table.pop("title", None)
+        for field, told in table.get("properties", {}).items():
+            table["properties"][field] = _field(name, field, told, words)
+    return schema
+
+
+def _field(table: str, field: str, told: Schema, words: dict[str, tuple[str, str, Any]]) -> Schema:
+    told.pop("title", None)
+    told.get("items", {}).pop("discriminator", None)  # of OpenAPI, not of JSON schema
+    default = told.pop("default", None)
+    choices = [choice for choice in told.pop("anyOf", []) if choice != {"type": "null"}]
+    if len(choices) == 1:
+        told |= choices[0]
+    elif choices:
+        told["anyOf"] = choices
+    unit = unit_stated(field)
+    if told.get("type") == "number" and unit:
+        told = _quantity(told)
+    if default is not None and not _is_infinite(default) and not isinstance(default, dict):
+        told["default"] = default
+    if "$ref" in told:  # draft 7 ignores what stands beside a reference
+        told["allOf"] = [{"$ref": told.pop("$ref")}]
+    title, description, example = words.get(f"{table}.{field}") or words.get(field) or ("", "", None)
+    if title:
+        told["title"] = title
+    if said := " ".join(part for part in (description, _in_words(unit)) if part):
+        told["description"] = said
+    if example is not None:
+        told["examples"] = [example]
+    return told
+
+
+def _quantity(number: Schema) -> Schema:
+    """A number, or a text of a number and a unit."""
+    lowest = max(number.get("minimum", -math.inf), number.get("exclusiveMinimum", -math.inf))
+    sign = r"[+]?" if lowest >= 0 else r"[+−-]?"
+    return {"anyOf": [number, {"type": "string", "pattern": rf"^\s*{sign}{_NUMBER}"}]}
+
+
+def _in_words(unit: str) -> str:
+    usual = unit.removesuffix(" or K")
+    return f'In {usual}; or a text with a unit, as "1.5 {usual}".' if unit else ""
+
+
+def _is_infinite(value: object) -> bool:
+    return isinstance(value, float) and math.isinf(value)
+
+
+def _effects() -> Schema:
+    """The tables of `[effects]`: those of known effects in full; of kinds of which there may be several, NAME_2 too."""
+    patterns = {
+        f"^{name}{'(_([2-9]|[1-9][0-9]+))?' if kind.several else ''}$": _effect(kind)
+        for name, kind in effects().items()
+    }
+    return {"patternProperties": patterns, "additionalProperties": {"type": "object"}}
+
+
+def _effect(kind: type[PhysicalEffect]) -> Schema:
+    items = dataclasses.fields(kind)  # type: ignore[arg-type]  # effects are dataclasses
+    needed = [item.name for item in items if item.default is dataclasses.MISSING]
+    properties = {item.name: _parameter(item.name, kind.parameters.get(item.name)) for item in items}
+    return {"type": "object", "properties": properties, "required": needed, "additionalProperties": False}
+
+
+def _parameter(name: str, parameter: Parameter | None) -> Schema:
+    number: Schema = {"type": "number"}
+    if parameter is not None:
+        zero = parameter.low if parameter.zero is None else parameter.zero  # which is always allowed
+        bounds = {"minimum": min(parameter.low, zero), "maximum": max(parameter.high, zero)}
+        number |= {word: bound for word, bound in bounds.items() if math.isfinite(bound)}
+    told = _quantity(number) if unit_stated(name) else number
+    if parameter is not None:
+        told["description"] = f"{parameter.meaning[:1].upper()}{parameter.meaning[1:]}. In {parameter.unit}."
+    return told
+
+
+def _rules_of_a_bench() -> list[Schema]:
+    """What one table asks of another."""
+    real = {"properties": {"simulated": {"const": False}}}
+    placed = {"required": ["address"]}
+    return [
+        {
+            "if": real,
+            "then": {
+                "properties": {
+                    **dict.fromkeys(("rate_table", "chamber", "digitizer", "gyro"), placed),
+                    "effects": {"maxProperties": 0},
+                    "faults": {"maxItems": 0},
+                }
+            },
+        },
+        {
+            "if": {"not": {"required": ["gyro"]}},
+            "then": {"properties": {"faults": {"items": {"not": {"properties": {"on": {"const": "gyro"}}}}}}},
+        },
+    ]
+
+
+def _rules_of_an_interlock() -> list[Schema]:
+    holds = {"properties": {"action": {"const": "hold"}}, "required": ["action"]}
+    return [
+        {"anyOf": [{"required": ["above"]}, {"required": ["below"]}]},
+        {
+            "if": holds,
+            "then": {"required": ["give_up_s"], "properties": {"quantity": {"not": {"const": "encoder_dps"}}}},
+            "else": {"not": {"required": ["give_up_s"]}},
+        },
+    ]
+
+
+def undescribed(schema: Schema) -> Iterator[str]:
+    """The fields that no words are known of, as TABLE.FIELD."""
+    for name, table in [("Bench", schema), *schema["$defs"].items()]:
+        for field, told in table.get("properties", {}).items():
+            if "title" not in told:
+                yield f"{name}.{field}"

@@ -1,0 +1,1 @@
+"""The instruments themselves: who answers, who else does, and who does not."""

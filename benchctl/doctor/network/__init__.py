@@ -1,0 +1,1 @@
+"""The way to instruments with a network address: names, routes, ports, firewalls."""

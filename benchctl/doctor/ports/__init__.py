@@ -1,0 +1,1 @@
+"""The serial ports of this machine, and those that a bench names."""

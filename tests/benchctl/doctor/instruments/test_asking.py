@@ -1,0 +1,155 @@
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from benchctl.bench import Bench, bench_of_text, template
+from benchctl.campaign.opened import simulated_bench
+from benchctl.doctor.finding import Finding
+from benchctl.doctor.instruments.asking import findings_of_instrument
+from instruments.catalog import Kind
+from instruments.links.address import parse_address
+from instruments.simulated.clock import ScaledClock
+from tests.benchctl.doctor.benches import NOBODY, bench_at, server
+
+needs_terminals = pytest.mark.skipif(sys.platform == "win32", reason="a pty is a thing of POSIX")
+QUICK = {"options": {"timeout_s": 0.2}}
+
+
+@contextmanager
+def twins(**changes: dict[str, object]) -> Iterator[dict[str, str]]:
+    """The simulated instruments, some of them of other models or with other options; their addresses."""
+    by_themselves = {role: {"address": None, **changes.get(role, {})} for role in NOBODY}
+    with simulated_bench(bench_at({}, **by_themselves), ScaledClock(1.0)) as running:
+        yield running.addresses
+
+
+def _asked(bench: Bench, role: Kind) -> list[Finding]:
+    return list(findings_of_instrument(bench, role, parse_address(str(getattr(bench, role).address))))
+
+
+def test_instruments_that_answer_as_the_bench_says_are_fine() -> None:
+    with twins() as addresses:
+        bench = bench_at(addresses)
+        table, chamber = (_asked(bench, role) for role in ("rate_table", "chamber"))
+        identity, stream = _asked(bench, "digitizer")
+    assert [finding.verdict for finding in (*table, *chamber, identity, stream)] == ["ok"] * 4
+    assert f"answers as watlow_f4t at {addresses['chamber']}: Watlow F4T1L1EAA1D1AAA" in chamber[0].says
+    assert "serial 470012345" in identity.says
+    assert stream.what == "stream"
+
+
+def test_another_serial_number_than_the_benchs_is_another_instrument() -> None:
+    with twins() as addresses:
+        bench = bench_at(addresses, digitizer={"serial": "470099999"})
+        identity, _ = _asked(bench, "digitizer")
+    assert identity.verdict == "bad"
+    assert identity.says.endswith("serial 470012345; the bench expects serial 470099999")
+    assert "[digitizer]" in identity.do
+
+
+def test_a_stream_port_that_refuses_is_found_where_the_other_port_is_fine() -> None:
+    with twins() as addresses:
+        identity, stream = _asked(bench_at({**addresses, "digitizer_stream": "tcp://127.0.0.1:4"}), "digitizer")
+    assert (identity.verdict, stream.verdict) == ("ok", "bad")
+    assert "127.0.0.1, port 4: the machine is there and refuses that port" in stream.says
+    assert stream.do.endswith("labjack_t7 usually answers at port 502 or 702")
+
+
+@pytest.mark.slow
+def test_who_takes_a_connection_and_says_nothing_is_silent() -> None:
+    with server(b"") as address:
+        connection, answer = _asked(bench_at({"rate_table": address}, rate_table=QUICK), "rate_table")
+    assert (connection.verdict, answer.verdict, answer.what) == ("ok", "bad", "answer")
+    assert answer.says.startswith(f"silent: rate table {address}: sent ':mode? 1', no reply within 0.2 s")
+    assert answer.do.startswith("the line is there, and nobody speaks: ")
+
+
+@pytest.mark.slow
+def test_rubbish_is_shown_and_taken_for_another_protocol() -> None:
+    with server(b"\xde\xad\xbe\xef") as address:
+        *_, identity = _asked(bench_at({"chamber": address}, chamber=QUICK), "chamber")
+    assert (identity.verdict, identity.what) == ("bad", "identity")
+    assert r"what comes is not what watlow_f4t says (b'\xde\xad\xbe\xef" in identity.says
+    assert "compare speed, parity, protocol" in identity.do
+
+
+def test_a_labjack_at_the_chambers_address_is_named() -> None:
+    with twins() as addresses:
+        *_, identity = _asked(bench_at({**addresses, "chamber": addresses["digitizer"]}), "chamber")
+    assert identity.verdict == "bad"
+    assert identity.says.startswith("who answers is no watlow_f4t, but a LabJack T7, serial 470012345: ")
+    assert "are two addresses interchanged?" in identity.do
+
+
+def test_another_table_of_another_maker_is_named() -> None:
+    with twins() as addresses:
+        *_, identity = _asked(bench_at(addresses, rate_table={"model": "aerotech_ensemble"} | QUICK), "rate_table")
+    assert identity.says.startswith("who answers is no aerotech_ensemble, but one that answers as acutrol3000 does: ")
+
+
+@needs_terminals
+@pytest.mark.slow
+def test_a_controller_with_another_unit_number_is_found_by_it() -> None:
+    controller = {"model": "watlow_f4", "options": {"unit_id": 7}}
+    with twins(chamber=controller) as addresses:
+        expected = {"model": "watlow_f4", "options": {"timeout_s": 0.2}}
+        (unit,) = _asked(bench_at(addresses, chamber=expected), "chamber")
+    assert (unit.verdict, unit.what) == ("bad", "unit")
+    assert unit.says.startswith("Modbus unit 1 is silent; unit 7 answers at serial:///dev/")
+    assert unit.do == "[chamber.options] unit_id = 7, or set the controller's own address to 1"
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"options": {"unit": 3}}, "chamber.options: watlow_f4t cannot be made with them: "),
+        ({"model": "watlow_f4x"}, "there is no 'watlow_f4x': did you mean watlow_f4?"),
+    ],
+)
+def test_a_description_that_no_driver_takes_is_the_inputs_fault(change: dict[str, object], says: str) -> None:
+    (finding,) = _asked(bench_at({}, chamber=change), "chamber")
+    assert (finding.verdict, finding.unusable, finding.what) == ("bad", True, "description")
+    assert says in finding.says
+
+
+def test_an_option_of_the_wrong_kind_is_the_inputs_fault_however_late_it_shows() -> None:
+    with twins() as addresses:
+        bench = bench_at(addresses, rate_table={"options": {"reply_terminator": 5}})
+        (finding,) = _asked(bench, "rate_table")
+    assert finding.verdict == "bad"
+    assert "rate_table.options" in f"{finding.says} {finding.do}".replace("[", "").replace("]", "")
+
+
+@needs_terminals
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("there", "said"),
+    [
+        ("binder_mb2", "csz_ezt430i"),
+        ("csz_ezt430i", "watlow_f4"),
+        ("espec_p300", "watlow_f4t"),
+        ("eurotherm_2400", "binder_mb2"),
+        ("eurotherm_3500", "eurotherm_2400"),
+        ("watlow_f4", "watlow_f4t"),
+        ("watlow_f4t", "espec_p300"),
+    ],
+)
+def test_every_chamber_is_recognised_where_another_is_expected(there: str, said: str) -> None:
+    with twins(chamber={"model": there}) as addresses:
+        *_, identity = _asked(bench_at(addresses, chamber={"model": said}), "chamber")
+    assert identity.verdict == "bad"
+    assert f"one that answers as {there} does" in identity.says
+
+
+@pytest.mark.slow
+def test_a_controller_that_was_away_for_a_while_is_told_from_one_of_another_unit() -> None:
+    away = '[[faults]]\non = "chamber"\nkind = "pulled_cable"\nfor_s = 1.0\nnth = 1\n'
+    bench = bench_of_text(template() + away, "bench.toml")
+    with simulated_bench(bench, ScaledClock(1.0)) as running:
+        there = bench_at(running.addresses, chamber={"options": {"timeout_s": 0.1}})
+        *_, answer = _asked(there, "chamber")
+    assert (answer.verdict, answer.what) == ("bad", "answer")
+    assert answer.says.startswith("answers now, and did not before: Watlow F4T at ")
+    assert "timeout_s" in answer.do
