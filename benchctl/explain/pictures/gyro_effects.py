@@ -1,0 +1,218 @@
+"""An effect of the gyro's chain, switched on against off, in a motion that brings it out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from benchctl.explain.glossary import beside
+from benchctl.explain.pictures import noise_panels
+from benchctl.explain.pictures.gyro_scenes import BY_COORDINATE, BY_NAME, CIRCUMSTANCES, T0_C, Make, Scene, long_rest
+from benchctl.explain.pictures.gyro_scenes import noisy_rest as noisy_rest_scene
+from benchctl.explain.pictures.sizing import Values, said_values, seen_values, stated_values, whole_values
+from benchctl.explain.pictures.sketch import Curve, FloatArray, Look, Panel, Sketch
+from benchctl.explain.sizes import K0_V_PER_DPS, NOISE_V, RANGE_DPS, middle_size
+from instruments.errors import UsageError
+from instruments.physics.chain import GRID_STAGES, Signals, run_chain
+from instruments.physics.effects.effect import PhysicalEffect
+from instruments.physics.effects.kinds import ClockEffect, NoiseEffect
+from instruments.physics.response_gyro import ResponseParameters, response_baseline
+
+GYRO = ResponseParameters(
+    K0_v_per_dps=K0_V_PER_DPS,
+    U0_v=0.012,
+    T0_c=T0_C,
+    k_T=(-1.315e-4, 2.066e-6),
+    k_omega=(),
+    noise_v_rms=NOISE_V,
+    output_limit_v=11.0,
+)
+"""What is drawn without any effect: a straight line in the rate, a scale factor that depends on temperature."""
+
+_SEEN = 0.03
+"""Of the output: what an effect of no known size is drawn to change."""
+_FACTORS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
+_PLAIN, _EXAGGERATED = 0.08, 0.25
+"""An effect that changes less than the first share of the output is drawn larger, up to the second."""
+_MANY_CROSSINGS, _SHOWN_CROSSINGS = 60, 12
+_LOUD = 0.01
+"""Of what an effect changes at most: less has no sign, it is rounding."""
+_NARROW = 6.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Run:
+    """What the bench shows of a scene: `y` over the scene's x."""
+
+    scene: Scene
+    off: Signals
+    on: Signals
+    by_encoder: bool
+
+    @property
+    def y_off(self) -> FloatArray:
+        return _encoder_rate(self.off) if self.by_encoder else self.off.output_v
+
+    @property
+    def y_on(self) -> FloatArray:
+        return _encoder_rate(self.on) if self.by_encoder else self.on.output_v
+
+    @property
+    def difference(self) -> FloatArray:
+        return self.y_on - self.y_off
+
+
+def gyro_sketch(kind: type[PhysicalEffect]) -> Sketch:
+    """The picture of an effect: what it changes in the output, or in what the encoder states."""
+    make = _scene_of(kind)
+    known = stated_values(kind.identifier) or middle_size(kind.identifier)
+    values = whole_values(kind, known)
+    if not known:
+        values = seen_values(kind, lambda tried: _share(_run(kind, tried, make, RANGE_DPS)), _SEEN)
+    run = _run(kind, values, make, RANGE_DPS)
+    top_dps = _zoomed(run)
+    if top_dps is not None:
+        run = _run(kind, values, make, top_dps)
+    panels, told = _panels(run)
+    return Sketch(
+        title=kind.identifier.replace("_", " ").capitalize(),
+        caption=f"{run.scene.says}; {said_values(kind, values)}.{told}",
+        panels=tuple(panels),
+        difference=run.difference,
+    )
+
+
+def _scene_of(kind: type[PhysicalEffect]) -> Make:
+    asked = beside("effects", kind.identifier).get("scene")
+    if asked is not None:
+        return BY_NAME[asked]
+    if issubclass(kind, NoiseEffect):
+        return noisy_rest_scene
+    return BY_COORDINATE.get(kind.coordinate, long_rest)
+
+
+def _run(kind: type[PhysicalEffect], values: Values, make: Make, top_dps: float) -> _Run:
+    effect = kind.make(values, {**CIRCUMSTANCES, "noise_v_rms": NOISE_V})
+    scene = make(effect, top_dps)
+    off, on = _played(scene, None), _played(scene, effect)
+    by_encoder = np.array_equal(off.output_v, on.output_v) and not np.array_equal(off.encoder_deg, on.encoder_deg)
+    run = _Run(scene=scene, off=off, on=on, by_encoder=by_encoder)
+    if not np.isfinite(run.difference).all():
+        at = said_values(kind, values)
+        raise UsageError(f"effect {kind.identifier}: expected finite outputs at {at}, got others; mend its apply")
+    return run
+
+
+def _played(scene: Scene, effect: PhysicalEffect | None) -> Signals:
+    """The scene through the chain, and what is sampled of it."""
+    effects = () if effect is None else (effect,)
+    signals = run_chain(scene.signals, response_baseline(GYRO), effects, GRID_STAGES)
+    volts = signals.output_v
+    if isinstance(effect, ClockEffect):
+        volts = _at(effect.gyro_time_s(signals.time_s), signals.time_s, volts)
+    if scene.noisy:
+        volts = volts + NOISE_V * np.random.default_rng(952).standard_normal(volts.size)
+    return run_chain(replace(signals, output_v=volts), {}, effects, ("sampling",))
+
+
+def _at(when_s: FloatArray, time_s: FloatArray, volts: FloatArray) -> FloatArray:
+    """Volts at other instants, straight between samples and on beyond the ends."""
+    inside = np.clip(when_s, time_s[0], time_s[-1])
+    slope = np.gradient(volts, time_s)
+    return np.interp(inside, time_s, volts) + (when_s - inside) * np.interp(inside, time_s, slope)
+
+
+def _share(run: _Run) -> float:
+    """What an effect changes, as a share of what there is."""
+    return float(np.max(np.abs(run.difference))) / _height(run.y_off)
+
+
+def _height(y: FloatArray) -> float:
+    return float(np.ptp(y)) or float(np.max(np.abs(y))) or 1.0
+
+
+def _zoomed(run: _Run) -> float | None:
+    """A smaller top of the rates, where all that an effect does is done at small ones, or too often to be seen."""
+    scene, changed = run.scene, np.abs(run.difference)
+    if scene.x_says != "rate (°/s)" or scene.noisy:
+        return None
+    top_dps = float(np.nanmax(scene.x))
+    loud = run.difference[changed > _LOUD * changed.max()]
+    crossings = int(np.count_nonzero(np.diff(np.sign(loud))))
+    if crossings > _MANY_CROSSINGS:
+        return top_dps * _SHOWN_CROSSINGS / crossings
+    right = scene.x > 0.0
+    rates, high = scene.x[right], changed[right] > 0.5 * float(changed.max())
+    turning = np.flatnonzero(np.diff(high.astype(np.int8)))
+    if turning.size == 0 or _NARROW * rates[turning[0]] > 0.5 * top_dps:
+        return None
+    return _NARROW * float(rates[turning[0]])
+
+
+def _panels(run: _Run) -> tuple[list[Panel], str]:
+    """The panels, and what the caption must say of them."""
+    scene = run.scene
+    factor = _factor(run)
+    stimulus = [] if scene.stimulus is None else [_with_coil(scene.stimulus, run)]
+    if scene.noisy:
+        return [*stimulus, *noise_panels.panels(scene, run.off, run.on, GYRO, seen_in_rate=K0_V_PER_DPS)], ""
+    what = "rate by the encoder (°/s)" if run.by_encoder else "output (V)"
+    larger = f", {factor} × as large" if factor > 1 else ""
+    compared = Panel(
+        x=scene.x_says,
+        y=what,
+        curves=(
+            *_parts(scene, run.y_off, "off", "without the effect"),
+            *_parts(scene, run.y_off + factor * run.difference, "on", f"with it{larger}"),
+        ),
+    )
+    return [*stimulus, compared, *_difference_panels(run)], " Below: what it really changes." if factor > 1 else ""
+
+
+def _difference_panels(run: _Run) -> Iterator[Panel]:
+    x, changed = run.scene.x, run.difference
+    if run.by_encoder:
+        unit, factor = ("°/s", 1.0) if np.max(np.abs(changed)) > 0.1 else ("0.001 °/s", 1e3)
+        arcsec = 3600.0 * (run.on.encoder_deg - run.off.encoder_deg)
+        error = Curve(x=x, y=arcsec, look="third")
+        yield Panel(x=run.scene.x_says, y="error of angle (″)", curves=(error,), zero=True, share=0.8)
+    else:
+        unit, factor = ("V", 1.0) if np.max(np.abs(changed)) > 1.0 else ("mV", 1e3)
+    yield Panel(
+        x=run.scene.x_says,
+        y=f"difference ({unit})",
+        curves=tuple(_parts(run.scene, factor * changed, "on", "")),
+        zero=True,
+        share=0.8,
+    )
+
+
+def _parts(scene: Scene, y: FloatArray, look: Look, label: str) -> Iterator[Curve]:
+    """A curve, or one for each part of the scene that has a name; what is without the effect is told apart by it."""
+    looks: tuple[Look, ...] = ("on", "third", "grey") if look == "on" else (look,) * len(scene.parts)
+    for place, ((name, part), own) in enumerate(zip(scene.parts, looks, strict=False)):
+        told = f"{label}, {name}" if look == "on" else "" if place else label
+        yield Curve(x=scene.x[part], y=y[part], look=own, label=told if label else "")
+    if not scene.parts:
+        yield Curve(x=scene.x, y=y, look=look, label=label)
+
+
+def _factor(run: _Run) -> int:
+    """How many times larger than it is an effect is drawn beside the output."""
+    share = _share(run)
+    if not run.scene.memoryless or share >= _PLAIN or share == 0.0:
+        return 1
+    return max(factor for factor in _FACTORS if factor == 1 or factor * share <= _EXAGGERATED)
+
+
+def _with_coil(panel: Panel, run: _Run) -> Panel:
+    """Beside the thermistor the coil, where that is at another temperature."""
+    if np.array_equal(run.on.coil_c, run.off.coil_c):
+        return panel
+    return replace(panel, curves=(*panel.curves, Curve(x=run.scene.x, y=run.on.coil_c, look="on", label="coil")))
+
+
+def _encoder_rate(signals: Signals) -> FloatArray:
+    return np.gradient(signals.encoder_deg, signals.time_s)

@@ -1,0 +1,304 @@
+"""Motions and temperatures in which effects of the gyro are seen, as signals of the project's own chain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchctl.explain.pictures.sketch import Curve, FloatArray, Panel
+from benchctl.explain.sizes import RANGE_DPS
+from benchctl.reports import text
+from instruments.physics.chain import Signals
+from instruments.physics.effects.effect import PhysicalEffect
+from instruments.physics.effects.kinds import EncoderEffect
+
+T0_C = 20.0
+_TURNING_DPS = 100.0
+_HOUR_S = 3600.0
+_SWING_SCANS = 2000
+"""Of the swing: what its faults of the data are counted in."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scene:
+    """A motion. `x` is what its picture is drawn over, `says` the motion in words; `stimulus` is drawn above.
+
+    `parts` of it have names, so that they can be told apart: what heats, what cools.
+
+    `noisy`: with the noise of samples, on and off alike. `memoryless`: the output follows x, so that what an effect
+    changes may be drawn larger than it is. `spectrum`: its picture ends with one.
+    """
+
+    signals: Signals
+    x: FloatArray
+    x_says: str
+    says: str
+    stimulus: Panel | None = None
+    parts: tuple[tuple[str, slice], ...] = ()
+    noisy: bool = False
+    memoryless: bool = True
+    spectrum: bool = False
+    allan: bool = False
+
+
+Make = Callable[[PhysicalEffect, float], Scene]
+"""A scene for an effect; the number is the top of its rates [°/s], for scenes that sweep them."""
+
+
+def sweep(effect: PhysicalEffect, top_dps: float) -> Scene:
+    """Every rate once, without an acceleration."""
+    near = np.geomspace(1e-4 * top_dps, top_dps, 600)
+    rate = np.unique(np.concatenate([np.linspace(-top_dps, top_dps, 8001), near, -near]))
+    signals = _signals(np.linspace(0.0, 600.0, rate.size), rate)
+    return Scene(signals=signals, x=rate, x_says="rate (°/s)", says=f"Rates up to ±{top_dps:.3g} °/s")
+
+
+def noisy_sweep(effect: PhysicalEffect, top_dps: float) -> Scene:
+    """The same, with the noise of samples."""
+    rate = np.linspace(-top_dps, top_dps, 6000)
+    return Scene(
+        signals=_signals(_every(0.01, rate.size), rate),
+        x=rate,
+        x_says="rate (°/s)",
+        says=f"Rates up to ±{top_dps:.3g} °/s, every sample",
+        noisy=True,
+    )
+
+
+def reversals(effect: PhysicalEffect, top_dps: float) -> Scene:
+    """Two quick reversals."""
+    interval_s = 1e-3
+    time_s = _every(interval_s, 2600)
+    acceleration = np.zeros_like(time_s)
+    acceleration[600:1000], acceleration[1800:2200] = 500.0, -500.0
+    rate = -_TURNING_DPS + np.concatenate([np.zeros(1), np.cumsum(acceleration)[:-1]]) * interval_s
+    return Scene(
+        signals=_signals(time_s, rate, acceleration=acceleration),
+        x=time_s,
+        x_says="time (s)",
+        says="Reversals from −100 to 100 °/s and back at 500 °/s²",
+        memoryless=False,
+    )
+
+
+def slow_sine(effect: PhysicalEffect, top_dps: float) -> Scene:
+    """A sine of a period of two minutes, for an hour."""
+    time_s = _every(0.5, 7200)
+    turn = 2.0 * np.pi / 120.0
+    rate = _TURNING_DPS * np.sin(turn * time_s)
+    return Scene(
+        signals=_signals(time_s, rate, acceleration=_TURNING_DPS * turn * np.cos(turn * time_s)),
+        x=time_s / 60.0,
+        x_says="time (min)",
+        says="A sine of ±100 °/s and two minutes, for an hour",
+        memoryless=False,
+    )
+
+
+def turns(effect: PhysicalEffect, top_dps: float) -> Scene:
+    """Two turns, or four of an encoder's waves."""
+    waves = effect.waves_a_turn if isinstance(effect, EncoderEffect) else 1.0
+    span_deg = 720.0 if waves <= 2.0 else 4.0 * 360.0 / waves
+    angle = np.linspace(0.0, span_deg, 2001)
+    rate_dps = 36.0
+    signals = _signals(angle / rate_dps, np.full_like(angle, rate_dps), angle=angle)
+    return Scene(signals=signals, x=angle, x_says="angle of the table (°)", says="Turning at 36 °/s")
+
+
+def temperatures(effect: PhysicalEffect, top_dps: float) -> Scene:
+    """At rest, every temperature, each for long."""
+    celsius = np.linspace(-40.0, 60.0, 1001)
+    signals = _signals(np.linspace(0.0, 100.0 * _HOUR_S, celsius.size), np.zeros_like(celsius), celsius=celsius)
+    return Scene(signals=signals, x=celsius, x_says="temperature of the gyro (°C)", says="At rest")
+
+
+def temperature_cycle(effect: PhysicalEffect, top_dps: float) -> Scene:
+    """Turning, from cold to hot and back again."""
+    celsius = np.interp(np.arange(2001.0), [0.0, 1000.0, 2000.0], [-40.0, 60.0, -40.0])
+    time_s = np.linspace(0.0, 200.0 * _HOUR_S, celsius.size)
+    return Scene(
+        signals=_signals(time_s, np.full_like(time_s, _TURNING_DPS), celsius=celsius),
+        x=celsius,
+        x_says="temperature of the gyro (°C)",
+        says="Turning at 100 °/s, from the cold to the heat and back, with long soaks",
+        parts=(("heating", slice(0, 1001)), ("cooling", slice(1000, None))),
+    )
+
+
+def sweeps_at_temperatures(effect: PhysicalEffect, top_dps: float) -> Scene:
+    """Every rate, in the cold, at T0 and in the heat."""
+    once = np.linspace(-top_dps, top_dps, 401)
+    celsius = (-40.0, T0_C, 60.0)
+    rate = np.tile(once, len(celsius))
+    named = [f"at {text.plain(one, '°C')}" for one in celsius]
+    parts = [(name, slice(k * once.size, (k + 1) * once.size)) for k, name in enumerate(named)]
+    return Scene(
+        signals=_signals(np.linspace(0.0, 30.0 * _HOUR_S, rate.size), rate, celsius=np.repeat(celsius, once.size)),
+        x=rate,
+        x_says="rate (°/s)",
+        says=f"Rates up to ±{top_dps:.3g} °/s at three temperatures",
+        parts=tuple(parts),
+    )
+
+
+def ramps(effect: PhysicalEffect, top_dps: float) -> Scene:
+    """Turning while the chamber heats and cools, with rests of temperature between."""
+    time_s = _every(2.0, 6300)
+    hours = time_s / _HOUR_S
+    celsius = np.interp(hours, [0.0, 0.25, 0.75, 1.75, 2.25, 3.5], [20.0, 20.0, 50.0, 50.0, 20.0, 20.0])
+    warm = Curve(x=hours, y=celsius, look="grey", label="thermistor")
+    return Scene(
+        signals=_signals(time_s, np.full_like(time_s, _TURNING_DPS), celsius=celsius),
+        x=hours,
+        x_says="time (h)",
+        says="Turning at 100 °/s while the temperature rises and falls by 1 °C/min",
+        stimulus=Panel(x="time (h)", y="temperature (°C)", curves=(warm,), share=0.7),
+    )
+
+
+def long_turning(effect: PhysicalEffect, top_dps: float) -> Scene:
+    """A constant rate for two hours."""
+    time_s = _every(2.0, 3600)
+    signals = _signals(time_s, np.full_like(time_s, _TURNING_DPS))
+    return Scene(signals=signals, x=time_s / 60.0, x_says="time (min)", says="Turning at 100 °/s for two hours")
+
+
+def long_rest(effect: PhysicalEffect, top_dps: float) -> Scene:
+    """Rest for two hours."""
+    time_s = _every(2.0, 3600)
+    signals = _signals(time_s, np.zeros_like(time_s))
+    return Scene(signals=signals, x=time_s / 60.0, x_says="time (min)", says="Two hours at rest")
+
+
+def noisy_rest(effect: PhysicalEffect, top_dps: float) -> Scene:
+    """The same with the noise of samples, two a second."""
+    time_s = _every(0.5, 14400)
+    return Scene(
+        signals=_signals(time_s, np.zeros_like(time_s)),
+        x=time_s / 60.0,
+        x_says="time (min)",
+        says="Two hours at rest, two samples a second",
+        noisy=True,
+        allan=True,
+    )
+
+
+def short_rest(effect: PhysicalEffect, top_dps: float) -> Scene:
+    """Every sample of twenty seconds at rest."""
+    time_s = _every(0.01, _SWING_SCANS)
+    return Scene(
+        signals=_signals(time_s, np.zeros_like(time_s)),
+        x=time_s,
+        x_says="time (s)",
+        says="At rest, a hundred samples a second",
+        noisy=True,
+    )
+
+
+def tone(effect: PhysicalEffect, top_dps: float) -> Scene:
+    """Rest, sampled fast enough for the mains."""
+    time_s = _every(1e-3, 4000)
+    return Scene(
+        signals=_signals(time_s, np.zeros_like(time_s)),
+        x=time_s,
+        x_says="time (s)",
+        says="At rest, a thousand samples a second",
+        noisy=True,
+        spectrum=True,
+    )
+
+
+def swing(effect: PhysicalEffect, top_dps: float) -> Scene:
+    """A slow sine, every sample of it."""
+    time_s = _every(0.01, _SWING_SCANS)
+    turn = 2.0 * np.pi * 0.2
+    rate = _TURNING_DPS * np.sin(turn * time_s)
+    return Scene(
+        signals=_signals(time_s, rate, acceleration=_TURNING_DPS * turn * np.cos(turn * time_s)),
+        x=time_s,
+        x_says="time (s)",
+        says="A sine of ±100 °/s and 0.2 Hz",
+        memoryless=False,
+    )
+
+
+def supply(effect: PhysicalEffect, top_dps: float) -> Scene:
+    """Turning while the supply is stepped."""
+    time_s = _every(2.0, 1800)
+    minutes = time_s / 60.0
+    volts = 12.0 + np.interp(minutes, [0, 15, 15.01, 30, 30.01, 45, 60], [0, 0, 0.5, 0.5, -0.5, -0.5, 0.5])
+    stated = Curve(x=minutes, y=volts, look="grey")
+    return Scene(
+        signals=_signals(time_s, np.full_like(time_s, _TURNING_DPS), auxiliary={"supply_v": volts}),
+        x=minutes,
+        x_says="time (min)",
+        says="Turning at 100 °/s while the supply is changed",
+        stimulus=Panel(x="time (min)", y="supply (V)", curves=(stated,), share=0.6),
+    )
+
+
+BY_COORDINATE: Mapping[str, Make] = {
+    "rate": sweep,
+    "abs_rate": sweep,
+    "rate_sign": sweep,
+    "output": sweep,
+    "acceleration": reversals,
+    "acceleration*time": slow_sine,
+    "angle": turns,
+    "gyro_temp": temperatures,
+    "gyro_temp_rate": ramps,
+    "rate*gyro_temp": temperature_cycle,
+    "rate*time": long_turning,
+    "time": long_rest,
+    "frequency": tone,
+}
+"""The scene of an effect that asks for no other, by the coordinate along which it is seen."""
+
+BY_NAME: Mapping[str, Make] = {
+    "noisy_rest": noisy_rest,
+    "noisy_sweep": noisy_sweep,
+    "short_rest": short_rest,
+    "supply": supply,
+    "sweeps_at_temperatures": sweeps_at_temperatures,
+    "swing": swing,
+}
+"""Scenes that the glossary asks for."""
+
+CIRCUMSTANCES: Mapping[str, float] = {"T0_c": T0_C, "range_dps": RANGE_DPS, "span_scans": float(_SWING_SCANS)}
+"""Of every effect that has them."""
+
+
+def _every(interval_s: float, count: int) -> FloatArray:
+    return np.linspace(0.0, interval_s * (count - 1), count)
+
+
+def _signals(
+    time_s: FloatArray,
+    rate: FloatArray,
+    *,
+    acceleration: FloatArray | None = None,
+    angle: FloatArray | None = None,
+    celsius: FloatArray | None = None,
+    auxiliary: Mapping[str, FloatArray] | None = None,
+) -> Signals:
+    interval_s = float(time_s[1] - time_s[0])
+    warm = np.full_like(time_s, T0_C) if celsius is None else celsius
+    turned = np.concatenate([np.zeros(1), np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time_s))])
+    place = turned if angle is None else angle
+    return Signals(
+        interval_s=interval_s,
+        time_s=time_s,
+        angle_deg=place,
+        rate_dps=rate,
+        acceleration_dps2=np.zeros_like(rate) if acceleration is None else acceleration,
+        housing_c=warm,
+        coil_c=warm,
+        sensed_rate_dps=rate,
+        output_v=np.zeros_like(rate),
+        encoder_deg=place,
+        thermistor_c=warm,
+        coil_rate_c_per_s=np.gradient(warm, time_s),
+        auxiliary=auxiliary or {},
+    )
