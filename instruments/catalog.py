@@ -1,9 +1,15 @@
 """Which models there are: a module in `rate_tables/`, `chambers/`, `digitizers/` or `gyros/` with a `Driver` is one.
 
-Its simulated twin is the module of the same name in `simulated/`, with a `Twin`. Third parties add drivers through the
-entry points `benchctl.instruments`, named `KIND.MODEL`, for example `chamber.acme_9000`. A chamber's model may also be
-the path of a profile, a file whose name ends in `.toml`; see `instruments.chambers.profile`. Whoever has read the file
+Its simulated twin is the module of the same name in `simulated/`, with a `Twin`. Other packages add drivers through the
+entry points `benchctl.instruments`, named `KIND.MODEL`, for example `chamber.acme_9000`, and twins through
+`benchctl.simulated` under the same name; none of them takes the place of one of ours. A chamber's model may also be the
+path of a profile, a file whose name ends in `.toml`; see `instruments.chambers.profile`. Whoever has read the file
 gives its text as well, so that a profile stays what it was when a campaign began.
+
+A driver is called with an address, the keyword `clock` and the options of bench.toml, and gives what
+`instruments.interfaces` asks of its kind. A twin is called with its machine (`instruments.simulated.machines`) and
+those of the options that it takes; it has `address` and is a context manager that serves while it is entered. Where its
+link may have faults it has `faults`, None at first, which `instruments.simulated.tcp_server` plays.
 """
 
 from __future__ import annotations
@@ -13,11 +19,11 @@ import importlib
 import importlib.util
 import pkgutil
 from functools import partial
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Literal
 
 from instruments.chambers.profile_file import parse_profile, profile_name, profile_text
+from instruments.entry_points import Offer, leave_out_clash, offers
 from instruments.errors import UsageError
 
 Kind = Literal["rate_table", "chamber", "digitizer", "gyro"]
@@ -28,7 +34,7 @@ _FOLDERS: dict[Kind, str] = {
     "digitizer": "digitizers",
     "gyro": "gyros",
 }
-GROUP = "benchctl.instruments"
+DRIVERS, TWINS = "benchctl.instruments", "benchctl.simulated"
 PROFILE = ".toml"
 
 
@@ -38,12 +44,16 @@ def is_profile(model: str) -> bool:
 
 
 def models(kind: Kind) -> tuple[str, ...]:
-    """The models of a kind that have a driver, sorted."""
+    """The models of a kind that have a driver, sorted: ours, and those that other packages add."""
+    theirs = (name.partition(".")[2] for name in offers(DRIVERS) if name.startswith(f"{kind}."))
+    return tuple(sorted({*our_models(kind), *theirs}))
+
+
+def our_models(kind: Kind) -> tuple[str, ...]:
+    """Those of ours, sorted."""
     package = importlib.import_module(f"instruments.{_FOLDERS[kind]}")
-    ours = (module.name for module in pkgutil.iter_modules(package.__path__))
-    found = {name for name in ours if hasattr(importlib.import_module(f"{package.__name__}.{name}"), "Driver")}
-    theirs = {point.name.partition(".")[2] for point in entry_points(group=GROUP) if point.name.startswith(f"{kind}.")}
-    return tuple(sorted(found | theirs))
+    names = (module.name for module in pkgutil.iter_modules(package.__path__))
+    return tuple(sorted(name for name in names if _member(name, package.__name__, "Driver") is not None))
 
 
 def driver(kind: Kind, model: str, profile: str = "") -> Any:
@@ -54,13 +64,15 @@ def driver(kind: Kind, model: str, profile: str = "") -> Any:
     Raises
     ------
     UsageError
-        Where no such model is known, or its profile is not there or wrong.
+        Where no such model is known, its profile is not there or wrong, or the package that adds it cannot be used.
     """
     if is_profile(model):
         return _with_profile(kind, model, profile, "instruments.chambers.profiled", "ProfiledChamber")
-    for point in entry_points(group=GROUP, name=f"{kind}.{model}"):
-        return point.load()
-    return _member(kind, model, f"instruments.{_FOLDERS[kind]}", "Driver")
+    ours = _member(model, f"instruments.{_FOLDERS[kind]}", "Driver")
+    found = _chosen(ours, offers(DRIVERS).get(f"{kind}.{model}"))
+    if found is None:
+        raise UsageError(f"{kind}.model: there is no {model!r}: {_known(kind, model)}")
+    return found
 
 
 def oscillates(model: str) -> bool:
@@ -77,11 +89,18 @@ def twin(kind: Kind, model: str, profile: str = "") -> Any:
     Raises
     ------
     UsageError
-        Where that model has no simulated twin, or its profile is not there or wrong.
+        Where that model has no simulated twin, its profile is not there or wrong, or the package that adds it cannot be
+        used.
     """
     if is_profile(model):
         return _with_profile(kind, model, profile, "instruments.simulated.profiled", "SimulatedProfiled")
-    return _member(kind, model, "instruments.simulated", "Twin")
+    name = f"{kind}.{model}"
+    found = _chosen(_member(model, "instruments.simulated", "Twin"), offers(TWINS).get(name))
+    if found is None:
+        adds = offers(DRIVERS).get(name)
+        why = f"package {adds.package} adds its driver and no {TWINS}" if adds else _known(kind, model)
+        raise UsageError(f"{kind}.model: there is no simulated twin of {model!r}: {why}")
+    return found
 
 
 def find_profile(model: str, folder: Path) -> tuple[Path, str]:
@@ -127,13 +146,24 @@ def _beside(path: Path) -> str:
     return f"that folder has no file that ends in {PROFILE}" if path.parent.is_dir() else "there is no such folder"
 
 
-def _member(kind: Kind, model: str, package: str, name: str) -> Any:
-    if model.isidentifier() and importlib.util.find_spec(f"{package}.{model}") is not None:
-        module = importlib.import_module(f"{package}.{model}")
-        if hasattr(module, name):
-            return getattr(module, name)
-    what = "simulated twin of" if name == "Twin" else ""
-    raise UsageError(f"{kind}.model: there is no {what} {model!r}: {_known(kind, model)}".replace("  ", " "))
+def _member(model: str, package: str, name: str) -> Any:
+    """What a module of ours, named after the model, has under that name; None where there is none."""
+    if not model.isidentifier() or importlib.util.find_spec(f"{package}.{model}") is None:
+        return None
+    return getattr(importlib.import_module(f"{package}.{model}"), name, None)
+
+
+def _chosen(ours: Any, offer: Offer | None) -> Any:
+    """Ours, else what another package adds, else None."""
+    if offer is None:
+        return ours
+    if ours is not None:
+        leave_out_clash(offer)
+        return ours
+    found = offer.load()
+    if not callable(found):
+        raise offer.refused(f"it is {found!r}, expected a class")
+    return found
 
 
 def _known(kind: Kind, model: str) -> str:

@@ -35,13 +35,13 @@ class ChamberParameters:
 
     def __post_init__(self) -> None:
         if self.ramp_c_per_min <= 0.0:
-            raise UsageError(f"a ramp limit of {self.ramp_c_per_min} °C/min: give one above 0")
+            raise UsageError(f"a ramp limit of {self.ramp_c_per_min} °C/min; give one above 0")
         lags_s = sorted((self.air_lag_s, self.housing_lag_s, self.coil_lag_s, self.drift_lag_s))
         if lags_s[0] <= 0.0:
-            raise UsageError(f"a thermal lag of {lags_s[0]} s: give one above 0")
+            raise UsageError(f"a thermal lag of {lags_s[0]} s; give one above 0")
         # the exponentials of two equal lags merge into a form that the closed solution does not have
         if any(above < 1.01 * below for below, above in itertools.pairwise(lags_s)):
-            raise UsageError(f"thermal lags {lags_s} s: no two may lie within 1 % of each other")
+            raise UsageError(f"thermal lags {lags_s} s; leave at least 1 % between any two")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,16 +1,32 @@
-"""Finds the effects that the modules of a package define: one file an effect, no list to keep."""
+"""Finds effects: those that the modules of a package define, one file an effect, and those of other packages."""
 
 from __future__ import annotations
 
 import importlib
 import inspect
 import pkgutil
+from functools import lru_cache
 from types import MappingProxyType, ModuleType
 from typing import TypeVar
 
+from instruments.entry_points import Offer, leave_out, leave_out_clash, offers
+from instruments.errors import UsageError
+from instruments.physics.effect_contract.description import faults_in
 from instruments.physics.effects.effect import DescribedEffect
 
+GROUP = "benchctl.effects"
+_PACKAGES = ("effects", "drive_effects", "chamber_effects")
+
 Kind = TypeVar("Kind", bound=DescribedEffect)
+
+
+def known_effects(package: ModuleType, kind: type[Kind]) -> MappingProxyType[str, type[Kind]]:
+    """Every effect of a kind by its identifier, in alphabetical order: a package's and those of the entry points."""
+    found = dict(effects_in(package, kind))
+    for identifier, one in _theirs().items():
+        if issubclass(one, kind):
+            found[identifier] = one
+    return MappingProxyType(dict(sorted(found.items())))
 
 
 def effects_in(package: ModuleType, kind: type[Kind]) -> MappingProxyType[str, type[Kind]]:
@@ -21,3 +37,41 @@ def effects_in(package: ModuleType, kind: type[Kind]) -> MappingProxyType[str, t
             if inspect.isclass(one) and issubclass(one, kind) and not inspect.isabstract(one):
                 found[one.identifier] = one
     return MappingProxyType(dict(sorted(found.items())))
+
+
+def refuse_broken(identifier: str) -> None:
+    """Raise the `UsageError` of an effect that another package adds and that cannot be used, where that is so."""
+    offer = offers(GROUP).get(identifier)
+    if offer is not None and identifier not in _theirs():
+        _loaded(offer)
+
+
+@lru_cache(maxsize=1)
+def _theirs() -> dict[str, type[DescribedEffect]]:
+    """The effects of other packages; what cannot be used is left out, with a line in the log."""
+    found: dict[str, type[DescribedEffect]] = {}
+    added = offers(GROUP)
+    ours = _ours() if added else frozenset()
+    for identifier, offer in added.items():
+        if identifier in ours:
+            leave_out_clash(offer)
+            continue
+        try:
+            found[identifier] = _loaded(offer)
+        except UsageError as err:
+            leave_out(offer, f"left out: {str(err).partition(': ')[2]}")
+    return found
+
+
+def _loaded(offer: Offer) -> type[DescribedEffect]:
+    kind = offer.load()
+    for fault in faults_in(kind, offer.point.name):
+        raise offer.refused(f"{fault}; instruments.physics.effect_contract says what an effect must keep")
+    loaded: type[DescribedEffect] = kind
+    return loaded
+
+
+def _ours() -> frozenset[str]:
+    """The identifiers of all our effects, of whatever part of the bench."""
+    packages = [importlib.import_module(f"instruments.physics.{name}") for name in _PACKAGES]
+    return frozenset(identifier for package in packages for identifier in effects_in(package, DescribedEffect))  # type: ignore[type-abstract]  # the base is what they are found by

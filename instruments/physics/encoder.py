@@ -30,7 +30,7 @@ class EncoderParameters:
     def __post_init__(self) -> None:
         if self.counts_per_rev <= 0 or self.sign not in (-1, 1):
             raise UsageError(
-                f"an encoder of {self.counts_per_rev} counts a revolution, sign {self.sign}:"
+                f"an encoder of {self.counts_per_rev} counts a revolution, sign {self.sign};"
                 " give counts above 0 and sign 1 or -1"
             )
 

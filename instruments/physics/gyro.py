@@ -13,7 +13,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.signal
+import scipy  # which loads signal when it is first used
 
 from instruments.errors import UsageError
 from instruments.interfaces import FloatArray
@@ -53,12 +53,12 @@ class GyroParameters:
 
     def __post_init__(self) -> None:
         if self.S_rad_per_dps <= 0.0:
-            raise UsageError(f"S_rad_per_dps is {self.S_rad_per_dps}: give the Sagnac phase per rate, above 0")
+            raise UsageError(f"S_rad_per_dps is {self.S_rad_per_dps}; give the Sagnac phase per rate, above 0")
         if self.cutoff_hz <= 0.0 or self.order not in (0, 1, 2):
-            raise UsageError(f"a low-pass of order {self.order} at {self.cutoff_hz} Hz: give order 0 to 2, above 0 Hz")
+            raise UsageError(f"a low-pass of order {self.order} at {self.cutoff_hz} Hz; give order 0 to 2, above 0 Hz")
         for name in ("turn_on_bias_v", "turn_on_scale_ppm"):
             if getattr(self, name) < 0.0:
-                raise UsageError(f"{name} is {getattr(self, name)}: give a standard deviation, 0 or more")
+                raise UsageError(f"{name} is {getattr(self, name)}; give a standard deviation, 0 or more")
 
 
 def earth_rate_dps(latitude_deg: float) -> float:

@@ -39,7 +39,7 @@ class RandomWalk:
         waits_s = np.diff(times_s, prepend=self.last_s)
         if waits_s.min() < 0.0:
             raise UsageError(
-                f"a random walk was asked for at {times_s[waits_s.argmin()]:.6f} s after {self.last_s:.6f} s:"
+                f"a random walk was asked for at {times_s[waits_s.argmin()]:.6f} s after {self.last_s:.6f} s;"
                 " ask in the order of time"
             )
         steps = np.sqrt(waits_s, out=waits_s)

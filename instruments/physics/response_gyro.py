@@ -37,7 +37,7 @@ class ResponseParameters:
     def __post_init__(self) -> None:
         if self.noise_v_rms < 0.0 or self.output_limit_v <= 0.0:
             raise UsageError(
-                f"a noise of {self.noise_v_rms} V and an output limit of {self.output_limit_v} V:"
+                f"a noise of {self.noise_v_rms} V and an output limit of {self.output_limit_v} V;"
                 " give a noise of 0 or more and a limit above 0"
             )
 

@@ -35,11 +35,11 @@ class TableParameters:
     def __post_init__(self) -> None:
         if not 0.0 < self.damping < 1.0 or self.natural_hz <= 0.0:
             raise UsageError(
-                f"a servo of {self.natural_hz} Hz and damping {self.damping}: give above 0 Hz, damping between 0 and 1"
+                f"a servo of {self.natural_hz} Hz and damping {self.damping}; give above 0 Hz, damping between 0 and 1"
             )
         if self.ripple_order < 1:
             raise UsageError(
-                f"a ripple_order of {self.ripple_order}: give a whole number of times a revolution, 1 or more"
+                f"a ripple_order of {self.ripple_order}; give a whole number of times a revolution, 1 or more"
             )
         if min(self.rate_limit_dps, self.acceleration_limit_dps2, self.friction_dps2) <= 0.0:
             raise UsageError("rate_limit_dps, acceleration_limit_dps2 and friction_dps2 must lie above 0")
@@ -126,7 +126,7 @@ def to_sine(
     """
     if frequency_hz <= 0.0 or growth_deg_per_s <= 0.0:
         raise UsageError(
-            f"an oscillation of {frequency_hz} Hz that grows by {growth_deg_per_s} deg/s: give both above 0"
+            f"an oscillation of {frequency_hz} Hz that grows by {growth_deg_per_s} deg/s; give both above 0"
         )
     stopping = to_rate(angle_deg, rate_dps, 0.0, acceleration_dps2)
     centre_deg = stopping[-1].angle_deg

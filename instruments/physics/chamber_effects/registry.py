@@ -7,10 +7,10 @@ from types import MappingProxyType
 
 import instruments.physics.chamber_effects as package
 from instruments.physics.chamber_effects.effect import ChamberEffect
-from instruments.physics.effect_modules import effects_in
+from instruments.physics.effect_modules import known_effects
 
 
 @lru_cache(maxsize=1)
 def chamber_effects() -> MappingProxyType[str, type[ChamberEffect]]:
     """Every effect of a chamber by its identifier, in alphabetical order."""
-    return effects_in(package, ChamberEffect)  # type: ignore[type-abstract]  # the base is what they are found by
+    return known_effects(package, ChamberEffect)  # type: ignore[type-abstract]  # the base is what they are found by

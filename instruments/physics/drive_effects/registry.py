@@ -7,10 +7,10 @@ from types import MappingProxyType
 
 import instruments.physics.drive_effects as package
 from instruments.physics.drive_effects.effect import DriveEffect
-from instruments.physics.effect_modules import effects_in
+from instruments.physics.effect_modules import known_effects
 
 
 @lru_cache(maxsize=1)
 def drive_effects() -> MappingProxyType[str, type[DriveEffect]]:
     """Every effect of a drive by its identifier, in alphabetical order."""
-    return effects_in(package, DriveEffect)  # type: ignore[type-abstract]  # the base is what they are found by
+    return known_effects(package, DriveEffect)  # type: ignore[type-abstract]  # the base is what they are found by

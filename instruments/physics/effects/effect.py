@@ -18,6 +18,26 @@ Role = Literal["size", "shape", "phase", "choice"]
 degrees; `choice`: one of `scan`, whole numbers for example."""
 
 
+COORDINATES = (
+    "time",
+    "rate",
+    "abs_rate",
+    "rate_sign",
+    "acceleration",
+    "angle",
+    "gyro_temp",
+    "gyro_temp_rate",
+    "chamber_temp",
+    "chamber_temp_rate",
+    "heater",
+    "setpoint",
+    "output",
+    "frequency",
+    "step",
+)
+"""The words for where a mismatch lives; two joined by `*` where it takes two."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
     """A parameter of an effect.
@@ -70,7 +90,7 @@ class DescribedEffect(ABC):
     equation
         Its equation, in the symbols of the vocabulary.
     coordinate
-        Where its residual is seen: a coordinate of a diagnosis, or two joined by `*`.
+        Where its residual is seen: one of `COORDINATES`, or two joined by `*`.
     excited_by
         The motion or temperature that brings it out.
     look_alikes
@@ -109,9 +129,19 @@ class DescribedEffect(ABC):
 
 
 class PhysicalEffect(DescribedEffect):
-    """Physics of the gyro and what measures it; `stage` is that of the chain after whose baseline it acts."""
+    """Physics of the gyro and what measures it.
+
+    Attributes
+    ----------
+    stage
+        That of the chain after whose baseline it acts.
+    momentary
+        Whether it answers to the momentary rate, acceleration or voltage otherwise than in proportion, or rings above a
+        band: of a motion whose slow part alone is compared it cannot be told.
+    """
 
     stage: ClassVar[Stage]
+    momentary: ClassVar[bool] = False
 
     @abstractmethod
     def apply(self, signals: Signals) -> Signals:

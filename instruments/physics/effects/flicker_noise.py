@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-import scipy.signal
+import scipy  # which loads signal when it is first used
 
 from instruments.interfaces import FloatArray
 from instruments.physics.chain import Signals, Stage

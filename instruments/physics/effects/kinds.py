@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
-import scipy.signal
+import scipy  # which loads signal when it is first used
 
 from instruments.interfaces import FloatArray
 from instruments.physics.chain import Signals

@@ -27,6 +27,7 @@ class MountResonance(FilterEffect):
 
     identifier: ClassVar[str] = "mount_resonance"
     stage: ClassVar[Stage] = "sensed_rate"
+    momentary: ClassVar[bool] = True
     filtered: ClassVar[Literal["output_v", "sensed_rate_dps"]] = "sensed_rate_dps"
     words: ClassVar[str] = (
         "The gyro sits on something that gives way like a spring: it overshoots and rings after every reversal, and"

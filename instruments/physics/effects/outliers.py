@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-import scipy.special
+import scipy  # which loads special when it is first used
 
 from instruments.physics.chain import Signals, Stage
 from instruments.physics.effects.draws import normals

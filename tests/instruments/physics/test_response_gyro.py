@@ -7,8 +7,8 @@ import pytest
 
 from instruments.errors import UsageError
 from instruments.physics.chain import run_chain
+from instruments.physics.effect_contract.motion import sampled
 from instruments.physics.response_gyro import ResponseParameters, response_baseline, response_v
-from tests.instruments.physics.effects.motion import sampled
 
 LAB: dict[str, Any] = {
     "K0_v_per_dps": 0.016,

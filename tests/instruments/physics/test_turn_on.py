@@ -62,7 +62,7 @@ def test_the_seed_and_the_count_say_how_it_comes_up_and_a_gyro_that_states_no_sc
 
 @pytest.mark.parametrize("name", ["turn_on_bias_v", "turn_on_scale_ppm"])
 def test_a_scatter_below_zero_is_refused(name: str) -> None:
-    with pytest.raises(UsageError, match=f"{name} is -1.0: give a standard deviation, 0 or more"):
+    with pytest.raises(UsageError, match=f"{name} is -1.0; give a standard deviation, 0 or more"):
         replace(STRAIGHT, **{name: -1.0})
 
 

@@ -25,5 +25,5 @@ def test_of_order_0_the_output_is_that_of_the_rate_at_the_instant() -> None:
 
 
 def test_another_order_is_refused() -> None:
-    with pytest.raises(UsageError, match=r"a low-pass of order 3 at 200\.0 Hz: give order 0 to 2"):
+    with pytest.raises(UsageError, match=r"a low-pass of order 3 at 200\.0 Hz; give order 0 to 2"):
         GyroParameters(order=3)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import scipy.signal
 
+from instruments.physics.effect_contract.motion import sampled
 from instruments.physics.effects.mount_resonance import MountResonance
 from instruments.physics.effects.sensor_bandwidth import SensorBandwidth
-from tests.instruments.physics.effects.motion import sampled
 
 
 @pytest.mark.parametrize("order", [1, 2])

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from instruments.interfaces import FloatArray
 from instruments.physics.chain import Signals
+from instruments.physics.effect_contract.motion import sampled
 from instruments.physics.effects.bias_random_walk import BiasRandomWalk
 from instruments.physics.effects.draws import normals
 from instruments.physics.effects.dropouts import Dropouts
@@ -22,7 +23,6 @@ from instruments.physics.effects.effect import PhysicalEffect
 from instruments.physics.effects.flicker_noise import FlickerNoise
 from instruments.physics.effects.noise_rate_dependent import NoiseRateDependent
 from instruments.physics.effects.outliers import Outliers
-from tests.instruments.physics.effects.motion import sampled
 
 INTERVAL = 0.01
 

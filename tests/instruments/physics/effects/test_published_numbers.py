@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from instruments.interfaces import FloatArray
+from instruments.physics.effect_contract.motion import at
 from instruments.physics.effects.angular_acceleration import AngularAcceleration
 from instruments.physics.effects.bias_temperature_rate import BiasTemperatureRate
 from instruments.physics.effects.dead_zone import DeadZone
@@ -21,7 +22,6 @@ from instruments.physics.effects.scale_asymmetry import ScaleAsymmetry
 from instruments.physics.effects.scale_rate_temperature_coupling import ScaleRateTemperatureCoupling
 from instruments.physics.effects.scale_temperature import ScaleTemperature
 from instruments.physics.effects.warm_up import WarmUp
-from tests.instruments.physics.effects.motion import at
 
 S = 0.00448
 

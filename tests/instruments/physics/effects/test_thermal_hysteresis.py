@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from instruments.interfaces import FloatArray
+from instruments.physics.effect_contract.motion import at
 from instruments.physics.effects.thermal_hysteresis import ThermalHysteresis, play
-from tests.instruments.physics.effects.motion import at
 
 temperatures = hnp.arrays(np.float64, st.integers(1, 90), elements=st.floats(-50.0, 80.0, width=32))
 

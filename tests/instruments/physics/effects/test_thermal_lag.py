@@ -7,8 +7,8 @@ import pytest
 
 from instruments.interfaces import FloatArray
 from instruments.physics.chain import Signals
+from instruments.physics.effect_contract.motion import at
 from instruments.physics.effects.thermal_lag import ThermalLag
-from tests.instruments.physics.effects.motion import at
 
 TAU_S = 300.0
 RATE = 0.02

@@ -1,0 +1,143 @@
+"""The fixtures; what they need of benchctl is imported when one is used."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from benchctl.campaign.opened import OpenBench
+    from benchctl.campaign.runner import Outcome
+    from benchctl.plan import Plan, Procedure
+    from instruments.simulated.bench import SimulatedBench
+    from instruments.simulated.clock import VirtualClock
+    from instruments.simulated.faults.log import Fired
+
+
+@dataclass(frozen=True, slots=True)
+class Faults:
+    """The faults of a test's bench."""
+
+    _bench: SimulatedBench
+
+    @property
+    def fired(self) -> tuple[Fired, ...]:
+        """Those that have happened so far, oldest first: bench time [s], where, kind, operation."""
+        return self._bench.fired
+
+
+@dataclass(frozen=True, slots=True)
+class Runner:
+    """Runs procedures on a test's bench, one after the other."""
+
+    _opened: OpenBench
+    _folder: Path
+
+    def __call__(self, procedure: str | Path | Procedure | Plan, *, check: bool = True, **parameters: Any) -> Outcome:
+        """Run a procedure with these parameters, or a plan, and give what `benchctl.api.run` gives.
+
+        With `check` what ends it early is raised, a `BenchError`; without, the outcome says so.
+        """
+        from benchctl import api
+        from benchctl.campaign.playing import seal
+        from benchctl.campaign.runner import run_campaign
+
+        plan = procedure if isinstance(procedure, api.Plan) else api.plan(procedure, **parameters)
+        folder, number = self._folder / plan.procedure, 1
+        while folder.exists():
+            number += 1
+            folder = self._folder / f"{plan.procedure}_{number}"
+        outcome = run_campaign(plan, self._from_now(), folder)
+        seal(outcome, pytest.fail)
+        if check and outcome.error is not None:
+            raise outcome.error
+        return outcome
+
+    def _from_now(self) -> OpenBench:
+        """The bench as one whose recording begins now, however long it has been open."""
+        opened = self._opened
+        now_s = opened.clock.now()
+        return replace(opened, epoch_s=now_s, elapsed_s=opened.elapsed_s + opened.epoch_s - now_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Server:
+    """Simulated instruments that other programs reach.
+
+    `addresses` are by the instruments' names in bench.toml; `bench_file` is a bench.toml for `benchctl run --bench`;
+    `simulated` has the world behind them.
+    """
+
+    addresses: Mapping[str, str]
+    bench_file: Path
+    simulated: SimulatedBench
+
+
+@pytest.fixture
+def benchctl_bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[OpenBench]:
+    """The simulated bench of this test, opened over its wires on a virtual clock."""
+    from benchctl.campaign.opened import open_bench
+    from benchctl.pytest_plugin.marked import bench_of
+
+    with ExitStack() as stack:
+        with _in_a_line():
+            opened = stack.enter_context(open_bench(bench_of(request.node, tmp_path)))
+        yield opened
+
+
+@pytest.fixture
+def benchctl_clock(benchctl_bench: OpenBench) -> VirtualClock:
+    """The virtual clock of this test's bench: `now()`, `sleep(seconds)`."""
+    from instruments.simulated.clock import VirtualClock
+
+    clock = benchctl_bench.clock
+    if not isinstance(clock, VirtualClock):
+        raise TypeError(f"a simulated bench runs on a virtual clock, this one on {clock!r}")
+    return clock
+
+
+@pytest.fixture
+def benchctl_faults(benchctl_bench: OpenBench) -> Faults:
+    """The faults of this test's bench: `fired`."""
+    if benchctl_bench.simulated is None:
+        raise TypeError("a simulated bench has servers, this one has none")
+    return Faults(benchctl_bench.simulated)
+
+
+@pytest.fixture
+def benchctl_run(benchctl_bench: OpenBench, tmp_path: Path) -> Runner:
+    """Runs procedures on this test's bench; recordings land in `tmp_path`."""
+    return Runner(benchctl_bench, tmp_path)
+
+
+@pytest.fixture
+def benchctl_server(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Server]:
+    """Simulated instruments as servers, `time_factor` of bench.toml bench seconds a wall second."""
+    from benchctl.campaign.opened import simulated_bench
+    from benchctl.campaign.served import bench_toml_at
+    from benchctl.pytest_plugin.marked import bench_of
+    from instruments.simulated.clock import ScaledClock
+
+    with ExitStack() as stack:
+        with _in_a_line():
+            bench = bench_of(request.node, tmp_path)
+            servers = stack.enter_context(simulated_bench(bench, ScaledClock(bench.time_factor)))
+        reached = tmp_path / "reached.toml"
+        reached.write_text(bench_toml_at(bench, servers.addresses, bench.time_factor), encoding="utf-8")
+        yield Server(servers.addresses, reached, servers)
+
+
+@contextmanager
+def _in_a_line() -> Iterator[None]:
+    """A bench that cannot be had is told in a line."""
+    from instruments.errors import BenchError
+
+    try:
+        yield
+    except BenchError as err:
+        raise pytest.fail.Exception(f"benchctl: {err}", pytrace=False) from None

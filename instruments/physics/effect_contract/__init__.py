@@ -1,0 +1,44 @@
+"""What every effect must keep, whoever adds it, and the check of it, for the tests of whoever writes one.
+
+>>> from instruments.physics.effect_contract import check_effect
+>>> from instruments.physics.effects.saturation import Saturation
+>>> check_effect(Saturation)
+
+An effect of another package is looked at by `description` whenever it is taken in; what it does is for its own tests:
+
+    def test_my_effect_keeps_its_contract():
+        check_effect(MyEffect)
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from instruments.physics.effects.effect import DescribedEffect
+
+
+def check_effect(kind: type[DescribedEffect]) -> None:
+    """Raise an `AssertionError` that names all that an effect does not keep; some seconds of work at most.
+
+    Of effects of the drive and of the chamber only their descriptions are looked at.
+    """
+    from instruments.physics.effect_contract.behaviour import PROMISES
+    from instruments.physics.effect_contract.description import faults_in
+    from instruments.physics.effects.effect import PhysicalEffect
+    from instruments.physics.effects.registry import effects
+
+    broken = list(faults_in(kind, getattr(kind, "identifier", "")))
+    if not broken and issubclass(kind, PhysicalEffect):
+        broken += [
+            f"it looks like {other!r}, and there is no such effect"
+            for other in kind.look_alikes
+            if other not in effects()
+        ]
+        for promise in PROMISES:
+            try:
+                promise(kind)
+            except Exception as err:  # whatever an effect raises, it does not keep its promise
+                broken.append(f"{' '.join((promise.__doc__ or '').split())} But: {type(err).__name__}: {err}")
+    if broken:
+        raise AssertionError(f"{kind.__name__} does not keep what an effect must:\n- " + "\n- ".join(broken))

@@ -1,0 +1,229 @@
+"""What an effect must keep when it is played: each promise a function that raises `AssertionError` where it is broken.
+
+They are asked of an effect at the values at which a search begins, on signals of a smooth motion while the coil warms
+and cools. Of random ones only what does not depend on the draw can be asked.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from instruments.interfaces import FloatArray
+from instruments.physics.chain import Signals
+from instruments.physics.effect_contract.motion import (
+    CIRCUMSTANCES,
+    COARSE_HZ,
+    FINE,
+    PERIOD_S,
+    N,
+    arrays,
+    at,
+    in_chunks,
+    sampled,
+    stretch,
+)
+from instruments.physics.effects.effect import PhysicalEffect
+from instruments.physics.effects.kinds import ClockEffect, ComplexArray, EncoderEffect, FilterEffect, NoiseEffect
+
+Kind = type[PhysicalEffect]
+Promise = Callable[[Kind], None]
+
+_CUTS = ((1000,), (1, 2, 137, 138, 900, 1999))
+
+
+def says_a_sentence_with_numbers(kind: Kind) -> None:
+    """Its finding is a sentence with its numbers."""
+    made = kind.make(_plain(kind), CIRCUMSTANCES)
+    _require(made.values == _plain(kind), f"its values are {made.values}, it was made of {_plain(kind)}")
+    said = made.says()
+    _require(re.fullmatch(r"[A-Z][^\n]*\d[^\n]*\.", said) is not None and "nan" not in said, f"it says {said!r}")
+
+
+def is_gone_at_its_zero(kind: Kind) -> None:
+    """At the zeros of its sizes, and at that of each other parameter that has one, it changes nothing."""
+    signals, ideal = sampled(), _without(sampled())
+    zeros = {name: p.zero for name, p in kind.parameters.items() if p.zero is not None}
+    sizes = {name: zero for name, zero in zeros.items() if kind.parameters[name].role == "size"}
+    # sizes go together; of the others each is enough
+    for gone in filter(None, (sizes, *({name: zeros[name]} for name in set(zeros) - set(sizes)))):
+        if issubclass(kind, FilterEffect):
+            nearly = {name: min(zero, 1e9) for name, zero in gone.items()}
+            gain = kind.make({**_plain(kind), **nearly}, CIRCUMSTANCES).response(np.linspace(0.0, 50.0, 101))
+            np.testing.assert_allclose(gain, 1.0, rtol=0.0, atol=1e-6)
+            continue
+        for name, array in _outcome(kind.make({**_plain(kind), **gone}, CIRCUMSTANCES), signals).items():
+            np.testing.assert_allclose(array, ideal[name], rtol=1e-9, atol=1e-9, err_msg=f"{name} at {gone}")
+
+
+def grows_in_proportion_to_its_sizes(kind: Kind) -> None:
+    """Twice the size does twice as much."""
+    if _is_drawn(kind):
+        return
+    signals = sampled()
+    sizes = {name: p for name, p in kind.parameters.items() if p.role == "size"}
+    none: dict[str, float] = {name: 0.0 if p.zero is None else p.zero for name, p in sizes.items()}
+    for name, parameter in sizes.items():
+        for values in _combinations(kind):
+            once, twice = (
+                _change(kind.make({**values, **none, name: none[name] + n * parameter.scan[0]}, CIRCUMSTANCES), signals)
+                for n in (1.0, 2.0)
+            )
+            _require(np.abs(once).max() > 0.0, f"{name} does nothing at {values}")
+            _require(np.std(twice - 2.0 * once) <= 2e-3 * np.std(once), f"{name} at {values} is not in proportion")
+
+
+def says_the_same_at_sixteen_times_the_rate(kind: Kind) -> None:
+    """What it does at an instant does not depend on how finely the signals are sampled; of filters see the next one."""
+    if _is_drawn(kind) or issubclass(kind, FilterEffect):
+        return
+    coarse, fine = sampled(), sampled(FINE)
+    for values in _combinations(kind):
+        made = kind.make(values, CIRCUMSTANCES)
+        finer, ideal = _outcome(made, fine), _without(coarse)
+        for name, array in _outcome(made, coarse).items():
+            size = np.abs(array - ideal[name]).max()
+            np.testing.assert_allclose(
+                array, finer[name][::FINE], rtol=0.0, atol=1e-3 * size + 1e-10, err_msg=f"{name} {values}"
+            )
+
+
+def filters_as_its_response_says(kind: Kind) -> None:
+    """The difference equation of a filter is its response; its gain at 0 Hz is 1."""
+    if not issubclass(kind, FilterEffect):
+        return
+    coarse = sampled()
+    frequencies: FloatArray = np.fft.rfftfreq(N, coarse.interval_s).astype(np.float64)
+    for values in _combinations(kind):
+        made = kind.make(values, CIRCUMSTANCES)
+        np.testing.assert_allclose(made.response(np.zeros(1)), 1.0, rtol=0.0, atol=1e-12)
+        periods = math.ceil(made.memory_s / PERIOD_S)
+        fine = sampled(FINE, periods + 1)
+        x: FloatArray = getattr(coarse, made.filtered)
+        spectrum: ComplexArray = np.fft.rfft(x).astype(np.complex128)
+        gain = made.response(frequencies)
+        exact = np.fft.irfft(spectrum * gain, N)
+        ours: FloatArray = getattr(made.apply(fine), made.filtered)[periods * FINE * N :: FINE]
+        # an input that runs straight from sample to sample is off by its curvature, (ΔT)²/12 of it
+        curvature = np.abs(np.diff(x, 2)).max() / coarse.interval_s**2
+        missed = np.abs(gain[frequencies < 10.0]).max() * curvature * fine.interval_s**2 / 12.0
+        np.testing.assert_allclose(ours, exact, rtol=0.0, atol=1.5 * missed + 1e-10, err_msg=f"{values}")
+
+
+def forgets_within_its_memory(kind: Kind) -> None:
+    """After `memory_s` a filter has forgotten what it began with."""
+    if not issubclass(kind, FilterEffect):
+        return
+    begin = FINE * N // 4
+    for values in _combinations(kind):
+        made = kind.make(values, CIRCUMSTANCES)
+        fine = sampled(FINE, 1 + math.ceil(made.memory_s / PERIOD_S))
+        forgotten = math.ceil(made.memory_s / fine.interval_s)
+        whole: FloatArray = getattr(made.apply(fine), made.filtered)
+        fresh: FloatArray = getattr(made.apply(stretch(fine, begin, fine.time_s.size, {})), made.filtered)
+        _require(fresh[forgotten:].size > 0, f"it remembers {made.memory_s:g} s at {values}")
+        np.testing.assert_allclose(
+            fresh[forgotten:], whole[begin + forgotten :], rtol=0.0, atol=1e-6 * np.abs(whole).max()
+        )
+
+
+def is_the_same_in_chunks(kind: Kind) -> None:
+    """A run cut into chunks, each with the memory of the one before, is the run in one piece."""
+    made, signals = kind.make(_plain(kind), CIRCUMSTANCES), sampled()
+    whole = arrays(made.apply(signals))
+    for cuts in _CUTS:
+        for name, array in in_chunks(made, signals, cuts).items():
+            np.testing.assert_allclose(array, whole[name], rtol=1e-9, atol=1e-9, err_msg=f"{name}, cut at {cuts}")
+
+
+def is_finite_at_its_bounds(kind: Kind) -> None:
+    """At its bounds it gives numbers, and has something to say."""
+    signals = sampled()
+    for values in itertools.product(*((p.low, p.high) for p in kind.parameters.values())):
+        made = kind.make(dict(zip(kind.parameters, values, strict=True)), CIRCUMSTANCES)
+        for name, array in _outcome(made, signals).items():
+            _require(bool(np.isfinite(array).all()), f"{name} is not finite at {made}")
+        _require(bool(made.says()), f"it says nothing at {made}")
+
+
+def counts_its_time_from_the_start(kind: Kind) -> None:
+    """It counts its time from the start of the recording."""
+    values = _plain(kind)
+    ideal = _outcome(kind.make(values, CIRCUMSTANCES), sampled())
+    later = replace(sampled(), time_s=sampled().time_s + 1000.0137)
+    moved = _outcome(kind.make(values, {**CIRCUMSTANCES, "start_s": 1000.0137}), later)
+    for name in set(moved) - {"time_s"}:
+        shift = 1000.0137 if name == "gyro_time_s" else 0.0
+        np.testing.assert_allclose(moved[name] - shift, ideal[name], rtol=1e-9, atol=1e-9, err_msg=name)
+
+
+def writes_to_nothing_that_it_was_given(kind: Kind) -> None:
+    """It leaves the signals that it was given as they are."""
+    signals = at(sampled().time_s.copy(), 1.0 / COARSE_HZ)
+    for array in arrays(signals).values():
+        array.setflags(write=True)
+    before = {name: array.copy() for name, array in arrays(signals).items()}
+    kind.make(_plain(kind), CIRCUMSTANCES).apply(signals)
+    for name, array in arrays(signals).items():
+        np.testing.assert_array_equal(array, before[name], err_msg=name)
+
+
+PROMISES: tuple[Promise, ...] = (
+    says_a_sentence_with_numbers,
+    is_gone_at_its_zero,
+    grows_in_proportion_to_its_sizes,
+    says_the_same_at_sixteen_times_the_rate,
+    filters_as_its_response_says,
+    forgets_within_its_memory,
+    is_the_same_in_chunks,
+    is_finite_at_its_bounds,
+    counts_its_time_from_the_start,
+    writes_to_nothing_that_it_was_given,
+)
+"""All of them; one that does not concern an effect holds of it."""
+
+
+def _is_drawn(kind: Kind) -> bool:
+    return issubclass(kind, NoiseEffect)
+
+
+def _require(holds: bool | np.bool_, broken: str) -> None:
+    if not holds:
+        raise AssertionError(broken)
+
+
+def _combinations(kind: Kind) -> list[dict[str, float]]:
+    """Every combination of values at which a search begins."""
+    scans = [parameter.scan for parameter in kind.parameters.values()]
+    return [dict(zip(kind.parameters, values, strict=True)) for values in itertools.product(*scans)]
+
+
+def _plain(kind: Kind) -> dict[str, float]:
+    """Values in the middle of where a search begins."""
+    return {name: parameter.scan[len(parameter.scan) // 2] for name, parameter in kind.parameters.items()}
+
+
+def _outcome(made: PhysicalEffect, signals: Signals) -> dict[str, FloatArray]:
+    """Everything that an effect can be seen to do to signals."""
+    seen = arrays(made.apply(signals))
+    if isinstance(made, ClockEffect):
+        seen["gyro_time_s"] = made.gyro_time_s(signals.time_s)
+    if isinstance(made, EncoderEffect):
+        seen["error_slope"] = made.error_slope(signals.angle_deg)
+    return seen
+
+
+def _without(signals: Signals) -> dict[str, FloatArray]:
+    """The outcome of no effect."""
+    return {**arrays(signals), "gyro_time_s": signals.time_s, "error_slope": np.zeros_like(signals.time_s)}
+
+
+def _change(made: PhysicalEffect, signals: Signals) -> FloatArray:
+    """What an effect changes, all in one array."""
+    ideal = _without(signals)
+    return np.concatenate([array - ideal[name] for name, array in _outcome(made, signals).items()])

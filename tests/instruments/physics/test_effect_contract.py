@@ -1,0 +1,116 @@
+"""The check that somebody who writes an effect runs: sound ones pass, broken ones are told with what they break."""
+
+import doctest
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from instruments.physics import effect_contract
+from instruments.physics.chain import Signals
+from instruments.physics.chamber_effects.registry import chamber_effects
+from instruments.physics.drive_effects.registry import drive_effects
+from instruments.physics.effect_contract import check_effect
+from instruments.physics.effect_contract.description import faults_in
+from instruments.physics.effects.effect import Parameter
+from instruments.physics.effects.rate_squared import RateSquared
+
+DESCRIBED = {**drive_effects(), **chamber_effects()}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sound(RateSquared):
+    identifier: ClassVar[str] = "sound"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Overwriting(Sound):
+    def apply(self, signals: Signals) -> Signals:
+        signals.output_v[:] += self.v_per_dps2 * signals.sensed_rate_dps**2
+        return signals
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lingering(Sound):
+    def apply(self, signals: Signals) -> Signals:
+        return replace(signals, output_v=signals.output_v + self.v_per_dps2 * signals.sensed_rate_dps**2 + 1e-3)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bending(Sound):
+    def apply(self, signals: Signals) -> Signals:
+        return replace(signals, output_v=signals.output_v + 1e6 * self.v_per_dps2**2 * signals.sensed_rate_dps)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Grained(Sound):
+    """What it does depends on how finely the signals are sampled."""
+
+    def apply(self, signals: Signals) -> Signals:
+        return replace(signals, output_v=signals.output_v + self.v_per_dps2 * np.gradient(signals.sensed_rate_dps))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Silent(Sound):
+    def says(self) -> str:
+        return "something is wrong"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Raising(Sound):
+    def apply(self, signals: Signals) -> Signals:
+        raise ZeroDivisionError("no luck")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Alone(Sound):
+    look_alikes: ClassVar[tuple[str, ...]] = ("gremlins",)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unbounded(Sound):
+    parameters: ClassVar[Mapping[str, Parameter]] = {
+        "v_per_dps2": replace(RateSquared.parameters["v_per_dps2"], low=1.0, high=-1.0)
+    }
+
+
+def test_a_sound_effect_passes() -> None:
+    check_effect(Sound)
+
+
+@pytest.mark.parametrize(
+    ("kind", "says"),
+    [
+        (Overwriting, "read-only"),
+        (Lingering, "At the zeros of its sizes, .* it changes nothing. But: AssertionError"),
+        (Bending, "Twice the size does twice as much. But: AssertionError: v_per_dps2 at .* is not in proportion"),
+        (Grained, "does not depend on how finely the signals are sampled"),
+        (Silent, "Its finding is a sentence with its numbers. But: AssertionError: it says 'something is wrong'"),
+        (Raising, "ZeroDivisionError: no luck"),
+        (Alone, "it looks like 'gremlins', and there is no such effect"),
+        (Unbounded, "its parameter v_per_dps2 lies between 1.0 and -1.0, expected two finite bounds in order"),
+    ],
+    ids=lambda given: getattr(given, "__name__", ""),
+)
+def test_a_broken_effect_is_told_with_what_it_breaks(kind: type[Sound], says: str) -> None:
+    with pytest.raises(AssertionError, match=rf"(?s){kind.__name__} does not keep what an effect must:\n- .*{says}"):
+        check_effect(kind)
+
+
+@pytest.mark.parametrize("name", sorted(DESCRIBED))
+def test_every_effect_of_a_drive_and_of_a_chamber_is_described_likewise(name: str) -> None:
+    assert list(faults_in(DESCRIBED[name], name)) == []
+    check_effect(DESCRIBED[name])
+
+
+@pytest.mark.parametrize("thing", [3, int, RateSquared(v_per_dps2=1e-6), object])
+def test_what_is_no_effect_is_told(thing: object) -> None:
+    (fault,) = faults_in(thing, "thing")
+    assert "expected a class of effects" in fault
+
+
+def test_its_example_runs_as_it_stands() -> None:
+    assert doctest.testmod(effect_contract).attempted == 3
+    assert doctest.testmod(effect_contract).failed == 0
