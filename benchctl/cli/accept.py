@@ -7,15 +7,22 @@ from typing import Annotated, Literal
 
 import typer
 
-from benchctl.cli.output import JsonOption, QuietOption, result_of
+from benchctl.cli.candidates import toml_files
+from benchctl.cli.output import JsonOption, QuietOption, RecordingArgument, result_of
 
 LanguageOption = Annotated[Literal["en", "ru"], typer.Option("--lang", help="Language of the report.")]
 
 
 def accept(
-    recording: Annotated[Path, typer.Argument(help="A recording, a campaign's folder, or an open recording's.")],
+    recording: RecordingArgument,
     limits: Annotated[
-        Path, typer.Option("--limits", metavar="FILE", help="The limits, as TOML; `benchctl init` writes an example.")
+        Path,
+        typer.Option(
+            "--limits",
+            metavar="FILE",
+            autocompletion=toml_files,
+            help="The limits, as TOML; `benchctl init` writes an example.",
+        ),
     ],
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="For the report; default: in the campaign's folder.")

@@ -7,25 +7,42 @@ from typing import Annotated
 
 import typer
 
-from benchctl.cli.output import JsonOption, QuietOption, result_of
+from benchctl.cli.candidates import recordings
+from benchctl.cli.output import JsonOption, QuietOption, quantity_in, result_of
 
 _TEXTS = (".csv", ".txt", ".dat", ".gz")
 
 
 def allan(
-    source: Annotated[Path, typer.Argument(help="A recording, or a text file with commas.")],
+    source: Annotated[
+        Path,
+        typer.Argument(metavar="SOURCE", autocompletion=recordings, help="A recording, or a text file with commas."),
+    ],
     channel: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Channel or column; of a recording by default the gyro.")
+        str | None,
+        typer.Option("--channel", metavar="NAME", help="Channel or column; of a recording by default the gyro."),
     ] = None,
     rate_hz: Annotated[
-        float | None, typer.Option("--rate-hz", metavar="R", help="Samples a second of a text file without a time.")
+        float | None,
+        typer.Option(
+            "--rate-hz",
+            metavar="R",
+            parser=quantity_in("rate_hz"),
+            help="Samples a second of a text file without a time: 100, or 0.1kHz.",
+        ),
     ] = None,
     step: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Step, by name or number; default: the longest static one.")
+        str | None,
+        typer.Option("--step", metavar="NAME", help="Step, by name or number; default: the longest static one."),
     ] = None,
     scale_v_per_dps: Annotated[
         float | None,
-        typer.Option("--scale-v-per-dps", metavar="K0", help="Scale factor by which gyro_v of a recording is a rate."),
+        typer.Option(
+            "--scale-v-per-dps",
+            metavar="K0",
+            parser=quantity_in("scale_v_per_dps"),
+            help="Scale factor by which gyro_v of a recording is a rate: 0.05, or '50 mV/(deg/s)'.",
+        ),
     ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="For report and table; default: by the source.")
@@ -59,10 +76,12 @@ def allan(
         folder = report_folder(source, out, json_to, quiet, kind="allan")
         if source.suffix.lower() in _TEXTS:
             if step is not None or scale_v_per_dps is not None:
-                raise UsageError("--step and --scale-v-per-dps are for recordings; a text file has neither")
+                raise UsageError(
+                    "--step and --scale-v-per-dps are for recordings, a text file has neither; leave them out"
+                )
             series = series_of_text(source, channel, rate_hz)
         elif rate_hz is not None:
-            raise UsageError("--rate-hz is for text files; a recording knows when each sample was taken")
+            raise UsageError("--rate-hz is for text files, a recording knows when each sample was taken; leave it out")
         else:
             with open_recording(source) as recording:
                 series = series_of_step(recording, channel, step, scale_v_per_dps)

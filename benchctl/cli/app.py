@@ -1,113 +1,75 @@
-"""The verbs, gathered; and what every one of them owes its user: one line for an error, and the right exit status."""
+"""The console script, and what every verb owes its user: one line for an error, and the right exit status."""
 
 from __future__ import annotations
 
+import os
 import sys
-from collections.abc import Callable
-from typing import Annotated
 
-import typer
-from typer.exceptions import TyperException
-
-import benchctl
-from benchctl.cli import (
-    accept,
-    allan,
-    apply,
-    check,
-    compare,
-    diagnose,
-    export,
-    fit,
-    history,
-    import_,
-    init,
-    paper,
-    procedures,
-    prove,
-    recover,
-    run,
-    show,
-    sim,
-    simulate,
-    verify,
-)
-from benchctl.cli.output import tell
-from instruments.errors import BenchError
-
-
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        tell(f"benchctl {benchctl.__version__}")
-        raise typer.Exit
-
-
-app = typer.Typer(
-    name="benchctl",
-    help="Test automation for gyroscopes on a rate table in a climate chamber.",
-    epilog="Try it without hardware: benchctl run two_stage --bench simulated",
-    no_args_is_help=True,
-    add_completion=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode="markdown",
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
-
-
-@app.callback()
-def _common(
-    version: Annotated[
-        bool, typer.Option("--version", help="Print the version and exit.", is_eager=True, callback=_print_version)
-    ] = False,
-) -> None:
-    """Test automation for gyroscopes on a rate table in a climate chamber."""
-
-
-_VERBS: dict[str, Callable[..., None]] = {
-    "init": init.init,
-    "procedures": procedures.procedures,
-    "check": check.check,
-    "run": run.run,
-    "recover": recover.recover,
-    "fit": fit.fit,
-    "accept": accept.accept,
-    "diagnose": diagnose.diagnose,
-    "compare": compare.compare,
-    "allan": allan.allan,
-    "history": history.history,
-    "apply": apply.apply,
-    "export": export.export,
-    "show": show.show,
-    "verify": verify.verify,
-    "simulate": simulate.simulate,
-    "sim": sim.sim,
-    "prove": prove.prove,
-    "paper": paper.paper,
-}
-for _name, _verb in _VERBS.items():
-    app.command(_name)(_verb)
-app.command("import", epilog=import_.map_explained())(import_.import_)
-
+from benchctl.cli.overview import overview
+from benchctl.cli.saying import tell
+from benchctl.cli.verbs import SYNONYMS, VERBS
+from instruments.errors import BenchError, UsageError
 
 _STOPPED = 130
-"""What typer makes of Ctrl-C: the exit status of a program that SIGINT ended."""
+"""The exit status of a program that SIGINT ended."""
 
 
 def main() -> None:
     """The console script."""
+    if "_BENCHCTL_COMPLETE" in os.environ:
+        from benchctl.cli.completing import complete
+
+        sys.exit(complete(os.environ["_BENCHCTL_COMPLETE"], sys.argv[1:]))
     sys.exit(run_verb(sys.argv[1:]))
 
 
 def run_verb(arguments: list[str]) -> int:
     """Run a verb and return its exit status: 0, 1, 2 or 3, as `instruments.errors` says, 130 for Ctrl-C in between."""
     try:
-        status = app(arguments, standalone_mode=False)
-    except (BenchError, TyperException) as err:
-        message = err.format_message() if isinstance(err, TyperException) else str(err)
-        tell(f"benchctl: {' '.join(message.split())}", err=True)
-        return 2 if isinstance(err, TyperException) else err.exit_status
-    except typer.Abort:
+        if arguments and arguments[0] in VERBS:
+            from benchctl.cli.command import run_command
+
+            status = run_command(arguments[0], arguments[1:])
+        else:
+            status = _without_verb(arguments)
+    except BenchError as err:
+        tell(f"benchctl: {' '.join(str(err).split())}", err=True)
+        return err.exit_status
+    except KeyboardInterrupt:
         status = _STOPPED
     if status == _STOPPED:
         tell("benchctl: stopped", err=True)
-    return status if isinstance(status, int) else 0
+    return status
+
+
+def _without_verb(arguments: list[str]) -> int:
+    """What benchctl does by itself."""
+    match arguments:
+        case []:
+            tell(overview(), err=True)
+            return 2
+        case ["-h" | "--help", *_]:
+            tell(overview())
+        case ["--version", *_]:
+            import benchctl
+
+            tell(f"benchctl {benchctl.__version__}")
+        case ["--install-completion" | "--show-completion" as option, *shell]:
+            from benchctl.cli.completion_scripts import install, script
+
+            tell((install if option == "--install-completion" else script)(*shell[:1]))
+        case [unknown, *_]:
+            raise UsageError(_unknown(unknown))
+    return 0
+
+
+def _unknown(name: str) -> str:
+    from benchctl.closeness import meant
+
+    if name.startswith("-"):
+        options = ("--help", "--version", "--install-completion", "--show-completion")
+        hint = meant(name, options, "a verb comes first and its options after it: benchctl run --help")
+        return f"there is no option {name} before a verb: {hint}"
+    if name in SYNONYMS:
+        return f"there is no verb {name}: did you mean {SYNONYMS[name]}?"
+    return f"there is no verb {name}: {meant(name, VERBS, 'benchctl --help lists them')}"

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from benchctl.cli.output import JsonOption, QuietOption, refuse_existing, result_of
+from benchctl.cli.output import JsonOption, QuietOption, RecordingArgument, refuse_existing, result_of
 from benchctl.cli.places import beside, refuse_folder
 
 
@@ -20,7 +20,7 @@ class LawChoice(StrEnum):
 
 
 def apply(
-    recording: Annotated[Path, typer.Argument(help="A recording, a campaign's folder, or an open recording's.")],
+    recording: RecordingArgument,
     coefficients: Annotated[
         Path, typer.Option("--coefficients", metavar="FILE", help="The coefficients.json that benchctl fit wrote.")
     ],
@@ -57,7 +57,7 @@ def apply(
         with open_recording(recording) as opened:
             digest = source_digest(opened)
             if not digest:
-                raise UsageError(f"{recording}: has no digest yet: let it end, or close it with benchctl recover")
+                raise UsageError(f"{recording}: has no digest yet; let it end, or close it with benchctl recover")
             applied = write_compensated(target, opened, compensation, digest=digest, coefficients=coefficients.name)
         add_to_manifest(target.parent, [target])
         result.values |= {

@@ -7,14 +7,24 @@ from typing import Annotated
 
 import typer
 
-from benchctl.cli.output import BenchOption, JsonOption, ParameterOption, QuietOption, parameters, result_of
+from benchctl.cli.output import (
+    BenchOption,
+    JsonOption,
+    ParameterOption,
+    ProcedureArgument,
+    QuietOption,
+    parameters,
+    result_of,
+)
 
 
 def check(
-    procedure: Annotated[str, typer.Argument(help="Its name, or a .py file.")],
+    procedure: ProcedureArgument,
     bench: BenchOption,
     parameter: ParameterOption = None,
-    picture: Annotated[Path | None, typer.Option(help="Draw the timeline into this SVG or PNG file.")] = None,
+    picture: Annotated[
+        Path | None, typer.Option("--picture", metavar="FILE", help="Draw the timeline into this SVG or PNG file.")
+    ] = None,
     out: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="Where the campaign is to land; default: in results/.")
     ] = Path("results"),
@@ -24,58 +34,22 @@ def check(
 ) -> None:
     """A dry run: expand the procedure, check every step against the bench, ask each instrument who it is; move nothing.
 
-    Example: `benchctl check two_stage --bench bench.toml -p points=5 --picture timeline.svg`
+    Lists also what the operator will be asked.
+
+    Example: `benchctl check two_stage --bench bench.toml -p points=5 --picture timeline.svg`,
+    `benchctl check misalignment --bench simulated --offline`
     """
     from dataclasses import asdict
 
-    from benchctl.atomic import free_bytes
     from benchctl.bench import load_bench
-    from benchctl.campaign.check import bench_time_s, problems, room_problems
-    from benchctl.campaign.expiry import expiring
-    from benchctl.campaign.interlocks import words
     from benchctl.campaign.opened import open_bench
-    from benchctl.campaign.timing import disk_bytes
-    from benchctl.cli.timeline import timeline_lines
-    from benchctl.cli.words import duration, size
+    from benchctl.cli.foretelling import foretell
     from benchctl.plan.find import find_procedure
-    from instruments.errors import UsageError
 
     with result_of("check", json_to, quiet) as result:
         stands = load_bench(bench)
         plan = find_procedure(procedure).expand(parameters(parameter))
-        found = problems(plan, stands)
-        playable = not found
-        takes_s = bench_time_s(plan, stands) if playable else None
-        needs = disk_bytes(plan, stands.recorded_hz) if playable else None
-        free = free_bytes(out)
-        found += room_problems(plan, stands, out) if playable else []
-        warnings = [each.says for each in expiring(plan, stands)] if playable else []
-        result.values |= {
-            "steps": len(plan.steps),
-            "bench_time_s": takes_s,
-            "disk_bytes": needs,
-            "disk_free_bytes": free,
-            "problems": [asdict(problem) for problem in found],
-            "warnings": warnings,
-        }
-        for warning in warnings:
-            result.say(f"warning: {warning}")
-        if found:
-            for problem in found:
-                result.say(f"step {problem.step}: {problem.says}")
-            beyond = f"{len(found)} of its {len(plan.steps)} steps go beyond it; the first is "
-            raise UsageError(
-                f"procedure {plan.procedure} cannot run on {stands.name}: {'' if playable else beyond}"
-                f"step {found[0].step}, {found[0].says}"
-            )
-        result.say(
-            f"{plan.procedure} on {stands.name}: {len(plan.steps)} steps, at least {duration(takes_s or 0)}, "
-            f"{size(needs or 0)} on disk ({size(free)} are free at {out})"
-        )
-        for line in timeline_lines(plan, stands.limits, stands.safe.chamber_c):
-            result.say(line)
-        if stands.interlocks:
-            result.say(f"interlocks: {words(stands.interlocks)}")
+        foretell(result, plan, stands, out)
         if picture is not None:
             from benchctl.reports.timeline import draw_timeline
 

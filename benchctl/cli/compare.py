@@ -7,14 +7,31 @@ from typing import Annotated
 
 import typer
 
+from benchctl.cli.candidates import recordings, toml_files
 from benchctl.cli.output import JsonOption, QuietOption, result_of
 
 
 def compare(
-    simulated: Annotated[Path, typer.Argument(help="A simulated recording; alone: a recording that names its model.")],
-    real: Annotated[Path | None, typer.Argument(help="A recording of the same procedure.")] = None,
+    simulated: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SIMULATED",
+            autocompletion=recordings,
+            help="A simulated recording; alone: a recording that names its model.",
+        ),
+    ],
+    real: Annotated[
+        Path | None,
+        typer.Argument(metavar="REAL", autocompletion=recordings, help="A recording of the same procedure."),
+    ] = None,
     model: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Another model beside the recording's, of a diagnosis say.")
+        Path | None,
+        typer.Option(
+            "--model",
+            metavar="FILE",
+            autocompletion=toml_files,
+            help="Another model beside the recording's, of a diagnosis say.",
+        ),
     ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="For the report; default: by the recording.")

@@ -7,18 +7,23 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from benchctl.cli.output import JsonOption, QuietOption, result_of
+from benchctl.cli.candidates import bench_files, toml_files
+from benchctl.cli.output import JsonOption, QuietOption, RecordingsArgument, result_of
 
 if TYPE_CHECKING:
     from benchctl.reports.diagnosing import Diagnosed
 
 
 def diagnose(
-    recordings: Annotated[
-        list[Path], typer.Argument(help="Recordings of one unit: files, campaigns' folders, or open recordings'.")
-    ],
+    recordings: RecordingsArgument,
     model: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="The lab's model of the part; default: the recording's own.")
+        Path | None,
+        typer.Option(
+            "--model",
+            metavar="FILE",
+            autocompletion=toml_files,
+            help="The lab's model of the part; default: the recording's own.",
+        ),
     ] = None,
     out: Annotated[
         Path | None,
@@ -32,15 +37,24 @@ def diagnose(
         typer.Option("--settle", help="Run the next experiment on the simulated bench, and diagnose both jointly."),
     ] = False,
     bench: Annotated[
-        str | None, typer.Option("--bench", metavar="BENCH", help="For --settle; default: the recording's own.")
+        str | None,
+        typer.Option(
+            "--bench", metavar="BENCH", autocompletion=bench_files, help="For --settle; default: the recording's own."
+        ),
     ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="With --settle: say what would be run and how long; run nothing.")
+    ] = False,
     part: Annotated[
         Literal["gyro", "drive", "chamber"],
         typer.Option(
             help="The part of the bench: gyro; drive, of angle and torque or current; chamber, of heat and air."
         ),
     ] = "gyro",
-    seed: Annotated[int, typer.Option(min=0, help="Draws the recordings with nothing missing, for comparison.")] = 0,
+    seed: Annotated[
+        int,
+        typer.Option("--seed", metavar="N", min=0, help="Draws the recordings with nothing missing, for comparison."),
+    ] = 0,
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
@@ -49,19 +63,23 @@ def diagnose(
     Writes `diagnosis.html`, and `model.toml` for `benchctl simulate --model`; with --quiet and --json, without --out,
     only the JSON.
 
-    Example: `benchctl diagnose results/20261120-180000_diagnostic_SIM-0001`
+    Example: `benchctl diagnose results/20261120-180000_diagnostic_SIM-0001`,
+    `benchctl diagnose recording.h5 --settle --dry-run`
     """
     from benchctl.cli.live import search_progress
     from benchctl.cli.places import report_folder
-    from benchctl.cli.settling import bench_of, refuse_other_files, run_next, write_next
+    from benchctl.cli.settling import bench_of, foretell_next, refuse_other_files, run_next, write_next
     from benchctl.recordings.campaign_manifest import add_to_manifest
     from benchctl.recordings.verify import refuse_changed
     from benchctl.reports.diagnosing import diagnose_recordings, write_diagnosed
     from benchctl.reports.diagnosis_lines import lines
+    from instruments.errors import UsageError
 
     with result_of("diagnose", json_to, quiet) as result:
         if following is not None:
             refuse_other_files(following)
+        if dry_run and not settle:
+            raise UsageError("--dry-run: without --settle nothing is run; leave it out, or say --settle, too")
         folder = report_folder(recordings[0], out, json_to, quiet)
         for path in recordings:
             refuse_changed(path, "diagnosed")
@@ -72,7 +90,9 @@ def diagnose(
                 return diagnose_recordings(paths, model=model, part=part, seed=seed, progress=progress)
 
         found = search(recordings)
-        if stands is not None and found.diagnosis.next_experiment.procedure:
+        if stands is not None and dry_run and found.diagnosis.next_experiment.procedure:
+            foretell_next(found.diagnosis.next_experiment, stands, result)
+        elif stands is not None and found.diagnosis.next_experiment.procedure:
             ran = run_next(found.diagnosis.next_experiment, stands, quiet=quiet)
             result.say(f"next experiment run: {ran}")
             found = search([*recordings, ran])

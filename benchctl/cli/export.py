@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from benchctl.cli.candidates import recordings
 from benchctl.cli.output import JsonOption, QuietOption, refuse_existing, result_of
 from benchctl.cli.places import beside, refuse_folder
 
@@ -40,15 +41,21 @@ def export(
         Path,
         typer.Argument(
             metavar="RECORDING",
+            autocompletion=recordings,
             help="A recording, a campaign's folder, or an open recording's; for c-header and json also coefficients.",
         ),
     ],
     to: Annotated[
         Format,
-        typer.Option("--to", help="csv and open make a folder, the others a file; c-header and json: compensation."),
+        typer.Option(
+            "--to",
+            metavar="FORMAT",
+            help="csv and open make a folder, the others a file; c-header and json: compensation.",
+        ),
     ],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Where to; default: beside the recording, with an ending.")
+        Path | None,
+        typer.Option("--output", "-o", metavar="PATH", help="Where to; default: beside the recording, with an ending."),
     ] = None,
     json_to: JsonOption = None,
     quiet: QuietOption = False,

@@ -7,13 +7,11 @@ from typing import Annotated
 
 import typer
 
-from benchctl.cli.output import JsonOption, QuietOption, result_of
+from benchctl.cli.output import JsonOption, QuietOption, RecordingsArgument, result_of
 
 
 def fit(
-    recordings: Annotated[
-        list[Path], typer.Argument(help="Recordings of one unit: files, campaigns' folders, or open recordings'.")
-    ],
+    recordings: RecordingsArgument,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Where to write; default: beside the first recording.")
     ] = None,

@@ -7,13 +7,18 @@ from typing import Annotated
 
 import typer
 
-from benchctl.cli.output import JsonOption, QuietOption, result_of, tell
+from benchctl.cli.output import JsonOption, QuietOption, result_of
+from benchctl.cli.saying import tell
 
 
 def history(
-    folder: Annotated[Path, typer.Argument(help="A folder with campaigns anywhere in it, or a .zip, .tar, .tar.gz.")],
-    unit: Annotated[str | None, typer.Option(metavar="SERIAL", help="Only this unit.")] = None,
-    figure: Annotated[str | None, typer.Option(metavar="NAME", help="Only this figure, such as K0_v_per_dps.")] = None,
+    folder: Annotated[
+        Path, typer.Argument(metavar="FOLDER", help="A folder with campaigns anywhere in it, or a .zip, .tar, .tar.gz.")
+    ],
+    unit: Annotated[str | None, typer.Option("--unit", metavar="SERIAL", help="Only this unit.")] = None,
+    figure: Annotated[
+        str | None, typer.Option("--figure", metavar="NAME", help="Only this figure, such as K0_v_per_dps.")
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="For the page; default: the folder.")] = None,
     json_to: JsonOption = None,
     quiet: QuietOption = False,

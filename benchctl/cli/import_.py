@@ -7,21 +7,30 @@ from typing import Annotated
 
 import typer
 
+from benchctl.cli.candidates import toml_files
 from benchctl.cli.output import JsonOption, QuietOption, refuse_existing, result_of
 
 
-def map_explained() -> str:
-    """The map file by example, as Markdown."""
+def further_help() -> str:
+    """The map file by example."""
     from benchctl.recordings.map_examples import MAP_EXAMPLES
 
     return "\n\n".join(f"A map for {title}:\n\n```toml\n{text}```" for title, text in MAP_EXAMPLES.items())
 
 
 def import_(
-    source: Annotated[Path, typer.Argument(help="An open recording's folder, a CSV, a MAT file, a table of points.")],
+    source: Annotated[
+        Path, typer.Argument(metavar="SOURCE", help="An open recording's folder, a CSV, a MAT file, a table of points.")
+    ],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE.h5", help="The recording to write.")],
     map_file: Annotated[
-        Path | None, typer.Option("--map", metavar="FILE", help="Which column is which: a TOML file, explained below.")
+        Path | None,
+        typer.Option(
+            "--map",
+            metavar="FILE",
+            autocompletion=toml_files,
+            help="Which column is which: a TOML file, explained below.",
+        ),
     ] = None,
     json_to: JsonOption = None,
     quiet: QuietOption = False,
@@ -29,7 +38,9 @@ def import_(
     """Bring a recording from another bench into a file of ours; it appears whole or not at all.
 
     An open recording (`recording.json` and `samples.csv.gz`) and a CSV of static points with the columns `rate_dps`,
-    `gyro_v_mean` need no map. Example: `benchctl import from_the_other_lab -o theirs.h5`
+    `gyro_v_mean` need no map.
+
+    Example: `benchctl import from_the_other_lab -o theirs.h5`, `benchctl import log.csv --map map.toml -o theirs.h5`
     """
     from benchctl.recordings.importing import import_recording
 

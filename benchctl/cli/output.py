@@ -6,26 +6,62 @@ import json
 import math
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, TextIO
+from typing import Annotated, Any
 
 import typer
 
-from instruments.errors import BenchError, UsageError
+from benchctl.cli.candidates import bench_files, parameters_of, procedures_named, recordings
+from benchctl.cli.saying import tell
+from instruments.errors import BenchError, UsageError, reason
 
 JsonOption = Annotated[
     str | None, typer.Option("--json", metavar="FILE", help="Write the result for programs, `-` for stdout.")
 ]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no summary.")]
+SeedOption = Annotated[
+    int | None, typer.Option("--seed", metavar="N", min=0, help="Draws the simulated bench's noise and errors.")
+]
 BenchOption = Annotated[
-    str, typer.Option("--bench", metavar="BENCH", help="A bench.toml, or `simulated`, which needs no file.")
+    str,
+    typer.Option(
+        "--bench",
+        metavar="BENCH",
+        autocompletion=bench_files,
+        help="A bench.toml, or `simulated`, which needs no file.",
+    ),
+]
+ProcedureArgument = Annotated[
+    str, typer.Argument(metavar="PROCEDURE", autocompletion=procedures_named, help="Its name, or a .py file.")
 ]
 ParameterOption = Annotated[
-    list[str] | None, typer.Option("--parameter", "-p", metavar="NAME=VALUE", help="A parameter of the procedure.")
+    list[str] | None,
+    typer.Option(
+        "--parameter",
+        "-p",
+        metavar="NAME=VALUE",
+        autocompletion=parameters_of,
+        help="A parameter of the procedure; a number may bring a unit: -p soak_s=90min.",
+    ),
 ]
-SeedOption = Annotated[int | None, typer.Option("--seed", min=0, help="Draws the simulated bench's noise and errors.")]
+RecordingArgument = Annotated[
+    Path,
+    typer.Argument(
+        metavar="RECORDING",
+        autocompletion=recordings,
+        help="A recording, a campaign's folder, or an open recording's.",
+    ),
+]
+RecordingsArgument = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="RECORDING",
+        autocompletion=recordings,
+        help="Recordings of one unit: files, campaigns' folders, or open recordings'.",
+    ),
+]
 
 
 class Result:
@@ -35,25 +71,12 @@ class Result:
         self.values: dict[str, Any] = {}
         self.ok = True
         self.error = ""
-        self._quiet = quiet
+        self.quiet = quiet
 
     def say(self, text: str) -> None:
         """A line for the person at the terminal, on stdout."""
-        if not self._quiet:
+        if not self.quiet:
             tell(text)
-
-
-def tell(text: str, *, err: bool = False) -> None:
-    """A line on stdout or stderr; where nobody reads it any more, the work goes on all the same."""
-    try:
-        typer.echo(text, err=err)
-    except OSError:
-        let_go(sys.stderr if err else sys.stdout)
-
-
-def let_go(stream: TextIO) -> None:
-    """Send what is still said on a stream nowhere: its window was closed, or the reader of its pipe has gone."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 @contextmanager
@@ -63,7 +86,7 @@ def result_of(verb: str, json_to: str | None, quiet: bool) -> Iterator[Result]:
         if os.path.isdir(path := os.path.abspath(str(json_to))):
             raise UsageError(f"--json {json_to}: is a folder; name a file")
         if not os.access(os.path.dirname(path), os.W_OK):
-            raise UsageError(f"--json {json_to}: its folder is not there or may not be written to")
+            raise UsageError(f"--json {json_to}: its folder is not there or may not be written to; name another")
     result = Result(quiet or json_to == "-")
     try:
         yield result
@@ -71,12 +94,26 @@ def result_of(verb: str, json_to: str | None, quiet: bool) -> Iterator[Result]:
         result.ok, result.error = False, " ".join(str(err).split())
         raise
     except OSError as err:  # a name that is too long, a folder that may not be looked into
-        result.ok, result.error = False, f"{err.filename or verb}: {err.strerror or err}"
+        result.ok, result.error = False, f"{err.filename or verb}: {reason(err)}"
         raise UsageError(result.error) from err
     finally:
         failed = sys.exc_info()[0]
         if json_to is not None and (failed is None or issubclass(failed, BenchError | typer.Exit)):
             _write(verb, json_to, result)
+
+
+def quantity_in(name: str) -> Callable[[str], float]:
+    """What reads a number of that name off the command line: bare, in the unit that the name states, or with a unit."""
+
+    def number(text: str) -> float:
+        from benchctl.quantities import quantity, unit_stated
+
+        try:
+            return quantity(text, unit_stated(name))
+        except UsageError as err:
+            raise UsageError(f"--{name.replace('_', '-')}: {err}") from err
+
+    return number
 
 
 def parameters(texts: list[str] | None) -> dict[str, str]:
@@ -93,7 +130,7 @@ def parameters(texts: list[str] | None) -> dict[str, str]:
         if not equals or not name:
             raise UsageError(f"-p {text}: expected NAME=VALUE, for example -p points=5")
         if name in found:
-            raise UsageError(f"-p {text}: {name} is given twice")
+            raise UsageError(f"-p {text}: {name} is given twice; leave one out")
         found[name] = value
     return found
 

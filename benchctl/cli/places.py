@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from benchctl.cli.output import tell
+from benchctl.cli.saying import tell
 
 
 def beside(path: Path, ending: str) -> Path:
@@ -39,7 +39,8 @@ def report_folder(
         return folder
     if out is None and json_to is not None:
         tell(
-            f"benchctl: {folder}: may not be written to: no report is written; --out DIR names another place", err=True
+            f"benchctl: {folder}: may not be written to, no report is written; name another place with --out DIR",
+            err=True,
         )
         return None
     raise UsageError(f"{folder}: may not be written to; name another place for the results with --out DIR")

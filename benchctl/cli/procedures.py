@@ -12,15 +12,20 @@ def procedures(bench: BenchOption = "simulated", json_to: JsonOption = None, qui
     """
     from benchctl.bench import load_bench
     from benchctl.campaign.check import bench_time_s
+    from benchctl.cli.saying import tell
     from benchctl.cli.words import duration
-    from benchctl.plan.find import find_procedure, procedure_names
+    from benchctl.plan.find import installed_procedures
+    from instruments.errors import UsageError
 
     with result_of("procedures", json_to, quiet) as result:
         stands = load_bench(bench)
         listed = []
-        for name in procedure_names():
-            procedure = find_procedure(name)
-            plan = procedure.expand()
+        for name, procedure in installed_procedures():
+            try:
+                plan = procedure.expand()
+            except UsageError as err:  # the others are still there
+                tell(f"benchctl: warning: {err}", err=True)
+                continue
             takes_s = bench_time_s(plan, stands)
             listed.append(
                 {

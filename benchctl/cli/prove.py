@@ -16,12 +16,14 @@ if TYPE_CHECKING:
 
 
 def prove(
-    trials: Annotated[int | None, typer.Option(min=1, help="How many; default: 340, shared out by class.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Draws what the trials conceal.")] = 1,
+    trials: Annotated[
+        int | None, typer.Option("--trials", metavar="N", min=1, help="How many; default: 340, shared out by class.")
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Draws what the trials conceal.")] = 1,
     only: Annotated[
         list[str] | None, typer.Option("--class", metavar="NAME", help="A class of trials; default: all.")
     ] = None,
-    jobs: Annotated[int, typer.Option(min=1, help="Trials that run at once.")] = 2,
+    jobs: Annotated[int, typer.Option("--jobs", metavar="N", min=1, help="Trials that run at once.")] = 2,
     generic: Annotated[
         bool | None,
         typer.Option("--generic/--no-generic", help="A sparse regression (pysindy) beside it; default: if installed."),
@@ -73,7 +75,7 @@ def _generic(wanted: bool | None, result: Result) -> bool:
 
     there = available()
     if wanted and not there:
-        raise UsageError("--generic: pysindy is not installed: pip install 'benchctl[test]', or leave it out")
+        raise UsageError("--generic: pysindy is not installed; pip install 'benchctl[test]', or leave it out")
     if wanted is None and not there:
         result.say("without the sparse regression: pysindy is not installed (pip install 'benchctl[test]')")
     return there if wanted is None else wanted

@@ -7,17 +7,22 @@ from typing import Annotated
 
 import typer
 
+from benchctl.cli.candidates import campaigns
 from benchctl.cli.output import JsonOption, QuietOption, result_of
 
 
 def recover(
-    campaign: Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="The campaign's folder.")],
+    campaign: Annotated[
+        Path, typer.Argument(metavar="CAMPAIGN", autocompletion=campaigns, help="The campaign's folder.")
+    ],
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
     """After a crash: close the recording, mark the step that was cut, say what is whole. Nothing moves.
 
-    Example: `benchctl recover results/20261120-180000_two_stage_SIM-0001`; `benchctl run … --resume` goes on with it.
+    `benchctl run … --resume` then goes on with it.
+
+    Example: `benchctl recover results/20261120-180000_two_stage_SIM-0001`
     """
     from benchctl.recordings.recover import recover as close
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import typer
 
 from benchctl.bench import Bench
+from benchctl.campaign.answers import Answers
 from benchctl.campaign.resume import Past, past_of, whole_steps
 from benchctl.campaign.runner import AbortedError, Outcome
 from benchctl.campaign.safety import SafeState
@@ -18,7 +19,9 @@ from benchctl.recordings.recover import recover
 from instruments.errors import UsageError
 
 
-def resumed(plan: Plan, bench: Bench, folder: Path, *, seeded: bool, yes: bool, quiet: bool) -> Outcome:
+def resumed(
+    plan: Plan, bench: Bench, folder: Path, *, seeded: bool, yes: bool, quiet: bool, answers: Answers | None = None
+) -> Outcome:
     """Go on with a campaign; one whose steps are all whole is closed where it is not, and nothing moves.
 
     Raises `UsageError` where it is not the same campaign, or nobody has said that the table may move.
@@ -27,7 +30,7 @@ def resumed(plan: Plan, bench: Bench, folder: Path, *, seeded: bool, yes: bool, 
         if not past.is_whole:
             if not bench.simulated and not yes:
                 _ask(past)
-            return play(plan, past.bench, folder, quiet=quiet, past=past)
+            return play(plan, past.bench, folder, quiet=quiet, past=past, answers=answers)
         past.lock.release()
         return _closed(past)
 

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from benchctl.cli.candidates import bench_files, campaigns, procedures_named, recordings, toml_files
 from benchctl.cli.output import (
     JsonOption,
     ParameterOption,
@@ -18,22 +19,61 @@ from benchctl.cli.output import (
 
 
 def run(
-    procedure: Annotated[str | None, typer.Argument(help="Its name, or a .py file.")] = None,
+    procedure: Annotated[
+        str | None,
+        typer.Argument(metavar="PROCEDURE", autocompletion=procedures_named, help="Its name, or a .py file."),
+    ] = None,
     bench: Annotated[
-        str | None, typer.Option("--bench", metavar="BENCH", help="A bench.toml, or `simulated`, which needs no file.")
+        str | None,
+        typer.Option(
+            "--bench",
+            metavar="BENCH",
+            autocompletion=bench_files,
+            help="A bench.toml, or `simulated`, which needs no file.",
+        ),
     ] = None,
     parameter: ParameterOption = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Say what would be done, how long, on how much disk; do nothing of it.")
+    ] = False,
+    answers: Annotated[
+        Path | None,
+        typer.Option(
+            "--answers",
+            metavar="FILE",
+            autocompletion=toml_files,
+            help="Answers in an operator's place, as TOML: explained below.",
+        ),
+    ] = None,
     again: Annotated[
-        Path | None, typer.Option("--again", metavar="FIRST", help="Run again what made a recording, and compare.")
+        Path | None,
+        typer.Option(
+            "--again",
+            metavar="FIRST",
+            autocompletion=recordings,
+            help="Run again what made a recording, and compare.",
+        ),
     ] = None,
     limits: Annotated[
-        Path | None, typer.Option("--limits", metavar="FILE", help="Judges --again; default: those that judged FIRST.")
+        Path | None,
+        typer.Option(
+            "--limits",
+            metavar="FILE",
+            autocompletion=toml_files,
+            help="Judges --again; default: those that judged FIRST.",
+        ),
     ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="The campaign's folder; default: a new one in results/.")
     ] = None,
     resume: Annotated[
-        Path | None, typer.Option("--resume", metavar="CAMPAIGN", help="Go on with a campaign that ended early.")
+        Path | None,
+        typer.Option(
+            "--resume",
+            metavar="CAMPAIGN",
+            autocompletion=campaigns,
+            help="Go on with a campaign that ended early.",
+        ),
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Resume without asking before the table moves.")] = False,
     seed: SeedOption = None,
@@ -42,27 +82,36 @@ def run(
 ) -> None:
     """Run a procedure, record it, and fit it where it calibrates; or go on with a campaign that ended early.
 
-    Example: `benchctl run two_stage --bench simulated -p points=5 -p soak_s=3600`; after a crash the same command with
-    `--resume results/20261120-180000_two_stage_SIM-0001`
+    Example: `benchctl run two_stage --bench simulated -p points=5 -p soak_s=1h`,
+    `benchctl run two_stage --bench lab/bench.toml --dry-run`,
+    `benchctl run two_stage --bench lab/bench.toml --resume results/20261120-180000_two_stage_SN-17`,
+    `benchctl run --again first/recording.h5 --bench lab/bench.toml`,
+    `benchctl run misalignment --bench lab/bench.toml --answers answers.toml`
 
     With --again FIRST, a recording or a campaign's folder, its procedure is run again with its parameters on the same
     unit: on --bench, or on its own bench where that was simulated, with the noise of another day unless --seed. Says
     what differs from FIRST: procedure, bench, instruments, software, and every test. By --limits, or by those of the
     acceptance beside FIRST, it is judged as by accept: exit status 1 unless all passes. Writes `rerun.json`.
-
-    Example: `benchctl run --again first/recording.h5 --bench lab/bench.toml`
     """
+    from contextlib import nullcontext
+
     from benchctl.bench import load_bench
-    from benchctl.cli.campaigns import new_folder, play, summary, told
+    from benchctl.campaign.answers import read_answers
+    from benchctl.campaign.playing import new_folder
+    from benchctl.campaign.resume import past_of
+    from benchctl.cli.campaigns import play, summary, told
     from benchctl.cli.resuming import resumed
     from benchctl.plan.find import find_procedure
     from instruments.errors import UsageError
 
     with result_of("run", json_to, quiet) as result:
         _refuse_contradictions(procedure, parameter, again, limits, out, resume)
+        answered = None if answers is None else read_answers(answers)
         stands = None if bench is None else load_bench(bench)
         if seed is not None and stands is not None and not stands.simulated:
-            raise UsageError(f"--seed {seed}: only a bench with simulated = true has a seed; {stands.name} is none")
+            raise UsageError(
+                f"--seed {seed}: only a bench with simulated = true has a seed, and {stands.name} is none; leave it out"
+            )
         rerun = None
         if again is not None:
             from benchctl.cli.rerunning import to_run_again
@@ -73,10 +122,17 @@ def run(
             raise UsageError("run needs a procedure (benchctl procedures lists them) and --bench, or --again FIRST")
         else:
             plan, stands = find_procedure(procedure).expand(parameters(parameter)), stands.with_seed(seed)
+        folder = out or resume or new_folder(plan.procedure, stands.unit.serial)
+        if dry_run:
+            from benchctl.cli.foretelling import foretell_run
+
+            with past_of(folder, plan, stands, seeded=seed is not None) if resume else nullcontext() as past:
+                foretell_run(result, plan, past.bench if past else stands, folder, answers=answered, past=past)
+            return
         if resume is not None:
-            outcome = resumed(plan, stands, resume, seeded=seed is not None, yes=yes, quiet=quiet)
+            outcome = resumed(plan, stands, resume, seeded=seed is not None, yes=yes, quiet=quiet, answers=answered)
         else:
-            outcome = play(plan, stands, out or new_folder(plan.procedure, stands.unit.serial), quiet=quiet)
+            outcome = play(plan, stands, folder, quiet=quiet, answers=answered)
         result.values |= {"campaign": outcome.campaign, **told(outcome)}
         result.say(summary(outcome))
         if outcome.error is not None:
@@ -91,6 +147,17 @@ def run(
             result.say(fitted.says)
         if rerun is not None:
             rerun.tell(outcome, result)
+
+
+def further_help() -> str:
+    """The file of answers by example."""
+    return """An operator's answers, for a plan that asks somebody to do something where nobody is, as in CI: each
+question in full, as benchctl check lists it, and "done", or "refuse", which ends the run safely with exit status 3.
+Nothing moves where a question has no answer.
+
+    "close the chamber's door" = "done"
+    "switch the supply of unit SN-17 off" = "refuse"
+"""
 
 
 def _refuse_contradictions(

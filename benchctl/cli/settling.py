@@ -6,7 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchctl.cli.campaigns import new_folder, play
+from benchctl.campaign.playing import new_folder
+from benchctl.cli.campaigns import play
+from benchctl.cli.foretelling import foretell_run
+from benchctl.cli.output import Result
 from benchctl.plan import Plan
 from benchctl.plan.find import find_procedure
 from benchctl.plan.written import as_texts, plan_source
@@ -43,10 +46,17 @@ def run_next(following: NextExperiment, bench: Bench, *, quiet: bool) -> Path:
     return outcome.recording
 
 
+def foretell_next(following: NextExperiment, bench: Bench, result: Result) -> None:
+    """Say what running the experiment would do, to programs under `dry_run`; nothing is run."""
+    plan, told = _plan(following), Result(result.quiet)
+    result.values["dry_run"] = told.values
+    foretell_run(told, plan, bench, new_folder(plan.procedure, bench.unit.serial), answers=None)
+
+
 def refuse_other_files(path: Path) -> None:
     """Raise `UsageError` where no procedure could be read from a file of that name."""
     if path.suffix != ".py":
-        raise UsageError(f"--next {path}: a procedure's file ends in .py, name it so")
+        raise UsageError(f"--next {path}: a procedure's file ends in .py; name it so")
 
 
 def write_next(path: Path, diagnosis: Diagnosis) -> str:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-
-from benchctl.cli.output import JsonOption, QuietOption, result_of
+from benchctl.cli.output import JsonOption, QuietOption, RecordingArgument, result_of
 
 
 def show(
-    recording: Annotated[Path, typer.Argument(help="A recording, a campaign's folder, or an open recording's.")],
+    recording: RecordingArgument,
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:

@@ -15,12 +15,19 @@ if TYPE_CHECKING:
 
 def sim(
     bench: BenchOption,
-    speed: Annotated[float, typer.Option(min=0.01, help="Bench seconds a wall second.")] = 1.0,
+    speed: Annotated[float, typer.Option("--speed", metavar="X", min=0.01, help="Bench seconds a wall second.")] = 1.0,
     pace_baud: Annotated[
-        int | None, typer.Option(min=300, help="Let the chamber's bytes leave as a line at that baud would let them.")
+        int | None,
+        typer.Option(
+            "--pace-baud",
+            metavar="BAUD",
+            min=300,
+            help="Let the chamber's bytes leave as a line at that baud would let them.",
+        ),
     ] = None,
     write_bench: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write a bench.toml that reaches these servers.")
+        Path | None,
+        typer.Option("--write-bench", metavar="FILE", help="Write a bench.toml that reaches these servers."),
     ] = None,
     seed: SeedOption = None,
     json_to: JsonOption = None,
@@ -56,23 +63,10 @@ def sim(
 
 
 def _write_bench(path: Path, bench: Bench, addresses: dict[str, str], speed: float) -> None:
-    import tomllib
+    from benchctl.campaign.served import bench_toml_at
+    from instruments.errors import UsageError, reason
 
-    import tomli_w
-
-    from instruments.errors import UsageError
-
-    document = tomllib.loads(bench.text)
-    document |= {"simulated": False, "time_factor": speed}
-    document.pop("physics", None)
-    document.pop("effects", None)
-    document.pop("faults", None)
-    for name in ("rate_table", "chamber", "digitizer", *(["gyro"] if bench.gyro else [])):
-        document[name]["address"] = addresses[name]
-    document["chamber"]["model"] = bench.chamber.model  # a profile's whole path: the new file may lie elsewhere
-    if "digitizer_stream" in addresses:
-        document["digitizer"]["stream_address"] = addresses["digitizer_stream"]
     try:
-        path.write_text(tomli_w.dumps(document), encoding="utf-8")
+        path.write_text(bench_toml_at(bench, addresses, speed), encoding="utf-8")
     except OSError as err:
-        raise UsageError(f"--write-bench {path}: cannot be written: {err.strerror or err}") from err
+        raise UsageError(f"--write-bench {path}: cannot be written: {reason(err)}; name another file") from err

@@ -7,9 +7,12 @@ from typing import Annotated
 
 import typer
 
+from benchctl.cli.candidates import toml_files
 from benchctl.cli.output import (
+    BenchOption,
     JsonOption,
     ParameterOption,
+    ProcedureArgument,
     QuietOption,
     SeedOption,
     parameters,
@@ -19,11 +22,17 @@ from benchctl.cli.output import (
 
 
 def simulate(
-    procedure: Annotated[str, typer.Argument(help="Its name, or a .py file.")],
+    procedure: ProcedureArgument,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE.h5", help="The recording to write.")],
-    bench: Annotated[str, typer.Option("--bench", metavar="BENCH", help="A bench.toml, or `simulated`.")] = "simulated",
+    bench: BenchOption = "simulated",
     model: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="What the bench obeys: a model file, of a diagnosis say.")
+        Path | None,
+        typer.Option(
+            "--model",
+            metavar="FILE",
+            autocompletion=toml_files,
+            help="What the bench obeys: a model file, of a diagnosis say.",
+        ),
     ] = None,
     parameter: ParameterOption = None,
     seed: SeedOption = None,
@@ -55,7 +64,7 @@ def simulate(
         if output.is_dir():
             raise UsageError(f"-o {output}: is a folder; name the file to write")
         if not output.parent.is_dir():
-            raise UsageError(f"-o {output}: there is no folder {output.parent}")
+            raise UsageError(f"-o {output}: there is no folder {output.parent}; make it first")
         with tempfile.TemporaryDirectory(prefix=f".{output.name}.", dir=output.parent) as folder:
             outcome = play(plan, stands, Path(folder), quiet=quiet, wires=False)
             if outcome.error is not None:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import IO, cast
 
-from benchctl.cli.output import let_go
+from benchctl.cli.saying import let_go
 
 REDRAW_S = 0.1
 

@@ -16,6 +16,7 @@ _WORDS = {
     "thermal_ramp": "thermal ramp",
     "power_cycle": "powered off and on",
     "mount": "mounted by hand",
+    "ask": "asked of the operator",
 }
 
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from benchctl.cli.output import JsonOption, QuietOption, result_of
+from benchctl.cli.output import JsonOption, QuietOption, RecordingArgument, result_of
+from benchctl.cli.saying import tell
 
 
 def verify(
-    recording: Annotated[Path, typer.Argument(help="A recording of benchctl, or a campaign's folder.")],
+    recording: RecordingArgument,
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
@@ -31,7 +31,7 @@ def verify(
             return
         result.ok, result.error = False, problems[0]
         for problem in problems:
-            typer.echo(f"benchctl: {recording}: {problem}", err=True)
+            tell(f"benchctl: {recording}: {problem}", err=True)
         raise typer.Exit(1)
 
 

@@ -24,9 +24,10 @@ from benchctl.plan.patterns import (
     whole_revolutions,
 )
 from benchctl.plan.procedure import Parameter, Plan, Procedure, procedure
-from benchctl.plan.steps import ConstantRate, Mount, PowerCycle, Role, Sine, Soak, Static, Step, ThermalRamp
+from benchctl.plan.steps import Ask, ConstantRate, Mount, PowerCycle, Role, Sine, Soak, Static, Step, ThermalRamp
 
 __all__ = [
+    "Ask",
     "ConstantRate",
     "Mount",
     "Parameter",

@@ -1,17 +1,18 @@
 """Finding a procedure by its name or its file; benchctl knows none of them by heart.
 
-Names come from the entry points `benchctl.procedures` (ours and third parties'); anything that ends in `.py` is a file.
+Names come from the entry points `benchctl.procedures`, ours and other packages'; anything that ends in `.py` is a file.
 """
 
 from __future__ import annotations
 
-import difflib
 import importlib.util
 import sys
-from importlib.metadata import entry_points
+from collections.abc import Iterator
 from pathlib import Path
 
+from benchctl.closeness import meant, there_are
 from benchctl.plan.procedure import Procedure
+from instruments.entry_points import leave_out, offers
 from instruments.errors import UsageError
 
 GROUP = "benchctl.procedures"
@@ -19,7 +20,16 @@ GROUP = "benchctl.procedures"
 
 def procedure_names() -> tuple[str, ...]:
     """The names of all installed procedures, sorted."""
-    return tuple(sorted({point.name for point in entry_points(group=GROUP)}))
+    return tuple(offers(GROUP))
+
+
+def installed_procedures() -> Iterator[tuple[str, Procedure]]:
+    """All installed procedures by name; what another package adds and cannot be used is left out, with a line said."""
+    for name in procedure_names():
+        try:
+            yield name, find_procedure(name)
+        except UsageError as err:
+            leave_out(offers(GROUP)[name], f"left out: {str(err).partition(': ')[2]}")
 
 
 def find_procedure(name: str) -> Procedure:
@@ -28,36 +38,32 @@ def find_procedure(name: str) -> Procedure:
     Raises
     ------
     UsageError
-        Where there is none, or the file cannot be used.
+        Where there is none, or the file, or the package that adds it, cannot be used.
     """
     if name.endswith(".py"):
         return _from_file(Path(name))
-    for point in entry_points(group=GROUP, name=name):
-        found = point.load()
+    if name in offers(GROUP):
+        found = offers(GROUP)[name].load()
         if isinstance(found, Procedure):
             return found
-        raise UsageError(
-            f"procedure {name}: {point.value} is {type(found).__name__}, expected a function with @procedure"
-        )
+        raise offers(GROUP)[name].refused(f"it is {type(found).__name__}, expected a function with @procedure")
     names = procedure_names()
-    close = difflib.get_close_matches(name, names, 1)
-    hint = f"did you mean {close[0]}?" if close else f"there are {', '.join(names)}; a file must end in .py"
-    raise UsageError(f"there is no procedure {name!r}: {hint}")
+    raise UsageError(f"there is no procedure {name!r}: {meant(name, names, f'{there_are(names)}; a file ends in .py')}")
 
 
 def _from_file(path: Path) -> Procedure:
     if not path.is_file():
-        raise UsageError(f"procedure {path}: there is no such file")
+        raise UsageError(f"procedure {path}: there is no such file; benchctl procedures lists those there are")
     spec = importlib.util.spec_from_file_location(f"benchctl_procedure_{path.stem}", path)
     if spec is None or spec.loader is None:
-        raise UsageError(f"procedure {path}: not a Python file")
+        raise UsageError(f"procedure {path}: is no Python file, expected one that ends in .py")
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # dataclasses in it, and the source of the whole file, are looked up there
     try:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as err:
         # Whatever a user's script raises while it is loaded is a fault of the script, told in one line.
-        raise UsageError(f"procedure {path}: loading it failed: {type(err).__name__}: {err}") from err
+        raise UsageError(f"procedure {path}: cannot be loaded: {type(err).__name__}: {err}") from err
     found = [value for value in vars(module).values() if isinstance(value, Procedure)]
     if len(found) != 1:
         raise UsageError(f"procedure {path}: expected one function with @procedure, found {len(found)}")

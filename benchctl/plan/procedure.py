@@ -6,21 +6,24 @@ A parameter is a keyword with a default; its type is `float`, `int`, `bool`, `st
 
 from __future__ import annotations
 
-import difflib
 import inspect
 import math
 import typing
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
+from benchctl.closeness import meant
+from benchctl.limits import shown
 from benchctl.plan.steps import Step
+from benchctl.quantities import quantity, unit_stated
 from instruments.errors import UsageError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
-    """A parameter of a procedure; `says` is what it is, in words."""
+    """A parameter of a procedure; `says` is what it is, in words. Its name states the unit of its numbers."""
 
     name: str
     type: Any
@@ -28,7 +31,7 @@ class Parameter:
     says: str = ""
 
     def parse(self, text: str) -> Any:
-        """The value that a text on the command line stands for.
+        """The value that a text on the command line stands for; numbers may bring a unit, see `benchctl.quantities`.
 
         Raises
         ------
@@ -36,12 +39,9 @@ class Parameter:
             Where the text is not of the parameter's type.
         """
         try:
-            return _PARSERS[self.type](text)
-        except ValueError as err:
-            wants = _EXPECTED[self.type]
-            raise UsageError(
-                f"parameter {self.name}: expected {wants}, got {text!r}; its default is {self.default}"
-            ) from err
+            return _PARSERS[self.type](text, unit_stated(self.name))
+        except UsageError as err:
+            raise UsageError(f"parameter {self.name}: {err}; its default is {self.default}") from err
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,7 +105,9 @@ class Procedure:
             raise UsageError(f"procedure {self.name}: these parameters give no steps: {values}")
         for number, step in enumerate(steps, 1):
             if not isinstance(step, Step):
-                raise UsageError(f"procedure {self.name}: its step {number} is no step but {step!r}")
+                raise UsageError(
+                    f"procedure {self.name}: its step {number} is no step but {step!r}, expected one of benchctl.plan"
+                )
         return Plan(
             procedure=self.name, parameters=values, steps=steps, calibrates=self.calibrates, source=self._source()
         )
@@ -118,9 +120,8 @@ class Procedure:
             return ""
 
     def _unknown(self, name: str, known: list[str]) -> str:
-        close = difflib.get_close_matches(name, known, 1)
-        hint = f"did you mean {close[0]}?" if close else f"it has {', '.join(known)}"
-        return f"procedure {self.name} has no parameter {name!r}: {hint}"
+        listed = ", ".join(known)
+        return f"procedure {self.name} has no parameter {name!r}: {meant(name, known, f'it has {listed}')}"
 
 
 def procedure(*, calibrates: bool = False) -> Callable[[Callable[..., Iterable[Step]]], Procedure]:
@@ -142,32 +143,46 @@ def _read_parameters(function: Callable[..., Iterable[Step]]) -> Iterable[Parame
         yield Parameter(name=name, type=hint, default=parameter.default, says=says)
 
 
-def _parse_float(text: str) -> float:
-    value = float(text)
-    if not math.isfinite(value):
-        raise ValueError(text)
-    return value
+def _parse_whole(text: str, unit: str) -> int:
+    with suppress(ValueError):
+        return int(text)
+    number = quantity(text, unit) if unit else math.nan
+    if not number.is_integer():
+        raise UsageError(f"expected a whole number, got {shown(text)}")
+    return int(number)
 
 
-def _parse_bool(text: str) -> bool:
+def _parse_bool(text: str, unit: str) -> bool:
     words = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": False}
     if text.lower() not in words:
-        raise ValueError(text)
+        raise UsageError(f"expected yes or no, got {shown(text)}")
     return words[text.lower()]
 
 
-_PARSERS: dict[Any, Callable[[str], Any]] = {
-    float: _parse_float,
-    int: int,
-    bool: _parse_bool,
-    str: str,
-    tuple[float, ...]: lambda text: tuple(_parse_float(part) for part in text.split(",")),
-}
+def _parse_numbers(text: str, unit: str) -> tuple[float, ...]:
+    parts = text.split(",")
+    try:
+        numbers = tuple(quantity(part, unit) for part in parts)
+    except UsageError as err:
+        raise UsageError(f"expected numbers with commas between them, and of one of them {err}") from err
+    if len({_is_bare(part) for part in parts}) > 1:
+        raise UsageError(f"expected numbers that are all bare or all have a unit, got {shown(text)}")
+    return numbers
 
-_EXPECTED: dict[Any, str] = {
-    float: "a finite number",
-    int: "a whole number",
-    bool: "yes or no",
-    str: "a text",
-    tuple[float, ...]: "numbers with commas between them",
+
+def _is_bare(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+_PARSERS: dict[Any, Callable[[str, str], Any]] = {
+    float: quantity,
+    int: _parse_whole,
+    bool: _parse_bool,
+    str: lambda text, unit: text,
+    tuple[float, ...]: _parse_numbers,
 }
+"""What makes a value of a text and of the unit that the parameter's name states."""

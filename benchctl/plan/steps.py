@@ -11,13 +11,19 @@ from dataclasses import dataclass, fields
 from numbers import Real
 from typing import ClassVar, Literal, get_args
 
-from instruments.interfaces import Position
+from instruments.mounting import Position
 
 Role = Literal["fit", "verify"]
 """`verify` marks a run that is kept aside: no fit may see it."""
 
 _WORDS: Mapping[str, tuple[str, ...]] = {"role": get_args(Role), "position": get_args(Position)}
-"""Fields that are one of some words; every other one is a number."""
+"""Fields that are one of some words."""
+
+_TEXTS = frozenset({"says"})
+"""Fields that are any line of text; every other one that is no word of `_WORDS` is a number."""
+
+LONGEST_TEXT = 160
+"""Of a line that an operator is to read."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,6 +35,9 @@ class BaseStep:
     def __post_init__(self) -> None:
         for field in fields(self):
             value, words = getattr(self, field.name), _WORDS.get(field.name)
+            if field.name in _TEXTS:
+                _require_line(type(self).__name__, field.name, value)
+                continue
             if words is not None and value not in words:
                 raise ValueError(f"{type(self).__name__}: {field.name} is {value!r}, expected one of {words}")
             if words is None and not isinstance(value, Real):
@@ -53,6 +62,13 @@ class BaseStep:
     def streamed_s(self) -> float:
         """How long the digitizer streams."""
         return 0.0
+
+
+def _require_line(step: str, field: str, value: object) -> None:
+    if not isinstance(value, str):
+        raise TypeError(f"{step}: {field} is {value!r}, expected a text")
+    if not value.strip() or not value.isprintable() or len(value) > LONGEST_TEXT:
+        raise ValueError(f"{step}: {field} is {value!r}, expected one line of 1 to {LONGEST_TEXT} characters")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -225,12 +241,30 @@ class Mount(BaseStep):
         return f"mount {self.position}"
 
 
-ByHand = PowerCycle | Mount
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ask(BaseStep):
+    """Ask the operator to do something, the table at rest, and wait until it is done.
+
+    `says` is what to do, as one would say it: "close the chamber's door". What is done stays done: a resumed run asks
+    again only where nobody had answered.
+    """
+
+    kind: ClassVar[str] = "ask"
+
+    says: str
+
+    @property
+    def label(self) -> str:
+        """See `BaseStep`."""
+        return f"ask: {self.says}"
+
+
+ByHand = PowerCycle | Mount | Ask
 """Steps that no instrument of the bench does."""
 
-Step = Soak | Static | ConstantRate | Sine | ThermalRamp | PowerCycle | Mount
+Step = Soak | Static | ConstantRate | Sine | ThermalRamp | PowerCycle | Mount | Ask
 
-Polled = Soak | PowerCycle | Mount
+Polled = Soak | PowerCycle | Mount | Ask
 """Steps in which nothing is streamed: what is polled is all that is recorded of them."""
 
 _POSITIVE = frozenset(
@@ -254,7 +288,7 @@ def faults(step: Step) -> Iterator[str]:
     """What no bench could do about a step, in words: numbers that are not finite, durations that are not positive."""
     for field in fields(step):
         value = getattr(step, field.name)
-        if field.name in _WORDS:
+        if field.name in _WORDS or field.name in _TEXTS:
             continue
         if not math.isfinite(value):
             yield f"{field.name} is {value}, expected a finite number"

@@ -131,7 +131,7 @@ def test_a_recording_that_is_not_there_says_so(refused: Refused) -> None:
 
 def test_usage_errors_are_one_line_too(refused: Refused) -> None:
     assert "--bench" in refused("run", "static")
-    assert "no such option" in refused("run", "static", "--bnech", "simulated").lower()
+    assert "there is no option --bnech: did you mean --bench?" in refused("run", "static", "--bnech", "simulated")
     assert "nonsense" in refused("nonsense")
     assert "xlsx" in refused("export", "x.h5", "--to", "xlsx")
 
@@ -205,7 +205,7 @@ def test_a_seed_below_zero_is_refused_wherever_it_stands(refused: Refused, tmp_p
 def test_options_that_a_driver_cannot_be_opened_with_are_named(refused: Refused, tmp_path: Path, option: str) -> None:
     (tmp_path / "bench.toml").write_text(f"{template()}\n[rate_table.options]\n{option}\n")
     line = refused("check", "static", "--bench", "bench.toml", "--quiet")
-    assert line.startswith("rate_table")
+    assert "rate_table" in line
     assert option.partition(" ")[0] in line or "rate_table.options" in line
 
 

@@ -84,7 +84,11 @@ def test_nothing_is_written_into_somebody_elses_folder(engine: Engine, tmp_path:
     before = sorted(theirs.iterdir())
     assert diagnose(theirs) == 0
     assert sorted(theirs.iterdir()) == before
-    assert sorted(path.name for path in Path("theirs.diagnosis").iterdir()) == ["diagnosis.html", "model.toml"]
+    assert sorted(path.name for path in Path("theirs.diagnosis").iterdir()) == [
+        "diagnosis.html",
+        "diagnosis.json",
+        "model.toml",
+    ]
 
 
 def test_a_program_that_asks_for_json_alone_gets_that_and_nothing_else(
@@ -113,7 +117,7 @@ def test_where_no_report_can_be_written_the_json_is_and_a_line_says_so(
     recording.with_name("sweep.diagnosis").write_text("in the way")
     assert diagnose(recording, "--json", "out.json") == 0
     (line,) = capsys.readouterr().err.splitlines()
-    assert "no report is written; --out DIR names another place" in line
+    assert "no report is written; name another place with --out DIR" in line
     assert json.loads(Path("out.json").read_text())["ok"] is True
 
 

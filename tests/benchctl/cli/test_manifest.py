@@ -139,7 +139,7 @@ def test_a_manifest_that_cannot_be_written_is_said_and_hides_nothing(
     def full(folder: Path) -> None:
         raise UsageError(f"{folder}: cannot be written: No space left on device")
 
-    monkeypatch.setattr("benchctl.cli.campaigns.write_manifest", full)
+    monkeypatch.setattr("benchctl.campaign.playing.write_manifest", full)
     outcome = play(PLAN, BENCH, tmp_path / "c", quiet=True, wires=False)
     assert outcome.status == "complete"
     assert capsys.readouterr().err.startswith("benchctl: warning: the campaign has no manifest: ")

@@ -23,7 +23,7 @@ def test_the_sparse_regression_is_refused_where_it_is_asked_for_and_not_installe
 ) -> None:
     monkeypatch.setattr("benchctl.proof.generic.arm.available", lambda: False)
     assert run_verb(["prove", "--generic", "--out", str(tmp_path / "p")]) == 2
-    assert "pysindy is not installed: pip install 'benchctl[test]'" in capsys.readouterr().err
+    assert "pysindy is not installed; pip install 'benchctl[test]'" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -79,7 +79,8 @@ def test_another_parameter_is_refused_and_named(crashed: Path) -> None:
     refused = _run(crashed, *RESUME, "--yes", "-p", "run_s=20")
     assert refused.returncode == 2
     assert refused.stderr == (
-        "benchctl: --resume: this is not the campaign that was begun: parameter run_s was 60.0, is 20.0\n"
+        "benchctl: --resume: this is not the campaign that was begun: parameter run_s was 60.0, is 20.0; "
+        "give it back what it began with, or run anew\n"
     )
 
 

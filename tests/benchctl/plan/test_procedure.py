@@ -43,14 +43,32 @@ def test_texts_become_values_of_the_parameters_types() -> None:
     assert "def example(" in plan.source
 
 
+def test_numbers_may_bring_a_unit_and_are_kept_in_the_one_that_the_name_states() -> None:
+    plan = example.expand({"rate_dps": "1 rpm", "list_hz": "500mHz,0.25 Hz"})
+    assert plan.parameters == {"rate_dps": 6.0, "points": 2, "back": False, "list_hz": (0.5, 0.25)}
+
+
+def test_a_whole_number_may_bring_a_unit_where_it_stays_whole() -> None:
+    @procedure()
+    def whole(hold_s: int = 60) -> Iterator[Step]:
+        yield Static(duration_s=hold_s)
+
+    assert whole.expand({"hold_s": "1.5 min"}).parameters == {"hold_s": 90}
+    with pytest.raises(UsageError, match=r"expected a whole number, got '1.51 min'"):
+        whole.expand({"hold_s": "1.51 min"})
+
+
 @pytest.mark.parametrize(
     ("texts", "says"),
     [
         ({"rate_dsp": "1"}, "did you mean rate_dps?"),
         ({"xyz": "1"}, "it has rate_dps, points, back, list_hz"),
         ({"points": "2.5"}, "parameter points: expected a whole number, got '2.5'; its default is 2"),
-        ({"rate_dps": "nan"}, "expected a finite number"),
-        ({"rate_dps": "fast"}, "expected a finite number, got 'fast'"),
+        ({"rate_dps": "nan"}, "expected a number in deg/s"),
+        ({"rate_dps": "fast"}, "rad/s, deg/h or rpm), got 'fast'; its default is 10.0"),
+        ({"rate_dps": "5 Hz"}, "parameter rate_dps: expected a number in deg/s"),
+        ({"points": "5 s"}, "expected a whole number, got '5 s'"),
+        ({"list_hz": "1,2,3 kHz"}, "all bare or all have a unit, got '1,2,3 kHz'"),
         ({"back": "maybe"}, "expected yes or no"),
         ({"list_hz": "1;2"}, "numbers with commas between them"),
         ({"rate_dps": "0"}, "these parameters give no plan"),
@@ -102,10 +120,10 @@ def test_a_file_is_a_procedure_too(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("import nothing_of_that_name", "loading it failed: ModuleNotFoundError"),
+        ("import nothing_of_that_name", "cannot be loaded: ModuleNotFoundError"),
         ("x = 1", "expected one function with @procedure, found 0"),
-        ("def (", "loading it failed: SyntaxError"),
-        ("raise SystemExit(0)", "loading it failed: SystemExit: 0"),
+        ("def (", "cannot be loaded: SyntaxError"),
+        ("raise SystemExit(0)", "cannot be loaded: SystemExit: 0"),
     ],
 )
 def test_a_file_that_holds_no_procedure_is_refused_in_one_line(tmp_path: Path, text: str, says: str) -> None:

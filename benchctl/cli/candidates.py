@@ -1,0 +1,99 @@
+"""What may stand at a place of the command line, for completion; nothing here runs a file that was only named."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import typer
+
+_RECORDING_FILES = ("recording.h5", "campaign.h5", "recording.json")
+"""What a folder that is a recording holds, one of them."""
+
+Candidate = tuple[str, str]
+"""What may stand there, and a word on it. One that ends in `/` or `=` is not whole yet."""
+
+
+def procedures_named(incomplete: str) -> list[Candidate]:
+    """Installed procedures, and files that may hold one."""
+    from benchctl.plan.find import procedure_names
+
+    found = [(name, "") for name in procedure_names() if name.startswith(incomplete)]
+    return [*found, *paths(incomplete, lambda path: path.suffix == ".py")]
+
+
+def parameters_of(ctx: typer.Context, incomplete: str) -> list[Candidate]:
+    """The parameters of the procedure that stands on the line; after the `=` the default."""
+    procedure = str(ctx.params.get("procedure") or "")
+    given = {text.partition("=")[0] for text in ctx.params.get("parameter") or ()}
+    known = _parameters_in(Path(procedure)) if procedure.endswith(".py") else _parameters_of(procedure)
+    name, equals, _ = incomplete.partition("=")
+    if equals:
+        return [(text, says) for text, says in known if text.startswith(incomplete) and text.startswith(f"{name}=")]
+    cut = ((f"{text.partition('=')[0]}=", says) for text, says in known)
+    return [(text, says) for text, says in cut if text.startswith(incomplete) and text[:-1] not in given]
+
+
+def bench_files(incomplete: str) -> list[Candidate]:
+    """The simulated bench, and TOML files."""
+    simulated = [("simulated", "needs no file")] if "simulated".startswith(incomplete) else []
+    return [*simulated, *toml_files(incomplete)]
+
+
+def toml_files(incomplete: str) -> list[Candidate]:
+    """TOML files, and folders on the way to one."""
+    return paths(incomplete, lambda path: path.suffix == ".toml")
+
+
+def recordings(incomplete: str) -> list[Candidate]:
+    """Recordings, campaigns' folders, and folders on the way to one."""
+    return paths(incomplete, lambda path: path.suffix == ".h5" or _is_recording(path))
+
+
+def campaigns(incomplete: str) -> list[Candidate]:
+    """Campaigns' folders, and folders on the way to one."""
+    return paths(incomplete, _is_recording)
+
+
+def paths(incomplete: str, wanted: Callable[[Path], bool]) -> list[Candidate]:
+    """Paths that begin so and are wanted, and folders, which end in `/`; hidden ones only where a dot is typed."""
+    begun, slash, start = incomplete.rpartition("/")
+    folder = Path(f"{begun}{slash}").expanduser() if slash else Path()
+    found = []
+    for path in sorted(folder.iterdir()) if folder.is_dir() else ():
+        if not path.name.startswith(start) or (path.name.startswith(".") and not start.startswith(".")):
+            continue
+        if wanted(path):
+            found.append((f"{begun}{slash}{path.name}", ""))
+        elif path.is_dir():
+            found.append((f"{begun}{slash}{path.name}/", ""))
+    return found
+
+
+def _is_recording(path: Path) -> bool:
+    return any((path / name).is_file() for name in _RECORDING_FILES)
+
+
+def _parameters_of(procedure: str) -> list[Candidate]:
+    from benchctl.plan.find import find_procedure
+    from benchctl.plan.written import as_texts
+
+    known = find_procedure(procedure).parameters
+    defaults = as_texts({one.name: one.default for one in known})
+    return [(f"{one.name}={defaults[one.name]}", one.says) for one in known]
+
+
+def _parameters_in(file: Path) -> list[Candidate]:
+    """Those of the procedure in a file, read without running it."""
+    return [
+        (f"{argument.arg}={ast.unparse(default).strip('()')}", "")
+        for function in _procedures_in(ast.parse(file.read_bytes()))
+        for argument, default in zip(function.args.args[::-1], function.args.defaults[::-1], strict=False)
+    ][::-1]
+
+
+def _procedures_in(module: ast.Module) -> Iterator[ast.FunctionDef]:
+    for node in module.body:
+        if isinstance(node, ast.FunctionDef) and any("procedure" in ast.unparse(one) for one in node.decorator_list):
+            yield node

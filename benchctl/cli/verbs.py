@@ -1,0 +1,71 @@
+"""The verbs, in the order in which people need them; each is imported when it is asked for."""
+
+from __future__ import annotations
+
+import importlib
+import keyword
+from types import ModuleType
+
+GROUPS: dict[str, dict[str, str]] = {
+    "In the lab": {
+        "init": "write a bench.toml and a limits.toml to start from",
+        "doctor": "look at ports, permissions and instruments, and say what to do",
+        "procedures": "list what can be run, its parameters, how long it takes",
+        "check": "a dry run: limits, timeline, questions, who answers; nothing moves",
+        "run": "run a procedure, record it, fit it; or go on with one",
+        "serve": "the live page: watch a campaign in a browser",
+        "recover": "after a crash: close the recording, say what is whole",
+        "show": "what is in a recording",
+        "fit": "the two-stage calibration: coefficients and a report",
+        "allan": "Allan deviation and noise coefficients",
+        "diagnose": "what physics the model leaves out, and what to run next",
+        "compare": "where a recording and its simulations part",
+        "apply": "compensate a recording by coefficients",
+        "explain": "an effect, a metric or a term: words, equation, sources",
+    },
+    "For quality assurance": {
+        "accept": "the tests of a gyro with limits: verdicts, report, JUnit",
+        "verify": "check that nothing changed since it was written",
+        "history": "units over time, and against their siblings",
+    },
+    "For programs and CI": {
+        "simulate": "a recording by the simulated bench, without its wires",
+        "sim": "the simulated instruments as servers on real sockets",
+        "import": "a recording from another bench into a file of ours",
+        "export": "a recording, or a compensation, for other programs",
+        "prove": "sealed trials of the diagnosis, scored",
+        "paper": "redo the paper's experiment and audit its numbers",
+    },
+}
+
+VERBS: dict[str, str] = {name: says for group in GROUPS.values() for name, says in group.items()}
+"""All verbs, each with a line of help."""
+
+SYNONYMS = {
+    "acceptance": "accept",
+    "calibrate": "fit",
+    "convert": "export",
+    "dashboard": "serve",
+    "dry-run": "check",
+    "info": "show",
+    "list": "procedures",
+    "resume": "run --resume",
+    "rerun": "run --again",
+    "selftest": "doctor",
+    "watch": "serve",
+}
+"""What other programs call a verb; said in an error only."""
+
+
+def module_of(verb: str) -> ModuleType:
+    """The module of a verb, imported now; the function in it has the module's name, too."""
+    return importlib.import_module(f"benchctl.cli.{_identifier(verb)}")
+
+
+def function_name(verb: str) -> str:
+    """The name of the verb's function in its module."""
+    return _identifier(verb)
+
+
+def _identifier(verb: str) -> str:
+    return f"{verb}_" if keyword.iskeyword(verb) else verb
