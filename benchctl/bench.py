@@ -7,11 +7,13 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, field_validator, model_validator
+from pydantic import Field, PrivateAttr, field_validator, model_validator
 
 from benchctl.certificates import Certificate, ChamberCertificate, DigitizerCertificate, RateTableCertificate
 from benchctl.limits import HIGHEST_RATE_HZ, MOST_COUNTS_PER_REV
 from benchctl.model_file import Model
+from benchctl.quantities import quantity, unit_stated
+from benchctl.tables import Table
 from benchctl.toml_file import line_of, parse_toml, read_text
 from instruments.catalog import find_profile, is_profile
 from instruments.chambers.profile_file import parse_profile, profile_name
@@ -36,15 +38,14 @@ Quantity = Literal[
 """What is measured while a run goes on; `setpoint_error_c` is air less set point, `gyro_c` the gyro's thermistor,
 `encoder_dps` the table's rate by the digitizer's count, whatever its controller says."""
 
+_INTERLOCKED = {"degC": ("degC", "K"), "degC or K": ("degC", "K")}
+"""Of what a name states: the units of its limits and of its hysteresis, where those are not the same one."""
+
 SIMULATED = "simulated"
 """The name of the bench that needs no file and no hardware."""
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, protected_namespaces=())
-
-
-class UnitUnderTest(_Table):
+class UnitUnderTest(Table):
     """The gyro under test; `range_dps` is its rated range."""
 
     serial: str = Field(min_length=1)
@@ -52,7 +53,7 @@ class UnitUnderTest(_Table):
     range_dps: float = Field(gt=0)
 
 
-class Limits(_Table):
+class Limits(Table):
     """What no step may exceed and no measured value may pass."""
 
     rate_dps: float = Field(gt=0)
@@ -69,14 +70,14 @@ class Limits(_Table):
         return self
 
 
-class Safe(_Table):
+class Safe(Table):
     """Where the chamber goes whatever ends a run, and how long the runner may be silent before its guard acts."""
 
     chamber_c: float = 23.0
     hang_s: float = Field(default=60.0, gt=0)
 
 
-class Interlock(_Table):
+class Interlock(Table):
     """A limit on a measured quantity, and what happens where it is passed for `for_s`.
 
     It has been passed until the value is back inside by `hysteresis`. "stop" ends the run at once; "hold" lets the step
@@ -90,6 +91,20 @@ class Interlock(_Table):
     for_s: float = Field(default=0.0, ge=0)
     action: Literal["stop", "hold"] = "stop"
     give_up_s: float | None = Field(default=None, gt=0)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _in_the_unit_of_its_quantity(cls, told: Any) -> Any:
+        if not isinstance(told, dict):
+            return told
+        stated = unit_stated(str(told.get("quantity")))
+        limit, difference = _INTERLOCKED.get(stated, (stated, stated))
+        units = {"above": limit, "below": limit, "hysteresis": difference}
+        try:
+            written = {name: told[name] for name in units if isinstance(told.get(name), str)}
+            return told | {name: quantity(text, units[name]) for name, text in written.items()}
+        except UsageError as err:
+            raise ValueError(str(err)) from err
 
     @model_validator(mode="after")
     def _makes_sense(self) -> Interlock:
@@ -110,14 +125,14 @@ class Interlock(_Table):
         return self
 
 
-class Site(_Table):
+class Site(Table):
     """Where the bench stands; the uncertainty of its latitude is expanded, k = 2."""
 
     latitude_deg: float | None = Field(default=None, ge=-90, le=90)
     latitude_uncertainty_deg: float | None = Field(default=None, ge=0)
 
 
-class Simulation(_Table):
+class Simulation(Table):
     """The model that the lab believes in: U = U0 + K0·k(T)·k(ω)·ω, with parameters from an earlier calibration.
 
     `k_T` holds a1, a2, … of k(T) = 1 + a1·(T − T0) + a2·(T − T0)² + …, `k_omega` b2, b4, … of k(ω) = 1 + b2·ω² + b4·ω⁴
@@ -133,7 +148,7 @@ class Simulation(_Table):
     output_limit_v: float = Field(gt=0)
 
 
-class InstrumentEntry(_Table):
+class InstrumentEntry(Table):
     """An instrument: its model names the driver, `options` are further keywords of that driver."""
 
     model: str
@@ -194,7 +209,7 @@ class GyroEntry(InstrumentEntry):
     sign: Literal[1, -1] = 1
 
 
-class Bench(_Table):
+class Bench(Table):
     """A whole bench, as its file describes it, and the file itself."""
 
     name: str

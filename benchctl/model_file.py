@@ -20,10 +20,9 @@ from pathlib import Path
 from typing import Any
 
 from benchctl.atomic import whole_file
-from benchctl.documents import toml_document
 from benchctl.limits import cut, shown
 from benchctl.part_models import check_parts
-from benchctl.toml_file import read_text
+from benchctl.toml_file import read_text, toml_in_units
 from instruments.errors import UsageError
 
 FORMAT = "benchctl-model/1"
@@ -72,7 +71,7 @@ def read_model(path: Path) -> Model:
     UsageError
         One line that names the file and, where it is at fault, the table and the field.
     """
-    document = toml_document(read_text(path, "model"), f"model {path}")
+    document = toml_in_units(read_text(path, "model"), f"model {path}")
     try:
         model = _model(document)
         model.check()
@@ -113,7 +112,7 @@ def _model(document: dict[str, Any]) -> Model:
         if not isinstance(table, dict):
             raise UsageError(f"{part}: expected a table [{part}], got {shown(table)}")
     if document and "physics" in parts:
-        raise UsageError(f"{next(iter(document))}: goes into [physics], which this file has")
+        raise UsageError(f"{next(iter(document))}: goes into [physics], which this file has; move it there")
     return Model(recording=recording, **{"physics": document, **parts})
 
 

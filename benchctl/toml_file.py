@@ -11,7 +11,9 @@ from pydantic import BaseModel, ValidationError
 
 from benchctl.documents import toml_document
 from benchctl.limits import MOST_DESCRIPTION_BYTES, cut, read_whole, shown
+from benchctl.quantities import quantity, unit_stated
 from instruments.errors import UsageError
+from instruments.field_faults import field_fault
 
 Model = TypeVar("Model", bound=BaseModel)
 Place = tuple[str | int, ...]
@@ -44,11 +46,25 @@ def parse_toml(text: str, model: type[Model], name: str) -> Model:
     UsageError
         One line that names the file, the line and the first field that is wrong, and how many more there are.
     """
-    document = toml_document(text, name)
+    document = toml_in_units(text, name)
     try:
         return model.model_validate(document)
     except ValidationError as err:
         raise UsageError(f"{name}, {_first_fault(err, text, document)}") from err
+
+
+def toml_in_units(text: str, name: str) -> dict[str, Any]:
+    """What a TOML text stands for, its numbers in the units that their keys state, also where they bring one.
+
+    So `silence_s = "2 min"` is 120.0; other strings are left as they are.
+
+    Raises
+    ------
+    UsageError
+        No TOML, or a key that states a unit with a string that is no number of that kind; names the line.
+    """
+    document: dict[str, Any] = _in_units(toml_document(text, name), (), text, name)
+    return document
 
 
 def line_of(text: str, place: Place) -> int:
@@ -95,6 +111,20 @@ def _parts(dotted: str) -> tuple[str, ...]:
     return tuple(part.strip().strip("\"'") for part in dotted.split("."))
 
 
+def _in_units(value: Any, place: Place, text: str, name: str) -> Any:
+    if isinstance(value, dict):
+        return {key: _in_units(item, (*place, key), text, name) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_in_units(item, (*place, number), text, name) for number, item in enumerate(value)]
+    keys = [part for part in place if isinstance(part, str)]
+    if not isinstance(value, str) or not unit_stated(keys[-1]):
+        return value
+    try:
+        return quantity(value, unit_stated(keys[-1]))
+    except UsageError as err:
+        raise UsageError(f"{name}, line {line_of(text, place)}: {cut('.'.join(keys))}: {err}") from err
+
+
 def _in_document(loc: Place, document: Any) -> Place:
     """The place of a fault, without what pydantic puts in between: the kind of a table that may be of several."""
     found: Place = ()
@@ -110,12 +140,4 @@ def _first_fault(err: ValidationError, text: str, document: dict[str, Any]) -> s
     line = line_of(text, _in_document(first["loc"], document))
     field = cut(".".join(str(part) for part in first["loc"]))
     rest = f" (and {len(more)} more)" if more else ""
-    if first["type"] == "value_error":
-        says = cut(first["msg"].removeprefix("Value error, "))
-    elif first["type"] == "missing":
-        says = "this field is needed and is not there"
-    elif first["type"] == "extra_forbidden":
-        says = "there is no such field"
-    else:
-        says = f"{first['msg'][:1].lower()}{first['msg'][1:]}, got {shown(first['input'])}"
-    return f"line {line}: {field}{': ' if field else ''}{says}{rest}"
+    return f"line {line}: {field}{': ' if field else ''}{cut(field_fault(first, shown))}{rest}"

@@ -66,7 +66,7 @@ def measured_in(recording: Recording, settings: Settings) -> tuple[Measured, ...
     if seen.points.set_dps.size > 1 and np.ptp(seen.points.output_v) < math.sqrt(LEAST_V2):
         raise UsageError(
             f"{recording.path}: the output is {seen.points.output_v[0]:g} V at every rate; "
-            "is the unit connected, and on?"
+            "check that the unit is connected and on"
         )
     found = {measured.name: measured for test in _TESTS for measured in test(seen)}
     return tuple(found[name] for name in UNITS)

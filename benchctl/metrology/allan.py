@@ -56,7 +56,9 @@ def analysed(series: Series) -> Allan:
     if samples < LEAST_SAMPLES:
         raise UsageError(f"{series.source}: {samples} samples are too few; expected at least {LEAST_SAMPLES}")
     if not np.ptp(series.values) > 0.0:
-        raise UsageError(f"{series.source}: all {samples} samples are {series.values[0]:g}: there is nothing to see")
+        raise UsageError(
+            f"{series.source}: all {samples} samples are {series.values[0]:g}; check that the unit was connected"
+        )
     factors = averaging_factors(samples)
     tau_s = np.asarray(factors * series.interval_s, dtype=np.float64)
     values = deviation(series.values, factors, series.interval_s)

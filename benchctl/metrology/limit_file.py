@@ -14,36 +14,25 @@ unit = "mV/(deg/s)"
 
 from __future__ import annotations
 
-import difflib
 import hashlib
-import math
-import re
-import tokenize
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 
-import pint
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-from benchctl.limits import cut, shown
+from benchctl.closeness import meant
+from benchctl.limits import shown
 from benchctl.metrology.names import UNITS
 from benchctl.metrology.result import Limit, Papers
 from benchctl.metrology.seen import Settings
+from benchctl.tables import Table
 from benchctl.toml_file import line_of, parse_toml, read_text
+from benchctl.units import factor_between
 from instruments.errors import UsageError
 
-_LONGEST_UNIT = 60
-_SPELLING = re.compile(r"(?:(?:[A-Za-z]++|\))(?:(?:\^|\*\*)-?\d(?:\.\d)?)?|[( ]|/(?!/)|\*(?!\*)|1)+")
-"""Words, brackets, products, quotients and small powers: nothing that could take long to work out."""
 
-
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class _LimitEntry(_Table):
+class _LimitEntry(Table):
     low: float | None = None
     high: float | None = None
     unit: str = Field(min_length=1)
@@ -57,7 +46,7 @@ class _LimitEntry(_Table):
         return self
 
 
-class _SettingsEntry(_Table):
+class _SettingsEntry(Table):
     low_rate_dps: float = Field(default=Settings().low_rate_dps, gt=0)
     linearity_percent: float = Field(default=Settings().linearity_percent, gt=0)
     warm_deg_per_h: float = Field(default=Settings().warm_deg_per_h, gt=0)
@@ -65,7 +54,9 @@ class _SettingsEntry(_Table):
     rest_s: float = Field(default=Settings().rest_s, gt=0)
 
 
-class _LimitFile(_Table):
+class LimitFile(Table):
+    """A file of limits, as it is written."""
+
     title: str = ""
     customer: str = ""
     standard: str = ""
@@ -103,7 +94,7 @@ def read_limits(path: Path) -> Limits:
 
 def limits_of_text(text: str, path: Path) -> Limits:
     """The limits of a text that is read already; raises what `read_limits` does."""
-    told = parse_toml(text, _LimitFile, str(path))
+    told = parse_toml(text, LimitFile, str(path))
     for name, entry in told.limits.items():
         if name not in UNITS:
             raise UsageError(f"{path}, line {line_of(text, ('limits', name))}: {_unknown(name)}")
@@ -130,41 +121,4 @@ def limits_of_text(text: str, path: Path) -> Limits:
 
 
 def _unknown(name: str) -> str:
-    close = difflib.get_close_matches(name, UNITS, 1)
-    hint = f"did you mean {close[0]}?" if close else f"there are {', '.join(UNITS)}"
-    return f"there is no test {shown(name)}: {hint}"
-
-
-def factor_between(unit: str, other: str) -> float:
-    """By what a number in one unit is multiplied to be in another.
-
-    Raises
-    ------
-    ValueError
-        Where the other is no unit, or one of something else; in words.
-
-    >>> factor_between("deg/h", "deg/s") * 3600
-    1.0
-    """
-    try:
-        ours, theirs = 1.0 * _unit(unit), 1.0 * _unit(other)
-        if ours.to_root_units().units != theirs.to_root_units().units:  # for pint an angle is but a number: rad/s is Hz
-            raise ValueError(other)
-        factor = float(ours.to(theirs.units).magnitude)
-    except (pint.PintError, TypeError, ValueError, AttributeError, SyntaxError, tokenize.TokenError) as err:
-        raise ValueError(f"the unit {cut(other, _LONGEST_UNIT)!r} is none of what is measured in {unit}") from err
-    if not math.isfinite(factor) or factor <= 0.0:
-        raise ValueError(f"the unit {cut(other, _LONGEST_UNIT)!r} is none of what is measured in {unit}")
-    return factor
-
-
-def _unit(text: str) -> pint.Unit:
-    spelled = re.sub(r"sqrt\(([^()]*)\)", r"(\1)**0.5", text.replace("°", "deg").replace("%", "percent"))
-    if len(spelled) > _LONGEST_UNIT or not _SPELLING.fullmatch(spelled):
-        raise ValueError(text)
-    return _registry().parse_units(spelled)
-
-
-@lru_cache(maxsize=1)
-def _registry() -> pint.UnitRegistry[float]:
-    return pint.UnitRegistry(cache_folder=None)
+    return f"there is no test {shown(name)}: {meant(name, UNITS)}"

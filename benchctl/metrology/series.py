@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from benchctl.closeness import meant
 from benchctl.limits import shown
 from benchctl.recordings.delimited import Layout, header_names, read_columns
 from benchctl.recordings.model import FRAME_CHANNELS, UNITS, StepInfo, axis_of
@@ -55,8 +56,9 @@ def series_of_step(
     name = channel or (_DIGITAL_RATE if _DIGITAL_RATE in names else _GYRO_OUTPUT)
     axis = axis_of(name)
     if name not in names or axis not in names or name == axis:
-        there = ", ".join(one for one in names if one != axis_of(one))
-        raise UsageError(f"{recording.path}, step {shown(info.name)}: has no channel {shown(name)}; it has {there}")
+        there = [one for one in names if one != axis_of(one)]
+        hint = meant(name, there, f"it has {', '.join(there)}")
+        raise UsageError(f"{recording.path}, step {shown(info.name)}: has no channel {shown(name)}; {hint}")
     held = recording.step(info.index, (name, axis))
     values, interval_s, part = _unbroken(held[axis], held[name], f"{recording.path}, step {shown(info.name)}")
     stated = recording.meta.output_unit if name == _GYRO_OUTPUT else UNITS.get(name, "1")
@@ -65,7 +67,9 @@ def series_of_step(
     if unit == "V" and name == _GYRO_OUTPUT:
         scale_v_per_dps = scale_v_per_dps or (recording.meta.simulation or {}).get("K0_v_per_dps")
     elif scale_v_per_dps is not None:
-        raise UsageError(f"{recording.path}: {shown(name)} is in {unit}: a scale factor is for {_GYRO_OUTPUT} in volts")
+        raise UsageError(
+            f"{recording.path}: {shown(name)} is in {unit}, a scale factor is for {_GYRO_OUTPUT} in V; leave it out"
+        )
     if scale_v_per_dps:
         return Series(
             values=values / abs(scale_v_per_dps),
@@ -98,7 +102,8 @@ def series_of_text(path: Path, channel: str | None, rate_hz: float | None) -> Se
         raise UsageError(f"{path}: has the columns {', '.join(map(shown, others))}; name one with --channel")
     name = channel or others[0]
     if name not in names:
-        raise UsageError(f"{path}: has no column {shown(name)}; it has {', '.join(map(shown, others))}")
+        hint = meant(name, others, f"it has {', '.join(map(shown, others))}")
+        raise UsageError(f"{path}: has no column {shown(name)}; {hint}")
     if rate_hz is None and clock is None:
         raise UsageError(f"{path}: has no column of time; say how often it was sampled with --rate-hz")
     wanted = {name: names.index(name)} | ({clock: names.index(clock)} if clock and rate_hz is None else {})
@@ -116,7 +121,10 @@ def _step(recording: Recording, name: str | None) -> StepInfo:
         for info in recording.infos:
             if name in (info.name, str(info.index)):
                 return info
-        raise UsageError(f"{recording.path}: has no step {shown(name)}; `benchctl show` lists them")
+        steps = [info.name for info in recording.infos]
+        raise UsageError(
+            f"{recording.path}: has no step {shown(name)}; {meant(name, steps, '`benchctl show` lists them')}"
+        )
     static = [info for info in recording.infos if info.kind == "static" and info.whole and not info.mounting]
     if not static:
         raise UsageError(f"{recording.path}: has no whole static step; name a step with --step")
@@ -127,14 +135,14 @@ def _unbroken(time_s: FloatArray, values: FloatArray, where: str) -> tuple[Float
     """The longest stretch without a gap, its sampling interval, and words where it is not the whole."""
     steps_s = np.diff(time_s)
     if steps_s.size < 2 or not (steps_s > 0.0).all():
-        raise UsageError(f"{where}: expected at least 3 samples, at times that grow")
+        raise UsageError(f"{where}: expected at least 3 samples, at times that grow; correct its stamps")
     interval_s = float(np.median(steps_s))
     gaps = np.flatnonzero(steps_s > (1.0 + _UNEVEN) * interval_s) + 1
     starts, ends = np.concatenate([[0], gaps]), np.concatenate([gaps, [time_s.size]])
     longest = int(np.argmax(ends - starts))
     part = slice(int(starts[longest]), int(ends[longest]))
     if part.stop - part.start < 3:
-        raise UsageError(f"{where}: {gaps.size} gaps leave no 3 samples in a row")
+        raise UsageError(f"{where}: {gaps.size} gaps leave no 3 samples in a row; record it without gaps")
     even_s = float(time_s[part.stop - 1] - time_s[part.start]) / (part.stop - part.start - 1)
     return values[part], even_s, f", the longest stretch between {gaps.size} gaps" if gaps.size else ""
 

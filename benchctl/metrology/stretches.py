@@ -21,7 +21,7 @@ from benchctl.recordings.reader import Recording
 
 FloatArray = npt.NDArray[np.float64]
 
-BREAKS = ("soak", "thermal_ramp", "power_cycle", "mount")
+BREAKS = ("soak", "thermal_ramp", "power_cycle", "mount", "ask")
 LEAST_V2 = 1e-22
 """Of the variance of a mean: an output that a converter's step hides the noise of does not scatter at all."""
 _PIECES = 20

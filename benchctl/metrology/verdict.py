@@ -12,11 +12,11 @@ from dataclasses import replace
 
 from scipy.stats import norm
 
-from benchctl.metrology.limit_file import factor_between
 from benchctl.metrology.names import PROCEDURES
 from benchctl.metrology.propagation import K
 from benchctl.metrology.result import Judged, Limit, Measured, Rule, Uncertainty, Verdict
 from benchctl.metrology.said import Said, said
+from benchctl.units import factor_between
 
 _MOST_TIMES = 10_000
 """As long: nobody measures longer."""
