@@ -51,3 +51,14 @@ class BenchNotReadyError(LinkError):
     def __init__(self, failures: dict[str, BenchError]) -> None:
         self.failures = dict(failures)
         super().__init__("; ".join(f"{name}: {error}" for name, error in self.failures.items()))
+
+
+def reason(err: OSError) -> str:
+    """What the system says, within a line of ours: "permission denied"."""
+    return in_line(err.strerror or str(err))
+
+
+def in_line(text: str) -> str:
+    """What another program says, within a line of ours: one line, no full stop, beginning small unless with a name."""
+    line = " ".join(text.split()).removesuffix(".")
+    return line[:1].lower() + line[1:] if line[1:2].islower() else line

@@ -8,17 +8,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Literal, Protocol, Self
+from typing import Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
 
+from instruments.mounting import Position as Position
+
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
-
-Position = Literal["along", "across"]
-"""How a gyro is mounted: its input axis along the table's axis, as usual, or perpendicular to it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -37,7 +37,10 @@ def c_header(compensation: Compensation) -> str:
         The output is not in volts, or the law has no output for a rate in `valid`.
     """
     if compensation.output_unit != "V":
-        raise UsageError(f"these coefficients are of an output in {compensation.output_unit}; a C header is for volts")
+        raise UsageError(
+            f"these coefficients are of an output in {compensation.output_unit}, expected V for a "
+            "C header; export --to json"
+        )
     parts = (
         _opening(compensation),
         _macros(compensation),

@@ -162,7 +162,7 @@ def _demand_motion(steps: Sequence[ReducedStep]) -> None:
     if max(step.peak_rate_dps for step in steps) < _MOVING_DPS:
         raise UsageError(
             f"calibration: no motion: the largest rate in {len(steps)} steps is "
-            f"{max(step.peak_rate_dps for step in steps):.3g} °/s, expected at least {_MOVING_DPS:g}; "
+            f"{max(step.peak_rate_dps for step in steps):.3g} deg/s, expected at least {_MOVING_DPS:g}; "
             "record a rate sweep"
         )
 

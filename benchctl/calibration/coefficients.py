@@ -103,11 +103,11 @@ def coefficients_in(content: Any, path: Path) -> dict[str, Any]:
     if (convention, argument) not in (("correction", "indicated"), ("response", "true")):
         raise UsageError(
             f"{path}: a {convention} of the {argument} rate cannot be applied: in operation a "
-            "correction knows only the "
-            "indicated rate, and a response is a function of the true one"
+            "correction knows only the indicated rate, and a response is a function of the true one; write it with "
+            "`benchctl fit`"
         )
     if not content["stages"]:
-        raise UsageError(f"{path}: `stages` is empty, expected at least one")
+        raise UsageError(f"{path}: `stages` is empty, expected at least one; write it with `benchctl fit`")
     return content
 
 

@@ -96,7 +96,9 @@ def applied_law(found: Coefficients, by: By) -> AppliedLaw:
     """The law of the joint fit, or that of the stages; `UsageError` where there is none or it can give no rate."""
     law = _of_stages(found) if by == "stages" else _of_joint(found)
     if law.K0_v_per_dps == 0.0 or (law.name == "sine" and law.S_rad_per_dps == 0.0):
-        raise UsageError("the scale factor, or S of the sine, is 0: no rate can be told from an output")
+        raise UsageError(
+            "the scale factor, or S of the sine, is 0, which tells no rate from an output; write it with `benchctl fit`"
+        )
     if found.T0_c is None and law.knows_temperature:
         raise UsageError("T0_c is null, though the law depends on the temperature; write it with `benchctl fit`")
     return law
@@ -133,7 +135,10 @@ def _of_stages(found: Coefficients) -> AppliedLaw:
     """K0, U0 and the bias are those of the last stage."""
     response = found.convention == "response"
     if response and len(found.stages) != 1:
-        raise UsageError(f"a response of {len(found.stages)} stages has no one inverse; expected one stage")
+        raise UsageError(
+            f"a response of {len(found.stages)} stages has no one inverse, expected one stage; "
+            "write it with `benchctl fit`"
+        )
     last = found.stages[-1]
     return AppliedLaw(
         name="response" if response else "polynomial",
@@ -155,7 +160,9 @@ def _terms(values: Mapping[str, float], letter: str, power: int) -> tuple[float,
     found = {int(term[2]): values[name] for name in values if (term := _TERM.fullmatch(name)) and term[1] == letter}
     if any(order == 0 or order % power or order // power > _MOST_TERMS for order in found):
         raise UsageError(
-            f"the joint fit has the terms {listed([f'{letter}{order}' for order in found])}, which are no polynomial's"
+            f"the joint fit has the terms {listed([f'{letter}{order}' for order in found])}, which are no "
+            "polynomial's; "
+            "write it with `benchctl fit`"
         )
     orders = range(power, max(found, default=0) + 1, power)
     return tuple(found.get(order, 0.0) for order in orders)

@@ -56,7 +56,8 @@ def write_compensated(
         )
     if not any(set(_NEEDED) <= set(names) for names in channels.values()):
         raise UsageError(
-            f"{recording.path}: no step has gyro_v and gyro_temp_c, sample by sample: there is nothing to compensate"
+            f"{recording.path}: no step has gyro_v and gyro_temp_c, sample by sample, and so nothing "
+            "to compensate; `benchctl show` lists its channels"
         )
     applied = Applied(
         without=tuple(index for index, names in channels.items() if "gyro_v" in names and "gyro_temp_c" not in names)
@@ -76,7 +77,7 @@ def _refuse_another(recording: Recording, compensation: Compensation) -> None:
     if recording.meta.output_unit != compensation.output_unit:
         raise UsageError(
             f"{recording.path}: its output is in {recording.meta.output_unit}, that of the coefficients in "
-            f"{compensation.output_unit}"
+            f"{compensation.output_unit}; take those that were fitted on such a recording"
         )
 
 

@@ -115,6 +115,7 @@ def _valid(found: Coefficients) -> ValidRange:
     coldest, warmest = -math.inf if low is None else low, math.inf if high is None else high
     if not (slowest < fastest and coldest <= warmest):
         raise UsageError(
-            f"`valid` is {shown([slowest, fastest])} °/s and {shown([low, high])} °C, expected the lower end first"
+            f"`valid` is {shown([slowest, fastest])} deg/s and {shown([low, high])} °C, expected the lower end "
+            "first; write it with `benchctl fit`"
         )
     return ValidRange(rate_dps=(slowest, fastest), temperature_c=(coldest, warmest))

@@ -109,7 +109,7 @@ def fit_free_motion(
 def fit_free_motion_of(step: Step, start_scale: float | None) -> FreeMotionFit:
     """Fit a step of a recording; raises `UsageError` where it is too short, lacks a channel, or has gaps."""
     if missing := [name for name in ("time_s", "encoder_deg", "gyro_v") if name not in step.channels]:
-        raise UsageError(f"free motion: the step has no {', '.join(missing)}")
+        raise UsageError(f"free motion: the step has no {', '.join(missing)}, which such a fit needs")
     time, angle, output = step["time_s"], step["encoder_deg"], step["gyro_v"]
     interval = float(np.median(np.diff(time))) if time.size > 1 else 0.0
     unbroken = interval > 0.0 and not np.any(np.abs(np.diff(time) - interval) > 0.5 * interval)

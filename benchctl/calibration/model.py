@@ -135,5 +135,6 @@ def _solve_odd(bend: FloatArray, target: FloatArray) -> FloatArray:
             return x
     raise UsageError(
         f"k(ω) with coefficients {', '.join(f'{b:.3g}' for b in bend)} has no rate for an indication of "
-        f"{float(np.max(np.abs(target))):.4g} °/s: it is used beyond its range; use it inside `valid`, or the sine law"
+        f"{float(np.max(np.abs(target))):.4g} deg/s: it is used beyond its range; "
+        "use it inside `valid`, or the sine law"
     )

@@ -40,7 +40,8 @@ def choose_orders(
     best = min(totals, key=lambda orders: totals[orders])
     if not np.isfinite(totals[best]):
         raise UsageError(
-            "calibration: no order of the polynomials can be fitted to three quarters of the runs; use the paper's"
+            "calibration: no order of the polynomials can be fitted to three quarters of the runs; "
+            "record more rates and temperatures, or take the paper's orders"
         )
     margin = {
         orders: float(np.std(score - scores[best], ddof=1) / np.sqrt(score.size)) for orders, score in scores.items()

@@ -52,7 +52,7 @@ def self_test_points(compensation: Compensation) -> list[SelfTestPoint]:
     if missed.size:
         first = missed[0]
         raise UsageError(
-            f"the law has no output for {rate_dps[first]:.6g} °/s at {celsius[first]:.6g} °C, which lies in `valid`; "
+            f"the law has no output for {rate_dps[first]:.6g} deg/s at {celsius[first]:.6g} °C, which lies in `valid`; "
             "write the coefficients with `benchctl fit`"
         )
     return [SelfTestPoint(*map(float, point)) for point in zip(volts, celsius, given, strict=True)]

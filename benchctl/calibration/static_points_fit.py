@@ -14,7 +14,7 @@ import numpy.typing as npt
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
-from instruments.errors import UsageError
+from instruments.errors import UsageError, in_line
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -78,7 +78,8 @@ def fit_static_points(rate_dps: FloatArray, mean_v: FloatArray, std_v: FloatArra
     """Fit both laws to points of shape (n,). Raises `UsageError` where there are too few rates."""
     if rate_dps.size != mean_v.size or not (np.all(np.isfinite(rate_dps)) and np.all(np.isfinite(mean_v))):
         raise UsageError(
-            f"static points: expected as many finite outputs as rates, got {mean_v.size} and {rate_dps.size}"
+            f"static points: expected as many finite outputs as rates, got {mean_v.size} and {rate_dps.size}; "
+            "leave out what was not measured"
         )
     rotating = np.abs(rate_dps) > 1e-3
     if np.unique(rate_dps[rotating]).size < _FEWEST:
@@ -129,7 +130,9 @@ def _fit(rate: FloatArray, mean: FloatArray, use: npt.NDArray[np.bool_]) -> Poin
 
     found = least_squares(misfit, start, x_scale=[abs(slope), abs(slope), 1e-3], xtol=1e-14, ftol=1e-14)
     if not found.success:
-        raise UsageError(f"static points: the sine law does not fit: {found.message}")
+        raise UsageError(
+            f"static points: the sine law does not fit: {in_line(found.message)}; look for a point that is off"
+        )
     K0, U0, S = found.x
     S = abs(S)
     freedom = x.size - 3

@@ -13,30 +13,13 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from instruments.physics.effects.effect import COORDINATES as COORDINATES
+
 FloatArray = npt.NDArray[np.float64]
 
 SCHEMA = "benchctl-diagnosis/1"
 
 Verdict = Literal["consistent", "recalibrate", "missing-physics", "unknown-structure"]
-
-COORDINATES = (
-    "time",
-    "rate",
-    "abs_rate",
-    "rate_sign",
-    "acceleration",
-    "angle",
-    "gyro_temp",
-    "gyro_temp_rate",
-    "chamber_temp",
-    "chamber_temp_rate",
-    "heater",
-    "setpoint",
-    "output",
-    "frequency",
-    "step",
-)
-"""The words for where a mismatch lives; two joined by `*` where it takes two."""
 
 COORDINATE_UNITS: Mapping[str, str] = {
     "time": "s",

@@ -24,7 +24,7 @@ from typing import IO, cast
 from benchctl.atomic import free_bytes
 from benchctl.history.found import is_wanted
 from benchctl.limits import FREE_BYTES, MOST_DESCRIPTION_BYTES, MOST_TEXT_INFLATION, shown
-from instruments.errors import UsageError
+from instruments.errors import UsageError, in_line, reason
 
 _MOST_MEMBERS = 1 << 17
 """Names in an archive: ten thousand campaigns, each with all that lies beside it."""
@@ -56,8 +56,8 @@ def unpacked(path: Path) -> Iterator[Path]:
         except UsageError:
             raise
         except _DAMAGE as err:
-            reason = err.strerror if isinstance(err, OSError) and err.strerror else str(err) or type(err).__name__
-            raise UsageError(f"{path}: cannot be unpacked: {' '.join(reason.split())}") from err
+            why = reason(err) if isinstance(err, OSError) else in_line(str(err) or type(err).__name__)
+            raise UsageError(f"{path}: cannot be unpacked: {why}; copy or pack it again") from err
         yield folder
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from benchctl.history.model import Problem, Source
 from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, RECORDING, STEPS, UNREADABLE
+from instruments.errors import reason
 
 DOCUMENTS: dict[str, Source] = {"coefficients.json": "coefficients", "acceptance.json": "acceptance"}
 
@@ -45,7 +46,7 @@ def find(folder: Path) -> tuple[list[FoundFile], list[Problem]]:
             try:
                 stat = path.stat()
             except OSError as err:
-                problems.append(Problem(_key(path, folder), f"cannot be read: {err.strerror or err}"))
+                problems.append(Problem(_key(path, folder), f"cannot be read: {reason(err)}"))
                 continue
             files.append(
                 FoundFile(
@@ -63,7 +64,7 @@ def _folders(folder: Path, problems: list[Problem]) -> Iterator[tuple[Path, list
     """Every folder once, however it is linked, with the names of its files."""
 
     def told(err: OSError) -> None:
-        problems.append(Problem(_key(Path(err.filename), folder), f"cannot be looked into: {err.strerror or err}"))
+        problems.append(Problem(_key(Path(err.filename), folder), f"cannot be looked into: {reason(err)}"))
 
     seen: set[tuple[int, int]] = set()
     for place, folders, names in os.walk(folder, followlinks=True, onerror=told):

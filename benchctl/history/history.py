@@ -59,11 +59,13 @@ class History:
     index: Path | None
 
 
-def history_of(folder: Path, name: str, say: Callable[[str], None], *, kept: bool = True) -> History:
+def history_of(
+    folder: Path, name: str, say: Callable[[str], None], *, kept: bool = True, kept_at: Path | None = None
+) -> History:
     """The history of a folder, by its index, which is brought up to date and, where `kept`, put back.
 
-    `name` is what an error calls the folder; `say` hears of an index that is damaged or cannot be put back, on which
-    the history does not depend.
+    The index is at `kept_at`, by default in the folder. `name` is what an error calls the folder; `say` hears of an
+    index that is damaged or cannot be put back, on which the history does not depend.
 
     Raises
     ------
@@ -71,7 +73,7 @@ def history_of(folder: Path, name: str, say: Callable[[str], None], *, kept: boo
         Where there is no campaign in the folder.
     """
     files, problems = find(folder)
-    place = place_of(folder) if kept else None
+    place = (kept_at or place_of(folder)) if kept else None
     with closing(opened(place, say)) as index:
         changed = refresh(index, files)
         counted, unlinked = link(index)

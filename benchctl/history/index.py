@@ -26,7 +26,7 @@ from benchctl.atomic import whole_file
 from benchctl.history.entries import read_campaign, read_document
 from benchctl.history.found import FoundFile
 from benchctl.history.model import SOURCES, Campaign, Document
-from instruments.errors import UsageError
+from instruments.errors import UsageError, reason
 
 NAME = ".benchctl-history.sqlite"
 VERSION = 1
@@ -81,7 +81,7 @@ def opened(place: Path | None, say: Callable[[str], None]) -> sqlite3.Connection
             if faults != ["ok"] or _tables(index) != _tables(empty):
                 raise ValueError("is damaged")
     except (sqlite3.Error, ValueError, OSError) as err:
-        say(f"{place}: {err}: the index is thrown away and made anew from the recordings")
+        say(f"{place}: {err}; the index is thrown away and made anew from the recordings")
         index.close()
         return _empty()
     return index
@@ -92,7 +92,7 @@ def keep(index: sqlite3.Connection, place: Path) -> None:
     try:
         place.parent.mkdir(parents=True, exist_ok=True)
     except OSError as err:
-        raise UsageError(f"{place.parent}: cannot be made: {err.strerror or err}") from err
+        raise UsageError(f"{place.parent}: cannot be made: {reason(err)}") from err
     with whole_file(place) as temporary, closing(sqlite3.connect(temporary)) as kept:
         index.backup(kept)
 

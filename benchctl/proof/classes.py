@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal
 
+from benchctl.closeness import meant
 from benchctl.diagnosis.result import Verdict
 from instruments.errors import UsageError
 
@@ -83,7 +84,7 @@ def class_names(names: Collection[str]) -> tuple[ClassName, ...]:
     """The classes of these names, in their order; `UsageError` for one that there is not."""
     for name in names:
         if name not in CLASSES:
-            raise UsageError(f"class {name!r}: there is no such class of trials; there are {', '.join(CLASSES)}")
+            raise UsageError(f"class {name!r}: there is no such class of trials; {meant(name, CLASSES)}")
     return tuple(name for name in CLASSES if name in names)
 
 

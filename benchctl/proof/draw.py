@@ -71,7 +71,10 @@ def draw(seed: int, index: int, kind: ClassName) -> Truth:
         truth = _sized(rng, begun, names)
         if truth is not None:
             return truth
-    raise UsageError(f"trial {index}: no {wanted.says} in {_TRIES} draws that the procedure {PROCEDURE} brings out")
+    raise UsageError(
+        f"trial {index}: no {wanted.says} in {_TRIES} draws that the procedure {PROCEDURE} brings out; "
+        "choose another --seed"
+    )
 
 
 def plan_of(unit: TrialUnit) -> Plan:

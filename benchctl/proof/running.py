@@ -120,7 +120,10 @@ class _Run:
         generic = self._asked("generic", sealed["recording"], work, ()) if self.settings.generic else None
         truth = draw(self.settings.seed, index, kind)
         if truth.digest() != sealed["digest"]:
-            raise UsageError(f"trial {index}: what was sealed as {sealed['digest']} is not what is unsealed")
+            raise UsageError(
+                f"trial {index}: what was sealed as {sealed['digest']} is not what is unsealed; "
+                "begin anew with another --out"
+            )
         return Trial(
             index=index,
             kind=kind,

@@ -8,13 +8,46 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from benchctl.proof.unit import TrialUnit
 from instruments.physics.effects.registry import effect
+from instruments.physics.gyro import GyroParameters
+
+if TYPE_CHECKING:
+    from benchctl.proof.unit import TrialUnit  # which takes a bench's file to describe: sizes do not
 
 Values = dict[str, float]
+
+
+class Sized(Protocol):
+    """What of a unit the sizes of its effects follow from."""
+
+    @property
+    def gyro(self) -> GyroParameters:
+        """Its gyro."""
+
+    @property
+    def range_dps(self) -> float:
+        """Its rated range."""
+
+    @property
+    def full_scale_v(self) -> float:
+        """The output's change at the rated range."""
+
+    @property
+    def noise_v(self) -> float:
+        """The noise of a sample."""
+
+    @property
+    def sample_rate_hz(self) -> float:
+        """Samples a second."""
+
+    @property
+    def adc_step_v(self) -> float:
+        """The step of its converter."""
+
 
 WARM_C = 40.0
 """How far from T0 every run gets [°C]."""
@@ -26,7 +59,7 @@ RAMP_C_PER_S = 0.08
 class _Draw:
     """A random source in the words of this table."""
 
-    def __init__(self, rng: np.random.Generator, unit: TrialUnit) -> None:
+    def __init__(self, rng: np.random.Generator, unit: Sized) -> None:
         self.rng, self.unit = rng, unit
         self.full_v, self.range_dps, self.noise_v = unit.full_scale_v, unit.range_dps, unit.noise_v
 
@@ -122,7 +155,7 @@ _SHRUNK: Mapping[str, Callable[[Values, float, TrialUnit], Values]] = {
 }
 
 
-def drawn_size(identifier: str, rng: np.random.Generator, unit: TrialUnit) -> Values:
+def drawn_size(identifier: str, rng: np.random.Generator, unit: Sized) -> Values:
     """The parameters of an effect at full size."""
     return _DRAWS[identifier](_Draw(rng, unit))
 
@@ -139,7 +172,7 @@ def _nearer(value: float, gone: float, share: float) -> float:
     return gone - share * (gone - value)
 
 
-def _top(unit: TrialUnit) -> float:
+def _top(unit: Sized) -> float:
     """The output at the rated range by the interferometer's sine, as a share of the straight line's."""
     phase = unit.gyro.S_rad_per_dps * unit.range_dps
     return math.sin(phase) / phase

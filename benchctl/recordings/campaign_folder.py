@@ -4,6 +4,7 @@
 campaign.h5                   what is known before the first step: a recording without steps
 journal.jsonl                 one JSON object a line: what was decided and when
 running.lock                  held by the process that writes; running.json says which that is
+stop.json                     somebody's wish to stop it, until it is heeded (`benchctl.campaign.stop_file`)
 steps/0001_zero.h5            a finished step: closed, compressed, sealed, on the disk
 steps/0002_rate_+50.h5.part   the step being written: HDF5 under SWMR, flushed at least every half second
 recording.h5                  once the campaign is finished: all steps; campaign.h5 and steps/ are then gone

@@ -9,9 +9,9 @@
 
 `files` has every file of the folder, by its path from there with `/`; `digest` of a recording is that of its root, to
 which its samples lead. The manifest's own `digest` is SHA-256 over `files` as JSON with sorted keys, without spaces, in
-ASCII: it stands for the whole campaign. Left out are the manifest itself, locks, and hidden files, which are the
-system's or half-written. Like a recording's digests it finds accidents and careless edits, and is no signature; whoever
-keeps its digest elsewhere has one.
+ASCII: it stands for the whole campaign. Left out are the manifest itself, locks, wishes to stop, and hidden files,
+which are the system's or half-written. Like a recording's digests it finds accidents and careless edits, and is no
+signature; whoever keeps its digest elsewhere has one.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from benchctl.documents import read_json
 from benchctl.limits import cut, require_file, shown
 from benchctl.recordings.digests import Problem
 from benchctl.recordings.hdf5_files import RecordingFile
-from benchctl.recordings.schema import LOCK, RECORDING
-from instruments.errors import UsageError
+from benchctl.recordings.schema import LOCK, RECORDING, STOP
+from instruments.errors import UsageError, reason
 
 MANIFEST = "manifest.json"
 SCHEMA = "benchctl-campaign-manifest/1"
 
-_LEFT_OUT = {MANIFEST, LOCK, str(Path(LOCK).with_suffix(".json"))}
+_LEFT_OUT = {MANIFEST, LOCK, str(Path(LOCK).with_suffix(".json")), STOP}
 
 Entry = Mapping[str, Any]
 
@@ -98,7 +98,7 @@ def _difference(sealed: Entry, path: Path) -> str:
     try:
         found = _content(path)
     except OSError as err:
-        return f"cannot be read: {err.strerror or err}"
+        return f"cannot be read: {reason(err)}"
     if all(found[key] == sealed.get(key) for key in found):
         return ""
     if "digest" in sealed and sealed["digest"] != _root_digest(path):
@@ -151,12 +151,18 @@ def _read(folder: Path) -> dict[str, Entry]:
         raise UsageError(f"cannot be used: {err}") from err
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
         found = content.get("schema") if isinstance(content, dict) else content
-        raise UsageError(f"expected schema {SCHEMA!r}, got {shown(found)}: it is newer, or was changed")
+        raise UsageError(
+            f"expected schema {SCHEMA!r}, got {shown(found)}: it was changed, or this benchctl is "
+            "older; update benchctl"
+        )
     files = content.get("files")
     if not isinstance(files, dict) or not all(isinstance(entry, dict) for entry in files.values()):
-        raise UsageError("its files are no table of tables: it was changed")
+        raise UsageError("its files are no table of tables: it was changed; take the campaign from where it was copied")
     if content.keys() != {"schema", "files", "digest"} or content["digest"] != _digest(files):
-        raise UsageError("its entries or its digest were changed; nothing can be held against it")
+        raise UsageError(
+            "its entries or its digest were changed; nothing can be held against it; "
+            "take the campaign from where it was copied"
+        )
     return files
 
 

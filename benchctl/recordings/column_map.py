@@ -137,7 +137,7 @@ class Channels(BaseModel):
         for name in self.__pydantic_extra__:
             if _RESERVED.fullmatch(name) or not _NAME.fullmatch(name):
                 raise ValueError(
-                    f"a channel cannot be named {name!r}: use small letters, digits and _, "
+                    f"a channel cannot be named {name!r}; use small letters, digits and _, "
                     "not time_s, filled, poll_… or point_…"
                 )
         if not self.columns:
@@ -199,9 +199,9 @@ class FileEntry(_Table):
     @model_validator(mode="after")
     def _marks_differ(self) -> FileEntry:
         if self.delimiter in "\r\n":
-            raise ValueError("an end of line cannot be the delimiter")
+            raise ValueError("an end of line cannot be the delimiter, expected a mark such as , or ; or a tab")
         if self.delimiter == self.decimal:
-            raise ValueError(f"{self.decimal!r} cannot be the delimiter and the decimal mark")
+            raise ValueError(f"{self.decimal!r} cannot be the delimiter and the decimal mark; say another delimiter")
         return self
 
 

@@ -36,7 +36,10 @@ def combine(files: Sequence[Path], path: Path, meta: Meta) -> None:
             seal_recording(target)
         with h5py.File(temporary, "r") as written:
             for problem in problems_of_recording(written):
-                raise UsageError(f"{path}: not written: {problem}; the steps are still in {path.parent / STEPS}")
+                raise UsageError(
+                    f"{path}: not written: {problem}; the steps are still in {path.parent / STEPS}, "
+                    "benchctl recover tries it again"
+                )
 
 
 def take_apart(recording: Path, folder: Path, meta: Meta) -> None:
@@ -50,7 +53,10 @@ def take_apart(recording: Path, folder: Path, meta: Meta) -> None:
         infos = described.infos
     with open_ours(recording) as source:
         for problem in problems_of_recording(source):
-            raise UsageError(f"{recording}: changed since it was written, and so not gone on with: {problem}")
+            raise UsageError(
+                f"{recording}: changed since it was written, and so not gone on with: {problem}; "
+                "take it from where it was copied"
+            )
         for info in infos:
             name = group_name(info.index)
             with whole_file(folder / f"{file_stem(info)}{FINISHED_SUFFIX}") as temporary:
@@ -60,7 +66,9 @@ def take_apart(recording: Path, folder: Path, meta: Meta) -> None:
                     seal_recording(target)
                 with h5py.File(temporary, "r") as written:
                     for problem in problems_of_recording(written):
-                        raise UsageError(f"{recording}: cannot be taken apart: {problem}")
+                        raise UsageError(
+                            f"{recording}: cannot be taken apart: {problem}; take it from where it was copied"
+                        )
 
 
 def _renew_references(step: h5py.Group) -> None:

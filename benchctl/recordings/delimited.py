@@ -43,7 +43,10 @@ def header_names(path: Path, text: bytes, layout: Layout) -> tuple[str, ...]:
         return ()
     lines = text.split(b"\n", layout.header_line)
     if len(lines) <= layout.header_line:
-        raise UsageError(f"{path}: ends before line {layout.header_line}, where the names of the columns should be")
+        raise UsageError(
+            f"{path}: ends before line {layout.header_line}, where the names of the columns should be; "
+            "say file.header_line in a map file (--map)"
+        )
     line = lines[layout.header_line - 1]
     try:
         names = [name.strip().strip('"') for name in line.decode("utf-8").split(layout.delimiter)]
@@ -51,7 +54,7 @@ def header_names(path: Path, text: bytes, layout: Layout) -> tuple[str, ...]:
         names = [name.strip().strip('"') for name in line.decode("latin-1").split(layout.delimiter)]
     for name, times in Counter(names).items():
         if name and times > 1:
-            raise UsageError(f"{path}, line {layout.header_line}: the column {shown(name)} is there twice")
+            raise UsageError(f"{path}, line {layout.header_line}: the column {shown(name)} is there twice; rename one")
     return tuple(names)
 
 

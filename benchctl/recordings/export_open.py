@@ -98,7 +98,10 @@ def _rate_of(recording: Recording) -> float:
         info.sample_rate_hz or recording.meta.bench.sample_rate_hz: info for info in recording.infos if info.samples
     }
     if not rates:
-        raise UsageError(f"{recording.path}: no step was streamed, there is nothing that an open recording could hold")
+        raise UsageError(
+            f"{recording.path}: no step was streamed, there is nothing that an open recording "
+            "could hold; export to csv, mat or netcdf"
+        )
     low, high = min(rates), max(rates)
     if not low > 0 or high - low > 1e-6 * low:
         raise UsageError(

@@ -28,7 +28,7 @@ from benchctl.recordings.hdf5_guard import (
 from benchctl.recordings.hdf5_heaps import check_heaps
 from benchctl.recordings.model import AXES, Axis, Meta, Step, StepInfo, axis_of
 from benchctl.recordings.schema import FORMAT, PART_SUFFIX, STEPS, group_name
-from instruments.errors import UsageError
+from instruments.errors import UsageError, in_line
 
 _FAMILY, _VERSION = FORMAT.split("/")
 
@@ -100,7 +100,9 @@ class RecordingFile:
         try:
             return _channels(child_group(child_group(self._file, STEPS), f"{index:04d}"))
         except ValueError as err:
-            raise UsageError(f"{self.path}: step {index} cannot be read: {err}") from err
+            raise UsageError(
+                f"{self.path}: step {index} cannot be read: {err}; benchctl verify names what changed"
+            ) from err
 
     @contextmanager
     def _reading(self, info: StepInfo, channel: str) -> Iterator[None]:
@@ -110,7 +112,9 @@ class RecordingFile:
                 yield
         except ValueError as err:
             step = f"step {info.index} {cut(info.name, 60)!r}"
-            raise UsageError(f"{self.path}: {step} cannot be read: channel {channel}: {err}") from err
+            raise UsageError(
+                f"{self.path}: {step} cannot be read: channel {channel}: {err}; benchctl verify names what changed"
+            ) from err
 
 
 def _channels(group: h5py.Group) -> dict[str, h5py.Dataset]:
@@ -139,12 +143,12 @@ def open_ours(path: Path) -> h5py.File:
     except OSError as err:
         raise UsageError(f"{path}: {_why(path, err)}") from err
     except (ValueError, RuntimeError, MemoryError) as err:  # a NUL in the name; a header that HDF5 gives up on
-        raise UsageError(f"{str(path)!r}: cannot be opened: {cut(' '.join(str(err).split()))}") from err
+        raise UsageError(f"{str(path)!r}: cannot be opened: {cut(in_line(str(err)))}") from err
     try:
         check_heaps(path)
         problem = _not_ours(attribute(file, "format", "")) or _no_steps(file)
     except ValueError as err:
-        problem = f"is damaged: {err}"
+        problem = f"is damaged: {err}; copy it again from where it came"
     if problem:
         file.close()
         raise UsageError(f"{path}: {problem}")
@@ -154,7 +158,7 @@ def open_ours(path: Path) -> h5py.File:
 def _no_steps(file: h5py.File) -> str:
     with plain_errors():
         if STEPS not in file:
-            return "is damaged: its steps are gone"
+            return "is damaged: its steps are gone; copy it again from where it came"
     child_group(file, STEPS)
     return ""
 
@@ -171,7 +175,10 @@ def _why(path: Path, err: OSError) -> str:
         return f"is not an HDF5 file ({size} bytes); expected a recording; import other files (benchctl import)"
     if "already open for write" in str(err):
         return "is being written, or was when its program died; open its campaign's folder instead"
-    return f"is damaged or was cut short, HDF5 cannot open its {size} bytes: {_one_line(err)}"
+    return (
+        f"is damaged or was cut short, HDF5 cannot open its {size} bytes: {_one_line(err)}; "
+        "copy it again from where it came"
+    )
 
 
 def _not_ours(found: object) -> str:
@@ -185,4 +192,4 @@ def _not_ours(found: object) -> str:
 
 
 def _one_line(err: OSError) -> str:
-    return os.strerror(err.errno) if err.errno else " ".join(str(err).split())
+    return in_line(os.strerror(err.errno) if err.errno else str(err))

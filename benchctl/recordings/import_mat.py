@@ -16,7 +16,7 @@ from benchctl.recordings.column_map import ColumnMap
 from benchctl.recordings.mat_headers import variables_in
 from benchctl.recordings.model import FloatArray
 from benchctl.recordings.raw_columns import RawColumns, Wanted, wanted_columns
-from instruments.errors import UsageError
+from instruments.errors import UsageError, reason
 
 _MOST_ROWS = 1 << 53
 
@@ -40,9 +40,11 @@ def read_mat(path: Path, mapping: ColumnMap) -> RawColumns:
     lengths = {str(wanted[channel]): values.size for channel, values in whole.items()}
     if len(set(lengths.values())) > 1:
         told = ", ".join(f"{name} {length}" for name, length in lengths.items())
-        raise UsageError(f"{path}: the columns have different numbers of rows: {told}")
+        raise UsageError(f"{path}: the columns have different numbers of rows: {told}; map those of one length")
     if first > min(lengths.values()):
-        raise UsageError(f"{path}: has {min(lengths.values())} rows, none from row {first}, where the map begins")
+        raise UsageError(
+            f"{path}: has {min(lengths.values())} rows, none from row {first}, where the map begins; correct first_line"
+        )
     values = {channel: column[first - 1 :] for channel, column in whole.items()}
     raw = RawColumns(path=path, values=values, wanted=wanted, first_row=first, row_word="row")
     raw.require_finite()
@@ -67,7 +69,7 @@ def _load(path: Path, names: set[str]) -> dict[str, Any]:
                     variable_names=sorted(names),
                 )
     except OSError as err:
-        raise UsageError(f"{path}: cannot be read: {err.strerror or err}") from err
+        raise UsageError(f"{path}: cannot be read: {reason(err)}") from err
     except (MatReadError, MatReadWarning, ValueError, TypeError, LookupError, EOFError, MemoryError, zlib.error) as err:
         raise UsageError(f"{path}: not a MAT file of version 5 to 7, or cut short: {cut(str(err))}") from err
     return loaded
@@ -84,9 +86,11 @@ def _check_variables(path: Path, file: BinaryIO, names: set[str]) -> None:
         if name not in by_name:
             raise UsageError(f"{path}: the variable {name!r} of the map is missing among {listed(list(by_name))}")
         if not by_name[name].numeric:
-            raise UsageError(f"{path}: {name} is not a column of numbers but text, a cell, a structure or complex")
+            raise UsageError(
+                f"{path}: {name} is not a column of numbers but text, a cell, a structure or complex; name another"
+            )
         if sum(variable.name == name for variable in there) > 1:
-            raise UsageError(f"{path}: the variable {name!r} is there twice")
+            raise UsageError(f"{path}: the variable {name!r} is there twice; save the file again")
     # scipy holds what it unpacked, the matrix, and it is made float64 here.
     require_memory(path, sum(3 * 8 * by_name[name].size for name in names), "what the map asks for")
 

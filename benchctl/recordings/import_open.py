@@ -25,6 +25,7 @@ from benchctl.recordings.step_entries import Rate, StepEntry, cut_into_steps
 from benchctl.recordings.text_file import read_bytes, read_json_text, sources_json
 from benchctl.recordings.units import unit_of_column
 from instruments.errors import UsageError
+from instruments.field_faults import field_fault
 
 COLUMNS = ("time_s", "encoder_deg", "gyro_v", "gyro_temp_c", "chamber_temp_c")
 """The columns that every open recording has."""
@@ -203,15 +204,9 @@ def first_fault(err: ValidationError) -> str:
     """The first thing that pydantic found, as `place.of.key: what is wrong`, and how many more there are."""
     first, *more = err.errors(include_url=False, include_context=False)
     place = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in first["loc"]).lstrip(".")
-    if first["type"] == "missing":
-        says = "this key is needed and is not there"
-    elif first["type"] == "value_error":
-        says = cut(first["msg"].removeprefix("Value error, "))
-    else:
-        says = f"{first['msg'][:1].lower()}{first['msg'][1:]}, got {shown(first['input'])}"
     rest = f" (and {len(more)} more)" if more else ""
     place = cut(place)
-    return f"{place}{': ' if place else ''}{says}{rest}"
+    return f"{place}{': ' if place else ''}{cut(field_fault(first, shown))}{rest}"
 
 
 def _check_stamps(path: Path, stamps_s: FloatArray, rate_hz: float, decimals: Mapping[str, int]) -> None:

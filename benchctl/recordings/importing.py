@@ -68,7 +68,7 @@ def import_recording(source: Path, map_file: Path | None, output: Path) -> Impor
 def read_foreign(source: Path, map_file: Path | None = None) -> tuple[Meta, list[Step]]:
     """A foreign recording in memory; raises `UsageError` as `import_recording` does."""
     if not source.exists():
-        raise UsageError(f"{source}: there is no such file or folder")
+        raise UsageError(f"{source}: there is no such file or folder; correct the name")
     if map_file is None:
         return _read_unmapped(source)
     mapping, text = read_map(map_file)
@@ -87,7 +87,7 @@ def read_foreign(source: Path, map_file: Path | None = None) -> tuple[Meta, list
 def _read_unmapped(source: Path) -> tuple[Meta, list[Step]]:
     if source.is_dir():
         if not is_open_recording(source):
-            raise UsageError(f"{source}: no open recording: it holds no recording.json")
+            raise UsageError(f"{source}: no open recording, expected a folder with recording.json")
         return read_open_recording(source)
     kind = _kind(source)
     if kind in _OURS:

@@ -45,7 +45,7 @@ def build_recording(
         Stamps that the map's policy does not admit, steps that do not fit, no unit.
     """
     if mapping.time is None or mapping.channels is None:
-        raise UsageError(f"{map_name}: maps no samples")
+        raise UsageError(f"{map_name}: maps no samples, expected [time] and [channels.…]")
     entries = mapping.channels.columns
     base = _clock(raw, mapping.time, _stated_rate(mapping, beside))
     channels: dict[str, FloatArray] = {TIME: base.time_s}

@@ -69,7 +69,7 @@ DESCRIPTIONS: Mapping[str, str] = {
     COMPENSATED_VALID: "1: the coefficients were measured at such a rate and temperature; 0: not, or there is no rate",
 }
 
-_BY_HAND = ("power_cycle", "mount")
+_BY_HAND = ("power_cycle", "mount", "ask")
 _POLLED_KINDS = ("soak", *_BY_HAND)
 
 
@@ -84,9 +84,9 @@ def axis_of(channel: str) -> Axis:
 class StepInfo:
     """What was asked of a step and what became of it; the HDF5 attributes of its group.
 
-    `kind` is `soak`, `static`, `constant_rate`, `sine`, `thermal_ramp`, `power_cycle` or `mount`; of imports also
-    `motion` (any movement), `static_points` or `unassigned`. `role` is `fit`, `verify` (kept aside: no fit may see it)
-    or `none` (polled steps, and those of a unit mounted across). `mounting` is `across` while the unit's input axis
+    `kind` is `soak`, `static`, `constant_rate`, `sine`, `thermal_ramp`, `power_cycle`, `mount` or `ask`; of imports
+    also `motion` (any movement), `static_points` or `unassigned`. `role` is `fit`, `verify` (kept aside: no fit may see
+    it) or `none` (polled steps, and those of a unit mounted across). `mounting` is `across` while the unit's input axis
     lies across the table's axis, else empty. `t_start` and `t_end` are seconds since the start of the recording; of a
     power cycle, when the supply went off and came on again. `gaps` counts the gaps in the stream. `digest`
     is empty until the step is closed. `frame_rate_hz` is how often the digital gyro samples, `frames_lost` how many of

@@ -53,6 +53,8 @@ CAMPAIGN = "campaign.h5"
 JOURNAL = "journal.jsonl"
 LOCK = "running.lock"
 """Held by the process that writes a campaign's folder; `running.json` beside it says which that is."""
+STOP = "stop.json"
+"""A wish to stop the run that writes a campaign's folder, until it is heeded; `benchctl.campaign.stop_file`."""
 UNREADABLE = "unreadable"
 """Where a campaign keeps files of steps that a crash left unreadable."""
 FINISHED_SUFFIX = ".h5"
@@ -126,7 +128,8 @@ def check_channels(where: str, channels: Mapping[str, FloatArray]) -> None:
             )
         if samples.size != channels[axis].size:
             raise UsageError(
-                f"{where}: channel {name} has {samples.size} samples, its axis {axis} has {channels[axis].size}"
+                f"{where}: channel {name} has {samples.size} samples, expected as many as its axis {axis}, "
+                f"{channels[axis].size}"
             )
 
 
@@ -138,7 +141,9 @@ def check_names(where: str, channels: Mapping[str, object] | tuple[str, ...]) ->
                 f"{where}: channel {name!r} must be named with letters, digits and _, beginning with a letter"
             )
         if axis_of(name) not in channels:
-            raise UsageError(f"{where}: channel {name} lies on {axis_of(name)}, which is not among the channels")
+            raise UsageError(
+                f"{where}: channel {name} lies on {axis_of(name)}, which is not among the channels; give that, too"
+            )
 
 
 def write_info(group: h5py.Group, info: StepInfo) -> None:

@@ -113,7 +113,10 @@ def points_of(raw: RawColumns, entry: PointsEntry) -> StaticPoints:
         if (column := getattr(entry, name)) is not None
     }
     if "std" in values and (below := np.flatnonzero(values["std"] < 0)).size:
-        raise UsageError(f"{raw.place(int(below[0]), 'std')}: a standard deviation cannot be below zero")
+        raise UsageError(
+            f"{raw.place(int(below[0]), 'std')}: a standard deviation below 0, expected 0 or more; "
+            "correct the column or its sign"
+        )
     if np.unique(values["rate"]).size < 2:
         raise UsageError(f"{raw.path}: all points are at one rate; a calibration needs two at least")
     duration = values.get("duration")
@@ -132,7 +135,7 @@ def points_of(raw: RawColumns, entry: PointsEntry) -> StaticPoints:
 def build_points(raw: RawColumns, mapping: ColumnMap, map_name: str) -> tuple[Meta, list[Step]]:
     """A recording of static points in memory; raises `UsageError` where points or unit cannot be used."""
     if mapping.points is None:
-        raise UsageError(f"{map_name}: maps no points")
+        raise UsageError(f"{map_name}: maps no points, expected [points.…]")
     step = points_of(raw, mapping.points).to_step()
     digital = mapping.points.mean.conversion.cf != "V"
     output = dict.fromkeys(("point_mean_v", "point_std_v"), "degree s-1") if digital else {}

@@ -112,11 +112,13 @@ def cut_into_steps(
         if begin < time[0] - 1e-3 * period or end > time[-1] + 1.001 * period:
             raise UsageError(
                 f"{where(k)}: {entry.name!r} from {begin:g} to {end:g} s reaches beyond the samples, "
-                f"which go from {time[0]:g} to {time[-1] + period:g} s"
+                f"which go from {time[0]:g} to {time[-1] + period:g} s; correct its times"
             )
         first, last = (int(edge) for edge in np.searchsorted(time, np.array([begin, end]) - 1e-3 * period))
         if first == last:
-            raise UsageError(f"{where(k)}: {entry.name!r} from {begin:g} to {end:g} s holds no sample")
+            raise UsageError(
+                f"{where(k)}: {entry.name!r} from {begin:g} to {end:g} s holds no sample; correct its times"
+            )
         _append(steps, _unassigned(used), channels, used, first, rate_hz, period, starts)
         _append(steps, entry, channels, first, last, rate_hz, period, starts)
         used = last

@@ -31,6 +31,9 @@ from benchctl.recordings.schema import (
 from benchctl.recordings.writer import new_file, write_step
 from instruments.errors import UsageError
 
+CLOSING_S_PER_SCAN = 1e-5
+"""Wall time that a scan may take while its step's file is written once more: twenty times what was measured."""
+
 _SWMR_LIBVER = ("v110", "v110")
 _FLUSH_EVERY_S = 0.25
 """Half of what may be lost, so that a step fed every 0.25 s or less is never behind by more than 0.5 s."""

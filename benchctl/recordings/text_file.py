@@ -18,7 +18,7 @@ from benchctl.limits import (
     require_file,
     require_memory,
 )
-from instruments.errors import UsageError
+from instruments.errors import UsageError, reason
 
 _GZIP_MAGIC = b"\x1f\x8b"
 _BLOCK = 1 << 20
@@ -76,7 +76,7 @@ def _raw(path: Path, most_bytes: int | None = None) -> bytes:
         with path.open("rb") as file:
             return file.read(size)
     except OSError as err:
-        raise UsageError(f"{path}: cannot be read: {err.strerror or err}") from err
+        raise UsageError(f"{path}: cannot be read: {reason(err)}") from err
     except ValueError as err:  # a NUL in the name
         raise UsageError(f"{str(path)!r}: cannot be read: {err}") from err
 

@@ -43,7 +43,10 @@ def refuse_changed(path: Path, therefore: str) -> None:
     problems = _problems_of_recording(path)
     if problems:
         more = f" (and {len(problems) - 1} more: benchctl verify names them)" if len(problems) > 1 else ""
-        raise UsageError(f"{path}: changed since it was written, and so not {therefore}: {problems[0]}{more}")
+        raise UsageError(
+            f"{path}: changed since it was written, and so not {therefore}: {problems[0]}{more}; "
+            "take it from where it was copied"
+        )
 
 
 def _problems_of_recording(path: Path) -> list[Problem]:

@@ -44,7 +44,7 @@ class Compared:
 
 
 def compare_recordings(simulated: Path, real: Path) -> Compared:
-    """Two recordings of one procedure; raises `UsageError` where one cannot be read, they share no step or are the same."""
+    """Two recordings of one procedure; `UsageError` where one cannot be read, or they share no step or every sample."""
     with open_recording(simulated) as theirs, open_recording(real) as ours:
         if theirs.digest and theirs.digest == ours.digest:
             raise UsageError(f"{simulated}, {real}: the samples are the same, they part nowhere; name two recordings")

@@ -19,12 +19,13 @@ from benchctl.recordings.joined import join
 from benchctl.recordings.model import Meta, StepInfo
 from benchctl.recordings.reader import open_recording
 from benchctl.reports import diagnosis_words as words
+from benchctl.reports.diagnosis_file import write_diagnosis_file
 from benchctl.reports.diagnosis_page import write_diagnosis_report
 from benchctl.reports.results import make_folder, name_of, source_digest
 from instruments.errors import UsageError
 
 _UNITS: Mapping[Part, str] = {"drive": DriveProblem.unit, "chamber": ChamberProblem.unit}
-REPORT, MODEL = "diagnosis.html", "model.toml"
+REPORT, SUMMARY, MODEL = "diagnosis.html", "diagnosis.json", "model.toml"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +67,7 @@ def diagnose_recordings(
 
 
 def write_diagnosed(diagnosed: Diagnosed, folder: Path) -> dict[str, Path]:
-    """Write report and model file, each whole or not at all; where they are, by what they are.
+    """Write report, summary and model file, each whole or not at all; where they are, by what they are.
 
     Raises `UsageError` where the folder may not be written to.
     """
@@ -80,6 +81,8 @@ def write_diagnosed(diagnosed: Diagnosed, folder: Path) -> dict[str, Path]:
         digest=diagnosed.digest,
         unit=diagnosed.unit,
     )
+    written["summary"] = folder / SUMMARY
+    write_diagnosis_file(written["summary"], diagnosed.diagnosis, diagnosed.digest)
     if diagnosed.diagnosis.model:
         written["model"] = folder / MODEL
         write_model(written["model"], _as_model(diagnosed.diagnosis.model))
@@ -94,7 +97,9 @@ def _believed(path: Path, part: Part) -> tuple[Mapping[str, Any], tuple[str, ...
         told, table = model.parts.get(part), f"[parts.{part}]"
         effects = told.get(EFFECTS, {}) if told else {}
     if told is None:
-        raise UsageError(f"model {path}: has no {table}: it says nothing of what the {part} should have done")
+        raise UsageError(
+            f"model {path}: has no {table}: it says nothing of what the {part} should have done; add the table"
+        )
     others = ", ".join(effects)
     notes = (f"The effects of {path.name} ({others}) are not taken for granted: they were looked for.",)
     return told, notes if others else ()

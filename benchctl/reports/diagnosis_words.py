@@ -4,44 +4,23 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from benchctl.diagnosis.result import COORDINATE_UNITS, Estimate, Where
 from benchctl.reports import text
+from benchctl.reports.vocabulary import COORDINATES
+from benchctl.reports.vocabulary import coordinate as coordinate
+from benchctl.reports.vocabulary import unit as unit
 
-_COORDINATES: Mapping[str, str] = {
-    "time": "time",
-    "rate": "rate",
-    "abs_rate": "|rate|",
-    "rate_sign": "sense of rotation",
-    "acceleration": "acceleration",
-    "angle": "angle of the table",
-    "gyro_temp": "gyro's temperature",
-    "gyro_temp_rate": "change of the gyro's temperature",
-    "chamber_temp": "chamber's temperature",
-    "chamber_temp_rate": "warming of the chamber",
-    "heater": "heater's power",
-    "setpoint": "set point",
-    "output": "output",
-    "frequency": "frequency",
-    "step": "number of the step",
-}
 NOT_OBSERVABLE = "not observable here"
 _NEARLY_CERTAIN = 0.999
 _LARGE = 1000.0
 _DIGITS_OF_A_RANGE = 2
 
 
-_UNITS: Mapping[str, str] = {"1e-6": "ppm", "V s-0.5": "V/√s", "V s2 degree-1": "V/(°/s²)"}
-"""Units that read better so than by the rule."""
 _PREFIXED = ("V", "N\u00a0m", "K")
 _COUNTS = ("no", "one", "two", "three", "four", "five")
-_NAMES = re.compile(r"(?<![\w/])(?:" + "|".join(sorted(_COORDINATES, key=len, reverse=True)) + r")\b(?!\s*=)")
-
-
-def coordinate(name: str) -> str:
-    """A coordinate in words; of two joined by `*` both."""
-    return " together with ".join(_COORDINATES.get(part, part.replace("_", " ")) for part in name.split("*"))
+_NAMES = re.compile(r"(?<![\w/])(?:" + "|".join(sorted(COORDINATES, key=len, reverse=True)) + r")\b(?!\s*=)")
 
 
 def coordinate_axis(name: str, output_unit: str) -> str:
@@ -53,11 +32,6 @@ def coordinate_axis(name: str, output_unit: str) -> str:
 def coordinate_unit(name: str, output_unit: str) -> str:
     """The unit of a coordinate as it is printed; empty where it has none. That of the output is the part's."""
     return output_unit if name == "output" else text.unit_text(COORDINATE_UNITS.get(name, "1"))
-
-
-def unit(told: str) -> str:
-    """A unit as it is printed, on one line."""
-    return _UNITS.get(told) or text.unit_text(told).replace(" ", "\u00a0")
 
 
 def prose(told: str) -> str:
@@ -161,11 +135,11 @@ def size(value: float, unit: str) -> str:
 def _the(name: str) -> str:
     """A coordinate as it stands in a sentence; words that are none stay as they are."""
     parts = name.split("*")
-    return " together with ".join(f"the {_COORDINATES[part]}" for part in parts) if _known(parts) else name
+    return " together with ".join(f"the {COORDINATES[part]}" for part in parts) if _known(parts) else name
 
 
 def _known(parts: Sequence[str]) -> bool:
-    return all(part in _COORDINATES for part in parts)
+    return all(part in COORDINATES for part in parts)
 
 
 def _ranges(where: Where, output_unit: str) -> str:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,30 @@ class Fitted:
     says: str
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibrated:
+    """A fit of which nothing is written yet.
+
+    `content` is that of `coefficients.json`, `values` what `--json` gives but for the files, `says` is for a terminal.
+    """
+
+    content: Mapping[str, Any]
+    values: Mapping[str, Any]
+    says: str
+    write_report: Callable[[Path], None]
+
+    def write(self, folder: Path) -> Fitted:
+        """Write `coefficients.json` and `report.html`; raises `UsageError` where the folder or the disk refuses."""
+        make_folder(folder)
+        where, report = folder / "coefficients.json", folder / "report.html"
+        write_coefficients(where, self.content)
+        self.write_report(report)
+        return Fitted(
+            values={"coefficients": where, "report": report, **self.values},
+            says="\n".join([self.says, f"coefficients: {where}", f"report: {report}"]),
+        )
+
+
 def fit_recordings(paths: Sequence[Path], out: Path | None = None) -> Fitted:
     """Calibrate on one recording, or on several of one unit, and write `coefficients.json` and `report.html`.
 
@@ -40,27 +64,43 @@ def fit_recordings(paths: Sequence[Path], out: Path | None = None) -> Fitted:
     UsageError
         Where a recording cannot be read or fitted, the recordings are of different units, or nothing can be written.
     """
-    with ExitStack() as stack:
-        recordings = [stack.enter_context(open_recording(path)) for path in paths]
+    with _opened(paths) as recordings:
         joined = join(recordings)
         folder = out if out is not None else _beside(paths[0])
-        make_folder(folder)
-        if any(info.kind == KIND for recording in recordings for info in recording.infos):
-            return _fit_points(recordings, folder)
-        return _fit_runs(joined, recordings, folder)
+        make_folder(folder)  # before any work
+        return _calibrated(joined, recordings).write(folder)
 
 
-def _fit_runs(joined: Recording, recordings: Sequence[Recording], folder: Path) -> Fitted:
+def calibrated(paths: Sequence[Path]) -> Calibrated:
+    """Calibrate on one recording, or on several of one unit, and write nothing.
+
+    Raises
+    ------
+    UsageError
+        Where a recording cannot be read or fitted, or the recordings are of different units.
+    """
+    with _opened(paths) as recordings:
+        return _calibrated(join(recordings), recordings)
+
+
+@contextmanager
+def _opened(paths: Sequence[Path]) -> Iterator[list[Recording]]:
+    with ExitStack() as stack:
+        yield [stack.enter_context(open_recording(path)) for path in paths]
+
+
+def _calibrated(joined: Recording, recordings: Sequence[Recording]) -> Calibrated:
+    if any(info.kind == KIND for recording in recordings for info in recording.infos):
+        return _fit_points(recordings)
+    return _fit_runs(joined, recordings)
+
+
+def _fit_runs(joined: Recording, recordings: Sequence[Recording]) -> Calibrated:
     result = calibrate(joined.steps(), joined.meta)
-    where = folder / "coefficients.json"
-    report = folder / "report.html"
+    meta, infos = joined.meta, joined.infos
     digest = ", ".join(source_digest(recording) for recording in recordings)
     content = coefficients(result, _sources(recordings))
-    write_coefficients(where, content)
-    write_calibration_report(report, result, joined.meta, joined.infos, digest=digest)
     values = {
-        "coefficients": where,
-        "report": report,
         "error_percent": dict(result.error_percent),
         "rms_percent": dict(result.rms_percent),
         "free_motion": content["free_motion"],
@@ -75,25 +115,26 @@ def _fit_runs(joined: Recording, recordings: Sequence[Recording], folder: Path) 
         },
         "warnings": list(result.warnings),
     }
-    return Fitted(values=values, says=_in_words(result, where, report))
+    return Calibrated(
+        content=content,
+        values=values,
+        says=_in_words(result),
+        write_report=lambda path: write_calibration_report(path, result, meta, infos, digest=digest),
+    )
 
 
-def _fit_points(recordings: Sequence[Recording], folder: Path) -> Fitted:
+def _fit_points(recordings: Sequence[Recording]) -> Calibrated:
     if len(recordings) > 1:
         raise UsageError("a table of static points is fitted by itself; name one recording")
     recording = recordings[0]
     points = StaticPoints.from_step(next(recording.steps(kinds=[KIND])))
     result = fit_static_points(points.rate_dps, points.mean_v, points.std_v)
-    where, report = folder / "coefficients.json", folder / "report.html"
+    meta, digest = recording.meta, source_digest(recording)
     celsius = None if points.temperature_c is None else float(points.temperature_c.mean())
     content = points_coefficients(
         result, unit=recording.meta.unit.serial, temperature_c=celsius, source=_sources(recordings)
     )
-    write_coefficients(where, content)
-    write_static_points_report(report, result, points, recording.meta, digest=source_digest(recording))
     values = {
-        "coefficients": where,
-        "report": report,
         "error_percent": {},
         "K0_v_per_dps": result.rotating.K0_v_per_dps,
         "U0_v": result.rotating.U0_v,
@@ -101,7 +142,12 @@ def _fit_points(recordings: Sequence[Recording], folder: Path) -> Fitted:
         "misfit_percent_of_full_scale": content["misfit_percent_of_full_scale"],
         "points_at_rest": {"offset_dps": result.rest_offset_dps, "count": result.rest_points},
     }
-    return Fitted(values=values, says=_points_in_words(result, where, report))
+    return Calibrated(
+        content=content,
+        values=values,
+        says=_points_in_words(result),
+        write_report=lambda path: write_static_points_report(path, result, points, meta, digest=digest),
+    )
 
 
 def _sources(recordings: Sequence[Recording]) -> list[tuple[str, str]]:
@@ -112,7 +158,7 @@ def _beside(path: Path) -> Path:
     return path if path.is_dir() else path.parent
 
 
-def _in_words(result: CalibrationResult, where: Path, report: Path) -> str:
+def _in_words(result: CalibrationResult) -> str:
     levels = [name for name in ("raw", "stage_1", "stage_2", "joint") if name in result.error_percent]
     errors = ", ".join(f"{name.replace('_', ' ')} {result.error_percent[name]:.3g} %" for name in levels)
     lines = [f"error on runs kept aside: {errors}"] if levels else []
@@ -134,10 +180,10 @@ def _in_words(result: CalibrationResult, where: Path, report: Path) -> str:
         expanded = "not known" if p.expanded is None else f"{p.expanded:.2g}"
         lines.append(f"  {p.name} = {p.value:.9g} ± {expanded} {p.unit}  [{p.ci95[0]:.9g}, {p.ci95[1]:.9g}]")
     lines += [f"note: {warning}" for warning in result.warnings]
-    return "\n".join([*lines, f"coefficients: {where}", f"report: {report}"])
+    return "\n".join(lines)
 
 
-def _points_in_words(result: StaticPointsResult, where: Path, report: Path) -> str:
+def _points_in_words(result: StaticPointsResult) -> str:
     fit = result.rotating
     misfits = (("straight line", fit.line), ("sine law", fit.sine))
     lines = [
@@ -150,7 +196,5 @@ def _points_in_words(result: StaticPointsResult, where: Path, report: Path) -> s
             f"S = {fit.S_rad_per_dps:.6f} rad/(deg/s), 95 % {fit.S_ci95[0]:.6f} to {fit.S_ci95[1]:.6f}",
             f"K0 = {fit.K0_v_per_dps:.6f} V/(deg/s), 95 % {fit.K0_ci95[0]:.6f} to {fit.K0_ci95[1]:.6f}",
             result.says,
-            f"coefficients: {where}",
-            f"report: {report}",
         ]
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from benchctl.closeness import meant, nearest
 from benchctl.history.flags import Flag
 from benchctl.history.history import Charted, History, UnitHistory
 from benchctl.history.series import Drift, Point
@@ -26,11 +27,14 @@ def chosen(history: History, serial: str | None, figure: str | None) -> tuple[Un
     """
     units = [unit for unit in history.units if serial is None or unit.serial == serial]
     if not units:
-        raise UsageError(f"--unit {serial}: there is no such unit; there are {listed(_once(history))}")
+        serials = _once(history)
+        close = nearest(str(serial), serials)
+        hint = f"; did you mean {close}?" if close else ""  # beside the others: serial numbers are all alike
+        raise UsageError(f"--unit {serial}: there is no such unit; there are {listed(serials)}{hint}")
     names = list(dict.fromkeys(one.series.name for unit in units for one in unit.figures))
     if figure is not None and figure not in names:
         there = f"there are {listed(names)}" if names else "there is none: run benchctl fit or benchctl accept first"
-        raise UsageError(f"--figure {figure}: there is no such figure; {there}")
+        raise UsageError(f"--figure {figure}: there is no such figure; {meant(figure, names, there)}")
     return tuple(
         UnitHistory(
             serial=unit.serial,

@@ -9,7 +9,7 @@ from benchctl.documents import json_document
 from benchctl.limits import shown
 from benchctl.recordings.reader import OPEN_DESCRIPTION, Recording
 from benchctl.recordings.schema import CAMPAIGN, RECORDING
-from instruments.errors import UsageError
+from instruments.errors import UsageError, reason
 
 
 def make_folder(folder: Path) -> None:
@@ -17,7 +17,7 @@ def make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as err:
-        raise UsageError(f"--out {folder}: cannot be made: {err.strerror or err}") from err
+        raise UsageError(f"--out {folder}: cannot be made: {reason(err)}; name another place") from err
     if not os.access(folder, os.W_OK):
         raise UsageError(f"{folder}: may not be written to; name another place for the results with --out DIR")
 

@@ -27,6 +27,7 @@ KIND_COLOURS: Mapping[str, str] = {
     "thermal_ramp": "#CC79A7",
     "power_cycle": "#D55E00",
     "mount": "#56B4E9",
+    "ask": "#F0E442",
 }
 _KIND_NAMES: Mapping[str, str] = {
     "soak": "soak",
@@ -36,6 +37,7 @@ _KIND_NAMES: Mapping[str, str] = {
     "thermal_ramp": "thermal ramp",
     "power_cycle": "power cycle",
     "mount": "mounted by hand",
+    "ask": "asked of the operator",
 }
 _KEPT_ASIDE: dict[str, Any] = {"linestyle": "none", "marker": "v", "markersize": 4, "color": INK}
 _FORMATS = (".svg", ".png")
@@ -80,7 +82,7 @@ def draw_timeline(path: Path, plan: Plan, limits: Limits, from_c: float) -> None
     Raises `UsageError` for another kind of file, or where the disk refuses.
     """
     if path.suffix.lower() not in _FORMATS:
-        raise UsageError(f"{path}: a picture is written as {' or '.join(_FORMATS)}, name it so")
+        raise UsageError(f"{path}: a picture is written as {' or '.join(_FORMATS)}; name it so")
     with style(), mpl.rc_context({"svg.hashsalt": "timeline"}), whole_file(path) as temporary:
         figure = timeline_figure(plan, list(timeline(plan, limits, from_c)))
         dates = {"Date": None} if path.suffix.lower() == ".svg" else {}

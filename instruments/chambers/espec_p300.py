@@ -76,7 +76,7 @@ class EspecP300:
         wire_log: WireLog | None = None,
     ) -> None:
         if rs485_address is not None and rs485_address < 1:
-            raise UsageError(f"rs485_address = {rs485_address}: give the chamber's number, 1 or more")
+            raise UsageError(f"rs485_address = {rs485_address}; give the chamber's number, 1 or more")
         self._lines = LineDialogue(
             "ESPEC P300" if rs485_address is None else f"ESPEC P300, number {rs485_address},",
             byte_link(address, default_baud=BAUD, reconnect=reconnect, wire_log=wire_log),
@@ -121,7 +121,8 @@ class EspecP300:
         """
         if not p300.tenths(low_c) < p300.tenths(high_c):
             raise UsageError(
-                f"{self._who}: set point limits {low_c:g} to {high_c:g} °C: low must be below high, by 0.1 °C at least"
+                f"{self._who}: set point limits {low_c:g} to {high_c:g} °C; "
+                "give the lower one first, 0.1 °C apart at least"
             )
         setpoint_c = min(max(self._setpoint_c(self._temperatures()), low_c), high_c)
         self._put(setpoint_c=setpoint_c, high_c=high_c, low_c=low_c)

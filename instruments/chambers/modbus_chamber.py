@@ -64,7 +64,7 @@ class ModbusChamber(ABC):
     def set_limits(self, low_c: float, high_c: float) -> None:
         """Program the controller's own set point limits, in an order in which low never passes high."""
         if not low_c < high_c:
-            raise UsageError(f"{self._link.who}: set point limits {low_c:g} to {high_c:g} °C: low must be below high")
+            raise UsageError(f"{self._link.who}: set point limits {low_c:g} to {high_c:g} °C; give the lower one first")
         _, present_high_c = self._limits()
         writes = [(self._low_limit, low_c), (self._high_limit, high_c)]
         if low_c >= present_high_c:

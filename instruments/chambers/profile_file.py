@@ -13,7 +13,8 @@ from pydantic import ValidationError
 
 from instruments.chambers.profile import Profile
 from instruments.chambers.profile_rules import contradiction
-from instruments.errors import UsageError
+from instruments.errors import UsageError, in_line, reason
+from instruments.field_faults import field_fault
 
 LONGEST_SHOWN = 60
 MOST_BYTES = 1 << 17
@@ -38,12 +39,12 @@ def profile_text(path: Path) -> str:
     name = profile_name(path)
     try:
         if path.exists() and not path.is_file():
-            raise UsageError(f"{name}: cannot be read: it is no file")
+            raise UsageError(f"{name}: cannot be read: it is no file; name one")
         with path.open("rb") as file:
             content = file.read(MOST_BYTES + 1)
         text = content.decode("utf-8")
     except OSError as err:
-        raise UsageError(f"{name}: cannot be read: {err.strerror or err}") from err
+        raise UsageError(f"{name}: cannot be read: {reason(err)}") from err
     except ValueError as err:  # not UTF-8, or a name that no file can have
         raise UsageError(f"{name}: cannot be read as UTF-8 text: {_one_line(str(err))}") from err
     if len(content) > MOST_BYTES:
@@ -74,7 +75,7 @@ def parse_profile(text: str, name: str) -> Profile:
     try:
         document = tomllib.loads(text)
     except (ValueError, RecursionError) as err:  # also numbers of thousands of digits, and nesting as deep
-        raise UsageError(f"{name}: not TOML: {_one_line(str(err))}") from err
+        raise UsageError(f"{name}: not TOML: {_one_line(in_line(str(err)))}") from err
     return profile_of(document, name)
 
 
@@ -111,15 +112,7 @@ def _first_fault(err: ValidationError) -> str:
     first, *more = err.errors(include_url=False, include_context=False)
     field = _one_line(".".join(str(part) for part in first["loc"]))
     rest = f" (and {len(more)} more)" if more else ""
-    if first["type"] == "value_error":
-        says = first["msg"].removeprefix("Value error, ")
-    elif first["type"] == "missing":
-        says = "this field is needed and is not there"
-    elif first["type"] == "extra_forbidden":
-        says = "there is no such field"
-    else:
-        says = f"{first['msg'][:1].lower()}{first['msg'][1:]}, got {_shown(first['input'])}"
-    return f"{field}: {_one_line(says)}{rest}"
+    return f"{field}: {_one_line(field_fault(first, _shown))}{rest}"
 
 
 def _shown(value: object) -> str:

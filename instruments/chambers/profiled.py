@@ -171,10 +171,13 @@ class ProfiledChamber(ModbusChamber):
         words = self._registers.read_words(_registers(self._profile.modes + latched))
         if modes := _standing(self._profile.modes, words):
             raise InstrumentError(
-                f"{self._link.who}: it would not keep our set point, {'; '.join(modes)}; end that on its panel"
+                f"{self._link.who}: it would not keep our set point, {', '.join(modes)}; end that on its panel"
             )
         if faults := _standing(latched, words):
-            raise InstrumentError(f"{self._link.who}: conditioning is not switched on while it has {'; '.join(faults)}")
+            raise InstrumentError(
+                f"{self._link.who}: conditioning is not switched on while it has "
+                f"{', '.join(faults)}; clear that on its panel"
+            )
 
     def _take_over(self) -> None:
         """Make the controller obey the set point that it has been given, where that is a step of its own."""

@@ -157,7 +157,7 @@ class ProfiledTable(QuantityTable):
         if not 0 <= word <= 0xFFFF:
             raise UsageError(
                 f"{self._link.who}: {quantity.name} cannot be set to {value:g} {quantity.unit}".rstrip()
-                + ": its register (u16) does not reach so far"
+                + ": its register (u16) does not reach so far; give one that it can hold"
             )
         return [word]
 

@@ -91,7 +91,9 @@ class QuantityTable:
     def write(self, quantity: Quantity, value: float, *, once: bool = False) -> None:
         """Write, without looking whether it had any effect."""
         if not quantity.writable:
-            raise UsageError(f"{self._link.who}: {quantity.name} (register {quantity.address}) can only be read")
+            raise UsageError(
+                f"{self._link.who}: {quantity.name} (register {quantity.address}) can only be read; leave it as it is"
+            )
         self._link.write(quantity.address, self._words(quantity, value), once=once)
 
     def put(self, quantity: Quantity, value: float) -> None:
@@ -127,7 +129,7 @@ class QuantityTable:
         except (ValueError, OverflowError) as err:
             raise UsageError(
                 f"{self._link.who}: {quantity.name} cannot be set to {_in_unit(value, quantity)}:"
-                f" its register ({quantity.kind}) does not reach so far"
+                f" its register ({quantity.kind}) does not reach so far; give one that it can hold"
             ) from err
         return [round(value)]
 

@@ -86,7 +86,7 @@ class WatlowF4(ModbusChamber):
         wire_log: WireLog | None = None,
     ) -> None:
         if on_event is not None and not 1 <= on_event <= len(EVENTS):
-            raise UsageError(f"on_event = {on_event}: a Watlow F4 has events 1 to {len(EVENTS)}")
+            raise UsageError(f"on_event = {on_event}: expected an event of a Watlow F4, 1 to {len(EVENTS)}")
         link = ModbusLink(
             address,
             unit_id=unit_id,

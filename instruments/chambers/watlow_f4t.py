@@ -106,12 +106,12 @@ class WatlowF4T(ModbusChamber):
         wire_log: WireLog | None = None,
     ) -> None:
         if not 1 <= loop <= LOOPS:
-            raise UsageError(f"loop = {loop}: a Watlow F4T has loops 1 to {LOOPS}")
+            raise UsageError(f"loop = {loop}: expected a loop of a Watlow F4T, 1 to {LOOPS}")
         if word_order not in get_args(WordOrder):
             raise UsageError(f"word_order = {word_order!r}: expected {' or '.join(get_args(WordOrder))}")
         if on_by not in SWITCHES or not 1 <= on_number <= SWITCHES[on_by]:
             known = ", ".join(f"{switch} (1 to {most})" for switch, most in SWITCHES.items())
-            raise UsageError(f"on_by = {on_by!r} with on_number = {on_number}: a Watlow F4T has {known}")
+            raise UsageError(f"on_by = {on_by!r} with on_number = {on_number}: expected {known} of a Watlow F4T")
         if running_output is None and on_by == "momentary_key":
             raise UsageError("a momentary key needs running_output: nothing else tells whether the chamber runs")
         self._on_by, self._on_number = on_by, on_number

@@ -115,11 +115,13 @@ class LabJackT7:
     ) -> None:
         where = parse_address(address)
         if where.scheme != "tcp":
-            raise UsageError(f"address {address!r}: a LabJack T7 is reached over tcp://HOST:PORT")
+            raise UsageError(f"address {address!r}: expected tcp://HOST:PORT for a LabJack T7")
         if encoder_channel not in QUADRATURE_LINES:
-            raise UsageError(f"encoder_channel {encoder_channel}: a LabJack T7 counts on one of {QUADRATURE_LINES}")
+            raise UsageError(
+                f"encoder_channel {encoder_channel}: expected one on which a LabJack T7 counts, {QUADRATURE_LINES}"
+            )
         if range_v not in RANGES_V:
-            raise UsageError(f"range_v {range_v}: a LabJack T7 has the ranges {RANGES_V} V")
+            raise UsageError(f"range_v {range_v}: expected one of the ranges of a LabJack T7, {RANGES_V} V")
         host = f"[{where.host}]" if ":" in where.host else where.host
         self._who = f"LabJack T7 at {where}"
         self._encoder, self._inputs, self._range_v = encoder_channel, (gyro_ain, thermistor_ain), range_v
@@ -173,7 +175,7 @@ class LabJackT7:
     def read_once(self) -> SingleScan:
         """One reading of each input, one after the other; the T7 itself makes calibrated volts of them."""
         if self._scans is not None:
-            raise UsageError(f"{self._who}: read_once while the stream runs: call stop_stream first")
+            raise UsageError(f"{self._who}: read_once while the stream runs; call stop_stream first")
         self._refuse_after_restart()
         gyro, thermistor = self._inputs
         count = np.uint32(self._registers.read(reg.ef_read_a(self._encoder)))
@@ -188,9 +190,9 @@ class LabJackT7:
     def start_stream(self, rate_hz: float) -> StreamStart:
         """Start the stream; the rate is the nearest that the T7's clock can do."""
         if self._scans is not None:
-            raise UsageError(f"{self._who}: start_stream while the stream runs: call stop_stream first")
+            raise UsageError(f"{self._who}: start_stream while the stream runs; call stop_stream first")
         if not 0.0 < rate_hz < math.inf:
-            raise UsageError(f"{self._who}: a scan rate of {rate_hz} Hz: give a finite one above 0")
+            raise UsageError(f"{self._who}: a scan rate of {rate_hz} Hz; give a finite one above 0")
         self._stream.open(self._timeout_s)
         try:
             self._set_up_stream(rate_hz)
@@ -199,7 +201,9 @@ class LabJackT7:
             self._enable_stream()
             actual_hz = self._registers.read(reg.STREAM_ACTUAL_RATE_HZ)
             if not math.isclose(actual_hz, rate_hz, rel_tol=0.01):
-                raise InstrumentError(f"{self._who}: asked for {rate_hz:g} scans a second, it does {actual_hz:g}")
+                raise InstrumentError(
+                    f"{self._who}: asked for {rate_hz:g} scans a second, it does {actual_hz:g}; ask for that"
+                )
             stamp = int(self._registers.read(reg.STREAM_START_TIME_STAMP))
         except BaseException:
             self._forget_stream()
@@ -220,7 +224,7 @@ class LabJackT7:
         What came before a `LinkError` is kept for the next call.
         """
         if self._scans is None or self._watch is None:
-            raise UsageError(f"{self._who}: read_stream while no stream runs: call start_stream first")
+            raise UsageError(f"{self._who}: read_stream while no stream runs; call start_stream first")
         wanted = max(scans, 1)
         give_up_s = time.monotonic() + timeout_s
         try:
@@ -229,7 +233,10 @@ class LabJackT7:
                 more_waits = self._receive(self._scans, give_up_s) and time.monotonic() < give_up_s
         except LinkError as err:
             came = self._scans.waiting
-            raise LinkError(f"{self._who}: expected {wanted} scans within {timeout_s:g} s, {came} came: {err}") from err
+            raise LinkError(
+                f"{self._who}: expected {wanted} scans within {timeout_s:g} s, {came} came: {err}; "
+                "check its power and cable"
+            ) from err
         except InstrumentError as err:
             raise InstrumentError(f"{self._who}: {err}") from err
         block, watch = self._scans.take(), self._watch
@@ -245,7 +252,9 @@ class LabJackT7:
             if err.code != reg.NOT_RUNNING:
                 raise
         if self._registers.read(reg.STREAM_ENABLE) != 0:
-            raise InstrumentError(f"{self._who}: told to stop its stream, it acknowledged and still runs")
+            raise InstrumentError(
+                f"{self._who}: told to stop its stream, it acknowledged and still runs; switch it off and on"
+            )
 
     def _receive(self, scans: ScanQueue, give_up_s: float) -> bool:
         """Take what the stream brings, on a new connection where it has broken; whether more is likely to wait."""
@@ -290,14 +299,19 @@ class LabJackT7:
     def _check_identity(self) -> None:
         test = int(self._registers.read(reg.TEST))
         if test == reg.TEST_VALUE_SWAPPED:
-            raise InstrumentError(f"{self._who}: 32-bit numbers come low word first: something swaps words on the way")
+            raise InstrumentError(
+                f"{self._who}: 32-bit numbers come low word first; look for what swaps words on the way"
+            )
         if test != reg.TEST_VALUE:
             raise InstrumentError(
-                f"{self._who}: expected {reg.TEST_VALUE:08X}h in register TEST, got {test:08X}h: is it a LabJack?"
+                f"{self._who}: expected {reg.TEST_VALUE:08X}h in register TEST, got {test:08X}h; "
+                "check that the address is a LabJack's"
             )
         product = self._registers.read(reg.PRODUCT_ID)
         if product != PRODUCT_ID:
-            raise InstrumentError(f"{self._who}: expected product {PRODUCT_ID}, a T7, got {product:g}")
+            raise InstrumentError(
+                f"{self._who}: expected product {PRODUCT_ID}, a T7, got {product:g}; check its address and model"
+            )
 
     def _read_calibration(self) -> None:
         flash = CALIBRATION_FLASH_ADDRESS + CALIBRATION_BYTES * RANGES_V.index(self._range_v)

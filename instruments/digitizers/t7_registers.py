@@ -140,7 +140,8 @@ class T7Registers:
         got = self.read(register)
         if not math.isclose(got, value, rel_tol=1e-6):
             raise InstrumentError(
-                f"LabJack T7 at {self._link.address}: wrote {value:g} to {register.name}, acknowledged, reads {got:g}"
+                f"LabJack T7 at {self._link.address}: wrote {value:g} to {register.name}, acknowledged, reads "
+                f"{got:g}; check that no other program uses it"
             )
 
     def read_flash(self, flash_address: int, count: int) -> list[float]:

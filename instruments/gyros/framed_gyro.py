@@ -71,7 +71,7 @@ class FramedGyro(ABC):
         wire_log: WireLog | None,
     ) -> None:
         if axis not in AXES:
-            raise UsageError(f"axis {axis!r}: a {name} has x, y and z")
+            raise UsageError(f"axis {axis!r}: expected x, y or z, which a {name} has")
         self._axis = AXES.index(axis)
         self._link = byte_link(address, default_baud=default_baud, wire_log=wire_log)
         self._who = f"{name} at {self._link.address}"
@@ -109,9 +109,9 @@ class FramedGyro(ABC):
     def start_stream(self, rate_hz: float) -> float:
         """Have it send samples; the rate [Hz] at which it does."""
         if self._queue is not None:
-            raise UsageError(f"{self._who}: start_stream while the stream runs: call stop_stream first")
+            raise UsageError(f"{self._who}: start_stream while the stream runs; call stop_stream first")
         if not 0.0 < rate_hz < math.inf:
-            raise UsageError(f"{self._who}: a rate of {rate_hz} samples a second: give a finite one above 0")
+            raise UsageError(f"{self._who}: a rate of {rate_hz} samples a second; give a finite one above 0")
         actual_hz, queue, come = self._begin(rate_hz)
         self._all_read_s = self._clock.now()
         queue.feed(come, unheard_s=0.0)
@@ -121,7 +121,7 @@ class FramedGyro(ABC):
     def read_stream(self, samples: int, timeout_s: float) -> GyroBlock:
         """At least `samples` samples and whatever came with them; see `instruments.interfaces.Gyro`."""
         if self._queue is None:
-            raise UsageError(f"{self._who}: read_stream while no stream runs: call start_stream first")
+            raise UsageError(f"{self._who}: read_stream while no stream runs; call start_stream first")
         wanted = max(samples, 1)
         give_up_s = time.monotonic() + timeout_s
         try:
@@ -130,7 +130,7 @@ class FramedGyro(ABC):
         except LinkError as err:
             raise LinkError(
                 f"{self._who}: expected {wanted} samples within {timeout_s:g} s, {self._queue.waiting} came; in this"
-                f" stream {self._queue.junk_bytes} bytes were no sample: {err}"
+                f" stream {self._queue.junk_bytes} bytes were no sample: {err}; check its supply, its line and its baud"
             ) from err
         return self._queue.take()
 

@@ -60,7 +60,7 @@ class KvhDsp1760(FramedGyro):
 
     def _begin(self, rate_hz: float) -> tuple[float, SampleQueue, bytes]:
         if not rate_hz.is_integer():
-            raise UsageError(f"{self._who}: a rate of {rate_hz:g} Hz: it takes whole numbers")
+            raise UsageError(f"{self._who}: a rate of {rate_hz:g} Hz; give a whole number")
         self._set("config", 1)
         self._set("rotfmt", "rate")
         self._set("rotunits", ROTATION_UNIT)

@@ -96,17 +96,17 @@ class SensonorStim300(FramedGyro):
         """The rate at which it sends, if it is the wanted one."""
         if configuration.rate_hz is None:
             raise InstrumentError(
-                f"{self._who}: it samples at an external trigger, so its counter tells no time:"
+                f"{self._who}: it samples at an external trigger, so its counter tells no time;"
                 " have it set to a rate of its own"
             )
         if configuration.rate_hz != rate_hz:
             raise InstrumentError(
-                f"{self._who}: {rate_hz:g} samples a second were asked for, it is set to {configuration.rate_hz:g}:"
+                f"{self._who}: {rate_hz:g} samples a second were asked for, it is set to {configuration.rate_hz:g};"
                 " ask for that, or change it in its service mode"
             )
         if configuration.gyro_unit not in READABLE:
             raise InstrumentError(
-                f"{self._who}: its gyros put out {configuration.gyro_unit}, expected one of {', '.join(READABLE)}:"
+                f"{self._who}: its gyros put out {configuration.gyro_unit}, expected one of {', '.join(READABLE)};"
                 " change it in its service mode"
             )
         return configuration.rate_hz

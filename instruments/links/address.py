@@ -60,7 +60,7 @@ def parse_address(text: str) -> Address:
 def refuse_timeout(address: Address, timeout_s: float) -> None:
     """Raise `UsageError` for a time for which nobody can wait."""
     if not 0.0 < timeout_s < math.inf:
-        raise UsageError(f"address {str(address)!r}: a time-out of {timeout_s} s: give a finite one above 0")
+        raise UsageError(f"address {str(address)!r}: a time-out of {timeout_s} s; give a finite one above 0")
 
 
 def _host(parts: SplitResult) -> str:

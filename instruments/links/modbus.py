@@ -178,7 +178,7 @@ class ModbusLink:
         attempts = attempts if attempts is not None else self._retry.attempts
         with self._line.lock:
             if not self._opened:
-                raise UsageError(f"{self.who}: {what} needs an open link, call open() first")
+                raise UsageError(f"{self.who}: {what} needs an open link; call open() first")
             reason = ""
             for attempt in range(1, attempts + 1):
                 try:
@@ -190,10 +190,10 @@ class ModbusLink:
                     self._line.be_quiet(self._retry.wait_s)
                     if attempt == attempts:
                         raise LinkError(
-                            f"{self.who}: {what} failed, tried {_times(attempts)}: {reason}; {ADVICE}"
+                            f"{self.who}: {what} came to nothing, tried {_times(attempts)}: {reason}; {ADVICE}"
                         ) from err
             if reason:
-                note_recovered(f"{self.who}: {what} failed: {reason}")
+                note_recovered(f"{self.who}: {what} came to nothing: {reason}")
                 self._let_spare_answer_pass()
         if isinstance(reply, ExceptionResponse):
             raise InstrumentError(

@@ -10,7 +10,7 @@ import contextlib
 
 import serial
 
-from instruments.errors import LinkError, UsageError
+from instruments.errors import LinkError, UsageError, in_line
 from instruments.links.address import parse_address, refuse_timeout
 from instruments.links.tcp import LinkCutError
 from instruments.links.wirelog import WireLog
@@ -69,7 +69,7 @@ class SerialLink:
     def receive(self, max_bytes: int, timeout_s: float) -> bytes:
         """The next bytes, at least one, within `timeout_s` of wall time."""
         if self._port is None:
-            raise LinkCutError(f"{self.address}: the port was given up, nothing can be received")
+            raise LinkCutError(f"{self.address}: the port was given up, nothing can be received; send something first")
         try:
             self._port.timeout = max(timeout_s, 1e-3)
             data = bytes(self._port.read(1))
@@ -85,14 +85,15 @@ class SerialLink:
 
     def _connect(self) -> serial.Serial:
         if self._timeout_s is None:
-            raise UsageError(f"{self.address}: the link is not open, call open() first")
+            raise UsageError(f"{self.address}: the link is not open; call open() first")
         try:
             self._port = serial.Serial(
                 self.address.device, baudrate=self._baud, write_timeout=self._timeout_s, exclusive=True
             )
         except (OSError, ValueError) as err:
             raise LinkError(
-                f"{self.address}: cannot be opened: {err}; check that the device is plugged in, that you may use it,"
+                f"{self.address}: cannot be opened: {in_line(str(err))}; "
+                "check that the device is plugged in, that you may use it,"
                 " and that no other program does"
             ) from err
         self.wire_log.note(f"opened {self.address}")

@@ -13,7 +13,7 @@ import socket
 import time
 from dataclasses import dataclass
 
-from instruments.errors import LinkError, UsageError
+from instruments.errors import LinkError, UsageError, reason
 from instruments.links.address import parse_address, refuse_timeout
 from instruments.links.wirelog import WireLog
 
@@ -39,7 +39,7 @@ class TcpLink:
     def __init__(self, address: str, *, reconnect: Reconnect | None = None, wire_log: WireLog | None = None) -> None:
         self.address = parse_address(address)
         if self.address.scheme == "serial":
-            raise UsageError(f"address {address!r}: this instrument is reached over tcp://HOST:PORT")
+            raise UsageError(f"address {address!r}: expected tcp://HOST:PORT for this instrument")
         self.wire_log = wire_log if wire_log is not None else WireLog()
         self._reconnect = reconnect if reconnect is not None else Reconnect()
         self._socket: socket.socket | None = None
@@ -74,12 +74,14 @@ class TcpLink:
             connection.sendall(data)
         except OSError as err:
             self._drop(f"cut while sending: {_reason(err)}")
-            raise LinkCutError(f"{self.address}: could not send {data[:64]!r}: {_reason(err)}") from err
+            raise LinkCutError(
+                f"{self.address}: could not send {data[:64]!r}: {_reason(err)}; check the cable"
+            ) from err
 
     def receive(self, max_bytes: int, timeout_s: float) -> bytes:
         """The next bytes, at least one, within `timeout_s` of wall time."""
         if self._socket is None:
-            raise LinkCutError(f"{self.address}: the connection was cut, nothing can be received")
+            raise LinkCutError(f"{self.address}: the connection was cut, nothing can be received; send something first")
         self._socket.settimeout(max(timeout_s, 1e-3))  # 0 would mean: do not wait at all
         try:
             data = self._socket.recv(max_bytes)
@@ -87,16 +89,18 @@ class TcpLink:
             raise LinkError(f"{self.address}: nothing came within {timeout_s:.3g} s") from err
         except OSError as err:
             self._drop(f"cut while receiving: {_reason(err)}")
-            raise LinkCutError(f"{self.address}: the connection broke while receiving: {_reason(err)}") from err
+            raise LinkCutError(
+                f"{self.address}: the connection broke while receiving: {_reason(err)}; check the cable"
+            ) from err
         if not data:
             self._drop("closed by the other side")
-            raise LinkCutError(f"{self.address}: the other side closed the connection")
+            raise LinkCutError(f"{self.address}: the other side closed the connection; look whether it is on")
         self.wire_log.received(data)
         return data
 
     def _connect(self) -> socket.socket:
         if self._connect_timeout_s is None:
-            raise UsageError(f"{self.address}: the link is not open, call open() first")
+            raise UsageError(f"{self.address}: the link is not open; call open() first")
         failure: OSError | None = None
         for attempt in range(self._reconnect.attempts):
             if attempt:
@@ -148,4 +152,4 @@ class TcpLink:
 def _reason(err: OSError | None) -> str:
     if isinstance(err, TimeoutError):
         return "no answer in time"
-    return (err.strerror or str(err)) if err is not None else "no attempt was allowed"
+    return reason(err) if err is not None else "no attempt was allowed"

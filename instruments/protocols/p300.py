@@ -144,7 +144,7 @@ def set_temperatures(*, setpoint_c: float, high_c: float | None = None, low_c: f
     settings = {"S": setpoint_c, "H": high_c, "L": low_c}
     stated = {letter: value for letter, value in settings.items() if value is not None}
     if not all(map(math.isfinite, stated.values())):
-        raise UsageError(f"temperatures {', '.join(f'{value:g}' for value in stated.values())} °C: give finite numbers")
+        raise UsageError(f"temperatures {', '.join(f'{value:g}' for value in stated.values())} °C; give finite numbers")
     return "TEMP, " + " ".join(f"{letter}{tenths(value):.1f}" for letter, value in stated.items())
 
 

@@ -73,7 +73,7 @@ def decode_configuration(row: ByteArray) -> StimConfiguration:
     datagram_id = next(number for number, parts in PARTS.items() if set(parts) == included | {"gyro"})
     if unit >= len(GYRO_UNITS):
         raise InstrumentError(
-            f"the STIM300's gyros put out unit {unit}, expected 0 to {len(GYRO_UNITS) - 1}: have it set to angular rate"
+            f"the STIM300's gyros put out unit {unit}, expected 0 to {len(GYRO_UNITS) - 1}; have it set to angular rate"
         )
     rate = settings >> 5
     return StimConfiguration(

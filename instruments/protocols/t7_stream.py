@@ -41,7 +41,7 @@ AUTO_RECOVER_ACTIVE, AUTO_RECOVER_END, SCAN_OVERLAP, SKIP_OVERFLOW, BURST_COMPLE
 STATUS_WORDS = {
     AUTO_RECOVER_ACTIVE: "its buffer is full and scans are being skipped",
     AUTO_RECOVER_END: "scans were skipped while its buffer was full",
-    SCAN_OVERLAP: "a scan began before the one before it had ended: ask for a lower rate",
+    SCAN_OVERLAP: "a scan began before the one before it had ended; ask for a lower rate",
     SKIP_OVERFLOW: "its buffer was full for so long that it lost count of the skipped scans: read faster",
     BURST_COMPLETE: "the burst is complete",
 }

@@ -211,14 +211,16 @@ class Acutrol3000:
         with self._lock:
             rate_dps = self.read().rate_dps
             if abs(rate_dps) > self._rest_rate_dps:
-                raise UsageError(f"{self._name}: it turns at {rate_dps:.3f} deg/s, stop it before it is disabled")
+                raise UsageError(f"{self._name}: it turns at {rate_dps:.3f} deg/s; stop it before it is disabled")
             self._line.tell(SET_MODE[Mode.OFF])
             self._pause()
             self._line.tell(OPEN_LOOP)
             self._pause()
             state = self.state()
             if state is not TableState.DISABLED:
-                raise InstrumentError(f"{self._name}: its loop was told to open, but the table is {state.value}")
+                raise InstrumentError(
+                    f"{self._name}: its loop was told to open, but the table is {state.value}; look at the controller"
+                )
 
     def go_to_rate(self, rate_dps: float) -> None:
         """Turn at a constant rate, in rate mode."""

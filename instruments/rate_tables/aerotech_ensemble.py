@@ -185,7 +185,9 @@ class Ensemble(ConstantRateTable[EnsembleDialogue]):
     def _switch_off(self) -> None:
         self._line.tell(DISABLE)
         if not wait_until(self._clock, lambda: not self._status() & AxisStatus.ENABLED, CONFIRM_S):
-            raise InstrumentError(f"{self._name}: it was told to disable its axis, and the axis is still enabled")
+            raise InstrumentError(
+                f"{self._name}: it was told to disable its axis, and the axis is still enabled; look at the controller"
+            )
 
     def _begin_to_stop(self) -> None:
         self._stop("a stop before the next motion")

@@ -87,7 +87,7 @@ class ConstantRateTable(ABC, Generic[Dialogue]):
         with self._lock:
             rate_dps = self._rate_dps()
             if abs(rate_dps) > self._rest_rate_dps:
-                raise UsageError(f"{self._name}: it turns at {rate_dps:.3f} deg/s, stop it before it is disabled")
+                raise UsageError(f"{self._name}: it turns at {rate_dps:.3f} deg/s; stop it before it is disabled")
             self._switch_off()
 
     def oscillate(self, amplitude_dps: float, frequency_hz: float) -> None:

@@ -74,7 +74,7 @@ class EnsembleDialogue(AxisDialogue):
 
     def _reason(self, outcome: Outcome) -> str:
         if outcome is Outcome.NOT_UNDERSTOOD:
-            return "it does not understand that: check the axis, the limits and the controller's version"
+            return "it does not understand that; check the axis, the limits and the controller's version"
         if outcome is Outcome.NOT_IN_TIME:
             return "it did not finish in time; look at the controller, and begin again by enabling the table"
         return self._explain()

@@ -38,7 +38,7 @@ class KeptLimits:
         """The limits; `UsageError` before they were set."""
         if self._limits is None:
             raise UsageError(
-                f"{self._name}: it was to move before its limits were set, and its controller keeps none on the rate:"
+                f"{self._name}: it was to move before its limits were set, and its controller keeps none on the rate;"
                 " call set_limits() first"
             )
         return self._limits

@@ -172,7 +172,9 @@ class Esp301(ConstantRateTable[Esp301Dialogue]):
                 errors = self._tell_of_errors()
             self._fail_on_fault("it was told to stop")
             if errors and self._is_on():
-                raise InstrumentError(f"{self._name}: it was told to stop and reports {listed(errors)}")
+                raise InstrumentError(
+                    f"{self._name}: it was told to stop and reports {listed(errors)}; look at the controller"
+                )
 
     def state(self) -> TableState:
         """A fault since the table was enabled before disabled before moving."""
@@ -216,7 +218,9 @@ class Esp301(ConstantRateTable[Esp301Dialogue]):
         self._turns = 0
         self._line.tell(OFF)
         if self._is_on():
-            raise InstrumentError(f"{self._name}: its motor was told to be off, and is still on")
+            raise InstrumentError(
+                f"{self._name}: its motor was told to be off, and is still on; look at the controller"
+            )
 
     def _begin_to_stop(self) -> None:
         self._stop()
@@ -239,7 +243,7 @@ class Esp301(ConstantRateTable[Esp301Dialogue]):
         """The motor is on, and nothing has tripped meanwhile."""
         self._look_for_faults(f"{what} was asked for")
         if not self._is_on():
-            raise InstrumentError(f"{self._name}: {what} was asked for, and its motor is off: enable the table first")
+            raise InstrumentError(f"{self._name}: {what} was asked for, and its motor is off; enable the table first")
 
     def _fail_on_fault(self, what: str) -> None:
         if self._faults:

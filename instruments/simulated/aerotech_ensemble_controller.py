@@ -245,7 +245,7 @@ class EnsembleController:
 
 def _expect(met: bool) -> None:
     if not met:
-        raise UsageError("it does not exist, or not so")
+        raise UsageError("there is none, or not so")
 
 
 def _of_axis_0(words: Sequence[str], count: int) -> Sequence[str]:

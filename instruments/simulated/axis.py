@@ -63,7 +63,7 @@ class TableAxis:
     def set_limits(self, rate_dps: float, acceleration_dps2: float) -> None:
         """New limits, for demands from now on."""
         if not (rate_dps > 0.0 and acceleration_dps2 > 0.0):
-            raise UsageError(f"limits of {rate_dps} deg/s and {acceleration_dps2} deg/s²: give both above 0")
+            raise UsageError(f"limits of {rate_dps} deg/s and {acceleration_dps2} deg/s²; give both above 0")
         with self._timebase.lock:
             self._rate_limit_dps, self._acceleration_limit_dps2 = rate_dps, acceleration_dps2
 
@@ -129,7 +129,7 @@ class TableAxis:
     def _unrippled(self, times_s: FloatArray) -> Motion:
         if times_s[0] < self._segments[0].start_s:
             raise UsageError(
-                f"the motion at {times_s[0]:.3f} s is forgotten, it is known since {self._segments[0].start_s:.3f} s:"
+                f"the motion at {times_s[0]:.3f} s is forgotten, it is known since {self._segments[0].start_s:.3f} s;"
                 " hold the history before the next demand"
             )
         starts = np.searchsorted(times_s, [segment.start_s for segment in self._segments])

@@ -97,7 +97,7 @@ class ClimateChamber:
         known_s = self._changes[0][0]
         if time_s < known_s:
             raise UsageError(
-                f"temperatures at {time_s:.3f} s are forgotten, they are known since {known_s:.3f} s:"
+                f"temperatures at {time_s:.3f} s are forgotten, they are known since {known_s:.3f} s;"
                 " hold the history before the next command"
             )
         start_s, state = next(change for change in reversed(self._changes) if change[0] <= time_s)

@@ -65,7 +65,7 @@ class ScaledClock:
 
     def __init__(self, factor: float = 1.0) -> None:
         if not 0.0 < factor < float("inf"):
-            raise UsageError(f"a clock cannot run {factor} times as fast as the wall's: give a finite factor above 0")
+            raise UsageError(f"a clock cannot run {factor} times as fast as the wall's; give a finite factor above 0")
         self._factor = factor
         self._start_s = time.monotonic()
 
@@ -96,4 +96,4 @@ class ScaledClock:
 
 def _refuse_the_past(seconds: float) -> None:
     if not 0.0 <= seconds < float("inf"):
-        raise UsageError(f"cannot let {seconds} s of bench time pass: give a finite time, zero or more")
+        raise UsageError(f"cannot let {seconds} s of bench time pass; give a finite time, zero or more")

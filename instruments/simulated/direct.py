@@ -70,7 +70,7 @@ class DirectRateTable(_Direct):
     def disable(self) -> None:
         """Servo off; refused while the table moves."""
         if _moves(self._table.motion()):
-            raise InstrumentError("the rate table was to be disabled while it moves: stop it first")
+            raise InstrumentError("the rate table was to be disabled while it moves; stop it first")
         self._table.open_loop()
         self._enabled = False
 
@@ -83,14 +83,14 @@ class DirectRateTable(_Direct):
         """Turn to an angle, the short way round, and hold it."""
         self._refuse_disabled()
         if not math.isfinite(angle_deg):
-            raise UsageError(f"an angle of {angle_deg} deg: give a finite one")
+            raise UsageError(f"an angle of {angle_deg} deg; give a finite one")
         here_deg = self._table.motion().angle_deg
         self._table.demand_angle(here_deg + math.remainder(angle_deg - here_deg, 360.0))
 
     def oscillate(self, amplitude_dps: float, frequency_hz: float) -> None:
         """Oscillate about the present angle; the amplitude is reached within two periods where the limits allow it."""
         if not (amplitude_dps > 0.0 and frequency_hz > 0.0):
-            raise UsageError(f"an oscillation of {amplitude_dps} deg/s at {frequency_hz} Hz: give both above 0")
+            raise UsageError(f"an oscillation of {amplitude_dps} deg/s at {frequency_hz} Hz; give both above 0")
         rate_limit_dps, acceleration_limit_dps2 = self._table.limits()
         omega = 2.0 * math.pi * frequency_hz
         self._refuse_beyond(amplitude_dps, "a rate", rate_limit_dps, "deg/s")
@@ -119,7 +119,7 @@ class DirectRateTable(_Direct):
 
     def _refuse_disabled(self) -> None:
         if not self._enabled:
-            raise InstrumentError("the rate table was to move while it is disabled: enable it first")
+            raise InstrumentError("the rate table was to move while it is disabled; enable it first")
 
     def _refuse_beyond(self, value: float, what: str, limit: float, unit: str) -> None:
         self._refuse_disabled()
@@ -141,7 +141,7 @@ class DirectChamber(_Direct):
     def set_limits(self, low_c: float, high_c: float) -> None:
         """Set point limits."""
         if not low_c < high_c:
-            raise UsageError(f"set point limits of {low_c} to {high_c} °C: give the lower one first")
+            raise UsageError(f"set point limits of {low_c} to {high_c} °C; give the lower one first")
         self._low_c, self._high_c = low_c, high_c
 
     def start(self) -> None:
@@ -192,7 +192,7 @@ class DirectDigitizer(_Direct):
     def read_once(self) -> SingleScan:
         """One reading of each input now."""
         if self._stream is not None:
-            raise UsageError("a single reading was asked for while the stream runs: stop it first")
+            raise UsageError("a single reading was asked for while the stream runs; stop it first")
         counts, gyro_v, thermistor_v = self._inputs.sample(self._inputs.now(), SINGLE_READING_S, 1)
         return SingleScan(
             encoder_count=int(counts[0]),
@@ -203,9 +203,9 @@ class DirectDigitizer(_Direct):
     def start_stream(self, rate_hz: float) -> StreamStart:
         """Scan from now on."""
         if self._stream is not None:
-            raise UsageError("a stream was to start while another runs: stop it first")
+            raise UsageError("a stream was to start while another runs; stop it first")
         if not 0.0 < rate_hz < math.inf:
-            raise UsageError(f"a stream of {rate_hz} scans a second: give a finite rate above 0")
+            raise UsageError(f"a stream of {rate_hz} scans a second; give a finite rate above 0")
         now = self._inputs.now()
         self._inputs.hold_history(now)
         self._stream = StreamStart(rate_hz=rate_hz, start_s=now - self._opened_s)
@@ -215,7 +215,7 @@ class DirectDigitizer(_Direct):
     def read_stream(self, scans: int, timeout_s: float) -> ScanBlock:
         """All scans that are due, at least `scans`, and at least one."""
         if self._stream is None:
-            raise UsageError("scans were asked for while no stream runs: start one first")
+            raise UsageError("scans were asked for while no stream runs; start one first")
         scans = max(scans, 1)
         first_s, interval_s = self._opened_s + self._stream.start_s, 1.0 / self._stream.rate_hz
         enough_s = first_s + (self._scanned + scans - 1) * interval_s

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 
-from instruments.errors import UsageError
+from instruments.errors import UsageError, reason
 
 Where = tuple[str, int]
 """Host and port; port 0 takes a free one."""
@@ -22,8 +22,6 @@ def listen(where: Where) -> tuple[socket.socket, Where]:
     try:
         listener = socket.create_server(where, family=socket.AF_INET6 if ":" in host else socket.AF_INET)
     except OSError as err:
-        raise UsageError(
-            f"cannot listen at {address_of(where)}: {err.strerror or err}; choose another port, or 0"
-        ) from err
+        raise UsageError(f"cannot listen at {address_of(where)}: {reason(err)}; choose another port, or 0") from err
     listener.setblocking(False)
     return listener, (host, listener.getsockname()[1])

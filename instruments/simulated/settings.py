@@ -51,12 +51,12 @@ class WorldSettings:
             )
         if self.grid_hz < 4.0 * self.gyro.cutoff_hz:
             raise UsageError(
-                f"grid_hz is {self.grid_hz}: give at least four times the gyro's cutoff_hz, {self.gyro.cutoff_hz}"
+                f"grid_hz is {self.grid_hz}; give at least four times the gyro's cutoff_hz, {self.gyro.cutoff_hz}"
             )
         if not -90.0 <= self.latitude_deg <= 90.0:
-            raise UsageError(f"latitude_deg is {self.latitude_deg}: give -90 to 90")
+            raise UsageError(f"latitude_deg is {self.latitude_deg}; give -90 to 90")
         if self.seed < 0:
-            raise UsageError(f"seed is {self.seed}: give a whole number, 0 or more")
+            raise UsageError(f"seed is {self.seed}; give a whole number, 0 or more")
 
     @classmethod
     def from_mapping(cls, mapping: Mapping[str, Any], *, where: str = "simulated") -> WorldSettings:

@@ -128,7 +128,7 @@ class Terminals:
     def _refuse(self, first_s: float, interval_s: float, scans: int) -> None:
         if scans < 1 or not interval_s > 0.0:
             raise UsageError(
-                f"cannot sample {scans} scans every {interval_s} s: give one scan or more, and a time above 0"
+                f"cannot sample {scans} scans every {interval_s} s; give one scan or more, and a time above 0"
             )
         last_s, now = first_s + (scans - 1) * interval_s, self._timebase.now()
         if last_s > now + _EARLY_S:

@@ -5,6 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+# The physics load these when they first need them; that takes a second, which a client would wait in vain.
+import scipy.signal
+import scipy.special  # noqa: F401
+
 from instruments.interfaces import Position
 from instruments.physics.chain import GRID_STAGES, Effect
 from instruments.simulated.axis import TableAxis

@@ -74,9 +74,15 @@ def chamber_rows_of(recording: Recording) -> ChamberRows:
     factor = max(1, -(-series.time_s.size // _MOST_SAMPLES))
     grids = [_grid(series, run, channel, factor) for run in series.runs if run.stop - run.start > 2 * factor]
     if not grids:
-        raise UsageError(f"{recording.path}: no two readings of the chamber follow each other within ten intervals")
+        raise UsageError(
+            f"{recording.path}: no two readings of the chamber follow each other within ten intervals; "
+            "record it evenly, without gaps"
+        )
     if all(float(np.ptp(grid[1])) == 0.0 for grid in grids):
-        raise UsageError(f"{recording.path}: the air never changes: there is nothing to diagnose")
+        raise UsageError(
+            f"{recording.path}: the air never changes; record steps of its set point or power, or name "
+            "another column in the import's map"
+        )
     block = _block([grid[1] for grid in grids], series.columns[_AIR])
     grids = [grid for grid in grids if grid[0].size >= 2 * block]
     rows = sum(grid[0].size // block for grid in grids)
@@ -91,7 +97,9 @@ def chamber_rows_of(recording: Recording) -> ChamberRows:
     sizes = [grid[0].size // block * block for grid in grids]
     samples = [np.concatenate([grid[i][:size] for grid, size in zip(grids, sizes, strict=True)]) for i in (1, 2, 3)]
     if float(np.ptp(samples[1])) == 0.0 and channel == _SETPOINT:
-        raise UsageError(f"{recording.path}: the set point never changes: there is no answer of the air to diagnose")
+        raise UsageError(
+            f"{recording.path}: the set point never changes, and so the air has nothing to follow; record steps of it"
+        )
     return ChamberRows(
         infos_of_rows=cut(series.infos, step.astype(np.int64), time_s),
         kind="setpoint" if channel == _SETPOINT else "power",

@@ -154,7 +154,9 @@ def drive_problem(
         start = np.linalg.lstsq(columns, rows.torque_nm[rows.moving], rcond=None)[0]
     full_scale = float(np.abs(rows.torque_nm[rows.moving]).max())
     if full_scale == 0.0:
-        raise UsageError(f"{recording.path}: the torque is zero throughout: there is nothing to diagnose")
+        raise UsageError(
+            f"{recording.path}: the torque is 0 throughout; name its column in the import's map, or record it"
+        )
     return DriveProblem(
         rows=rows,
         effects={name: kind for name, kind in drive_effects().items() if name not in without},

@@ -79,7 +79,8 @@ def drive_rows_of(recording: Recording, torque_constant_nm_per_a: float | None =
     runs = [run for run in series.runs if run.stop - run.start >= shortest]
     if not runs:
         raise UsageError(
-            f"{recording.path}: no {shortest} samples in a row: too short to tell an acceleration from noise"
+            f"{recording.path}: no {shortest} samples in a row: too short to tell an acceleration from noise; "
+            "record longer, without gaps"
         )
     angles = [block_mean(_angle(series, run), factor) for run in runs]
     angles = [angle[: angle.size // BLOCK * BLOCK] for angle in angles]

@@ -183,7 +183,8 @@ def _thermistors(
     name = next((one for one in (THERMISTOR, AIR) if all(one in step.channels for step in steps)), "")
     if not name and temperature_c is None:
         raise UsageError(
-            f"{recording.path}: no step has the gyro's thermistor ({THERMISTOR}); it has {_channels_of(recording)}"
+            f"{recording.path}: no step has the gyro's thermistor ({THERMISTOR}); it has {_channels_of(recording)}; "
+            "an import names it in its map"
         )
     measured: dict[float, list[tuple[FloatArray, FloatArray]]] = {at: [] for at in origins_s}
 

@@ -27,7 +27,9 @@ def predict(recording: Recording, model: Mapping[str, Any]) -> tuple[Frame, Floa
     Raises `UsageError` where the model has no `simulation`, or the recording no scans that one could predict.
     """
     if not model.get("simulation"):
-        raise UsageError("this model has no [simulation]: it says nothing of what a recording's gyro should put out")
+        raise UsageError(
+            "this model has no [simulation]: it says nothing of what a recording's gyro should put out; add the table"
+        )
     simulation = {"k_T": (), "k_omega": (), **model["simulation"]}
     problem = gyro_problem(recording, model=simulation, whole_steps=True)
     effects = make_effects(model.get("effects", {}), problem.circumstances)

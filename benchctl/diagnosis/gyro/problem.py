@@ -35,20 +35,6 @@ IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 
 _TURN = 360.0
-_MOMENTARY = frozenset(
-    {
-        "adc_coarse",
-        "adc_nonlinearity",
-        "dead_zone",
-        "fringe_ambiguity",
-        "mount_resonance",
-        "rate_nonlinearity",
-        "rate_squared",
-        "saturation",
-        "scale_asymmetry",
-    }
-)
-"""What answers to the momentary rate or voltage, or rings above a band."""
 _FEWEST_STEPS = 12
 """Of fewer steps none can be held out; they are cut into pieces."""
 
@@ -161,9 +147,12 @@ class GyroProblem(Stepped):
         the rate only where the momentary one is known.
         """
         without = {*self.without, "adc_coarse"}
-        without |= _MOMENTARY if self.band is not None else set()
         return {
-            name: kind for name, kind in effects().items() if name not in without and not issubclass(kind, NoiseEffect)
+            name: kind
+            for name, kind in effects().items()
+            if name not in without
+            and not issubclass(kind, NoiseEffect)
+            and not (kind.momentary and self.band is not None)
         }
 
     @cached_property

@@ -12,7 +12,7 @@ from benchctl.bench import SIMULATED, Bench, Limits, load_bench
 from benchctl.campaign.check import problems
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.plan import Plan
-from benchctl.plan.find import find_procedure, procedure_names
+from benchctl.plan.find import installed_procedures
 from benchctl.plan.written import as_texts
 from benchctl.recordings.model import Meta
 from benchctl.toml_file import parse_toml
@@ -73,8 +73,7 @@ def called(given: Mapping[str, Any], plan: Plan) -> str:
 def candidates(bench: Bench) -> Iterator[tuple[Mapping[str, Any], Plan]]:
     """Plans that `benchctl check` finds nothing wrong with, each with the parameters that are not the defaults."""
     sets = dict(_sets(bench))
-    for name in procedure_names():
-        procedure = find_procedure(name)
+    for name, procedure in installed_procedures():
         for given in ({}, *sets.get(name, ())):
             try:
                 plan = procedure.expand(as_texts(given))

@@ -61,12 +61,16 @@ def rows_of(recording: Recording) -> Rows:
     """
     stated = recording.meta.simulation
     if stated is None:
-        raise UsageError(f"{recording.path}: its lab states no model, and a regression needs one to begin with")
+        raise UsageError(
+            f"{recording.path}: its lab states no model, and a regression needs one to begin with; say --no-generic"
+        )
     steps = [step for step in recording.steps() if all(name in step.channels for name in _NEEDED)]
     parts = [_averaged(step) for step in steps]
     at_rest = [part for step, part in zip(steps, parts, strict=True) if step.info.kind == "static"]
     if sum(part.shape[1] for part in parts) < _FEWEST_ROWS or not at_rest:
-        raise UsageError(f"{recording.path}: too few samples in motion, or none at rest, for a regression")
+        raise UsageError(
+            f"{recording.path}: too few samples in motion, or none at rest, for a regression; say --no-generic"
+        )
     place = np.repeat(np.arange(len(parts)), [part.shape[1] for part in parts])
     time_s, angle, rate, acceleration, jerk, celsius, output = np.concatenate(parts, axis=1)
     warmer = celsius - stated["T0_c"]

@@ -118,7 +118,7 @@ def short(value: float) -> str:
 def catalogue(language: str) -> Catalogue:
     """The words of one language; raises `UsageError` where the report is not written in it."""
     if language not in LANGUAGES:
-        raise UsageError(f"--lang {language}: the report is written in {' or '.join(LANGUAGES)}, name one of them")
+        raise UsageError(f"--lang {language}: the report is written in {' or '.join(LANGUAGES)}; name one of them")
     file = files("benchctl.reports.acceptance").joinpath(f"{language}.toml")
     return Catalogue(language, tomllib.loads(file.read_text(encoding="utf-8")))
 

@@ -55,27 +55,38 @@ def _case(suite: ET.Element, one: Judged, serial: str, words: Catalogue) -> None
     measured = one.measured
     case = ET.SubElement(suite, "testcase")
     _set(case, classname=serial, name=measured.name, time="0")
-    expanded = measured.uncertainty.expanded if measured.uncertainty else None
-    _properties(
-        case,
-        {
-            "value": "" if measured.value is None else repr(measured.value),
-            "uncertainty": "" if expanded is None else repr(expanded),
-            "limit_low": "" if one.limit is None or one.limit.low is None else repr(one.limit.low),
-            "limit_high": "" if one.limit is None or one.limit.high is None else repr(one.limit.high),
-            "unit": measured.unit,
-            "bound": measured.bound,
-        },
-    )
-    why = words.said(measured.refused) if measured.refused else ""
+    _properties(case, properties_of(one))
     if _is_skipped(one):
-        _set(ET.SubElement(case, "skipped"), message=why)
+        _set(ET.SubElement(case, "skipped"), message=_why(one, words))
     elif one.verdict in ("FAIL", "INCONCLUSIVE"):
         kind = "limit" if one.verdict == "FAIL" else "inconclusive"
-        message = why or f"{stated(measured, words)}, expected {limits(one.limit, words)}"
+        message = verdict_says(one, words)
         failure = ET.SubElement(case, "failure")
         _set(failure, type=kind, message=message)
         failure.text = _clean(" ".join([message, *([words.said(one.remedy)] if one.remedy else [])]))
+
+
+def properties_of(one: Judged) -> dict[str, str]:
+    """A test's figures, by name; what there is none of is empty."""
+    measured = one.measured
+    expanded = measured.uncertainty.expanded if measured.uncertainty else None
+    return {
+        "value": "" if measured.value is None else repr(measured.value),
+        "uncertainty": "" if expanded is None else repr(expanded),
+        "limit_low": "" if one.limit is None or one.limit.low is None else repr(one.limit.low),
+        "limit_high": "" if one.limit is None or one.limit.high is None else repr(one.limit.high),
+        "unit": measured.unit,
+        "bound": measured.bound,
+    }
+
+
+def verdict_says(one: Judged, words: Catalogue) -> str:
+    """Why there is no value of a test with a limit, or its value and what was expected."""
+    return _why(one, words) or f"{stated(one.measured, words)}, expected {limits(one.limit, words)}"
+
+
+def _why(one: Judged, words: Catalogue) -> str:
+    return words.said(one.measured.refused) if one.measured.refused else ""
 
 
 def _properties(parent: ET.Element, told: dict[str, str]) -> None:

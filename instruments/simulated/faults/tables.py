@@ -30,7 +30,7 @@ class FaultTable(BaseModel):
         every = 50
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)  # no "3" for 3, no true for 1
 
     places: ClassVar[tuple[Place, ...]] = ("rate_table", "chamber", "digitizer")
 
