@@ -47,7 +47,7 @@ def plan_again(meta: Meta, whose: str) -> Plan:
     if name not in installed:
         raise UsageError(
             f"--again {whose}: its procedure {shown(name)} is not installed, and the source that the recording keeps "
-            f"is not run; there are {listed(installed)}. Install it (entry points benchctl.procedures), or run its "
+            f"is not run; there are {listed(installed)}; install it (entry points benchctl.procedures), or run its "
             "file: benchctl run FILE.py --bench BENCH"
         )
     try:

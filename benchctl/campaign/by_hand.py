@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from benchctl.campaign.hands import Hands, Meanwhile
 from benchctl.campaign.soak import one_poll
-from benchctl.plan import Mount, PowerCycle
+from benchctl.plan import Ask, Mount, PowerCycle
 from benchctl.recordings.campaign_folder import StepWriter
 
 if TYPE_CHECKING:
@@ -34,14 +34,17 @@ def power_cycle(player: StepPlayer, step: PowerCycle, into: StepWriter) -> tuple
 
 def mount(player: StepPlayer, step: Mount, into: StepWriter) -> tuple[float, float]:
     """Have the unit mounted; from when to when, seconds since the start of the recording."""
-    _rest(player)
-    begun_s = player.now_s()
+    begun_s = _begin(player)
     _have_done(player, step.label, lambda hands, meanwhile: hands.mount(step.position, meanwhile))
     player.position = step.position
-    _rest(player)
-    while not _poll(player, into):
-        player.wait(player.opened.clock.chunk_s)
-    return begun_s, player.now_s()
+    return begun_s, _end(player, into)
+
+
+def ask(player: StepPlayer, step: Ask, into: StepWriter) -> tuple[float, float]:
+    """Have done what is asked; from when to when, seconds since the start of the recording."""
+    begun_s = _begin(player)
+    _have_done(player, step.says, lambda hands, meanwhile: hands.ask(step.says, meanwhile))
+    return begun_s, _end(player, into)
 
 
 def switch_on(player: StepPlayer) -> None:
@@ -52,6 +55,18 @@ def switch_on(player: StepPlayer) -> None:
 
 def _have_switched_on(player: StepPlayer) -> None:
     _have_done(player, "supply on", lambda hands, meanwhile: hands.power(True, meanwhile))
+
+
+def _begin(player: StepPlayer) -> float:
+    _rest(player)
+    return player.now_s()
+
+
+def _end(player: StepPlayer, into: StepWriter) -> float:
+    _rest(player)
+    while not _poll(player, into):
+        player.wait(player.opened.clock.chunk_s)
+    return player.now_s()
 
 
 def _rest(player: StepPlayer) -> None:

@@ -72,24 +72,30 @@ def _beyond(step: Step, bench: Bench, sinusoids: bool) -> Iterator[str]:
     limits = bench.limits
     if step.peak_acceleration_dps2 and not sinusoids:
         yield (
-            f"swings, and the bench's table, {bench.rate_table.model}, has no sinusoid: take a procedure of constant "
+            f"swings, and the bench's table, {bench.rate_table.model}, has no sinusoid; take a procedure of constant "
             "rates (rate_sweep, temperature_sweep) or one at rest (static)"
         )
     if step.peak_rate_dps > limits.rate_dps:
-        yield f"reaches {step.peak_rate_dps:g} deg/s, the bench's limit is {limits.rate_dps:g} deg/s"
+        yield f"reaches {step.peak_rate_dps:g} deg/s, the bench's limit is {limits.rate_dps:g} deg/s (limits.rate_dps)"
     if step.peak_acceleration_dps2 > limits.acceleration_dps2:
         yield (
             f"reaches {step.peak_acceleration_dps2:.0f} deg/s², "
-            f"the bench's limit is {limits.acceleration_dps2:g} deg/s²"
+            f"the bench's limit is {limits.acceleration_dps2:g} deg/s² (limits.acceleration_dps2)"
         )
     for celsius in _temperatures(step):
         if not limits.coldest_c <= celsius <= limits.hottest_c:
-            yield f"goes to {celsius:g} °C, the bench's limits are {limits.coldest_c:g} to {limits.hottest_c:g} °C"
+            yield (
+                f"goes to {celsius:g} °C, the bench's limits are {limits.coldest_c:g} to {limits.hottest_c:g} °C "
+                "(limits.coldest_c, limits.hottest_c)"
+            )
     rate_hz = bench.digitizer.sample_rate_hz
     if not isinstance(step, Polled) and round(step.streamed_s * rate_hz) == 0:
-        yield f"is too short for a single sample at {rate_hz:g} Hz"
+        yield f"is too short for a single sample at {rate_hz:g} Hz; make it longer"
     if isinstance(step, ThermalRamp) and step.ramp_c_per_min > limits.ramp_c_per_min:
-        yield f"ramps at {step.ramp_c_per_min:g} °C/min, the bench's limit is {limits.ramp_c_per_min:g} °C/min"
+        yield (
+            f"ramps at {step.ramp_c_per_min:g} °C/min, the bench's limit is {limits.ramp_c_per_min:g} °C/min "
+            "(limits.ramp_c_per_min)"
+        )
 
 
 def _temperatures(step: Step) -> tuple[float, ...]:

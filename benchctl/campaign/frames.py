@@ -183,7 +183,7 @@ class FrameRecorder:
         bad, junk = counts.bad_frames - self._counts.bad_frames, counts.junk_bytes - self._counts.junk_bytes
         self._counts = counts
         if bad or junk:
-            says = f"gyro: {bad} frames failed their check; {junk} bytes that made no good frame were left out"
+            says = f"gyro: {bad} frames did not pass their check; {junk} bytes that made no good frame were left out"
             self._supervisor.event("recovered", says=says)
 
     def _tell_faults(self, faults: tuple[str, ...]) -> None:

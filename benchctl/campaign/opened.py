@@ -196,20 +196,22 @@ def effects_of(bench: Bench, settings: WorldSettings) -> tuple[PhysicalEffect, .
 
 def drivers_at(bench: Bench, clock: Clock, addresses: Mapping[str, str]) -> dict[str, Any]:
     """The drivers of a bench, not yet opened, at these addresses or at their own; `UsageError` for wrong options."""
-    entry = bench.digitizer
-    fastest_counts_per_s = FASTEST * bench.limits.rate_dps / 360.0 * entry.encoder_counts_per_rev
-    digitizer: dict[str, Any] = {"range_v": entry.adc_range_v, "fastest_counts_per_s": fastest_counts_per_s}
-    stream = addresses.get("digitizer_stream", bench.digitizer.stream_address)
-    if stream is not None:
-        digitizer["stream_address"] = stream
-    found = {
-        "rate_table": _driver("rate_table", bench.rate_table, clock, addresses, {}),
-        "chamber": _driver("chamber", bench.chamber, clock, addresses, {}, bench.chamber_profile),
-        "digitizer": _driver("digitizer", bench.digitizer, clock, addresses, digitizer),
-    }
-    if bench.gyro is not None:
-        found["gyro"] = _driver("gyro", bench.gyro, clock, addresses, {})
-    return found
+    kinds: tuple[Kind, ...] = ("rate_table", "chamber", "digitizer", *(("gyro",) if bench.gyro else ()))
+    return {kind: driver_at(bench, kind, clock, addresses) for kind in kinds}
+
+
+def driver_at(bench: Bench, kind: Kind, clock: Clock, addresses: Mapping[str, str]) -> Any:
+    """One driver of a bench, not yet opened; as `drivers_at`."""
+    more: dict[str, Any] = {}
+    if kind == "digitizer":
+        entry = bench.digitizer
+        fastest_counts_per_s = FASTEST * bench.limits.rate_dps / 360.0 * entry.encoder_counts_per_rev
+        more = {"range_v": entry.adc_range_v, "fastest_counts_per_s": fastest_counts_per_s}
+        stream = addresses.get("digitizer_stream", entry.stream_address)
+        if stream is not None:
+            more["stream_address"] = stream
+    profile = bench.chamber_profile if kind == "chamber" else ""
+    return _driver(kind, getattr(bench, kind), clock, addresses, more, profile)
 
 
 def _driver(

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
-from benchctl.campaign.by_hand import mount, power_cycle
+from benchctl.campaign.by_hand import ask, mount, power_cycle
 from benchctl.campaign.frames import NoFrames, StepFrames, frames_of
 from benchctl.campaign.opened import OpenBench
 from benchctl.campaign.rest import wait_for_rest
@@ -14,17 +14,15 @@ from benchctl.campaign.safety import Supervisor, rest_s
 from benchctl.campaign.soak import SOAK_CHANNELS, SoakWatch, one_poll
 from benchctl.campaign.stop import StopRequest
 from benchctl.campaign.stream import STREAM_CHANNELS, StreamRecorder
-from benchctl.plan import ConstantRate, Mount, PowerCycle, Sine, Soak, Static, Step, ThermalRamp
+from benchctl.plan import Ask, ConstantRate, Mount, PowerCycle, Sine, Soak, Static, Step, ThermalRamp
 from benchctl.plan.steps import Polled
 from benchctl.recordings.campaign_folder import CampaignWriter, StepWriter
 from benchctl.recordings.model import FRAME_CHANNELS, StepInfo
+from benchctl.recordings.step_writer import CLOSING_S_PER_SCAN
 from instruments.errors import InstrumentError
 from instruments.interfaces import Position
 
 Notify = Callable[[str], None]
-
-CLOSING_S_PER_SCAN = 1e-5
-"""Wall time that a scan may take while its step's file is written once more: twenty times what was measured."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,6 +64,8 @@ class StepPlayer:
                 return self._record(index, step, SOAK_CHANNELS, lambda into: _span(power_cycle(self, step, into)))
             case Mount():
                 return self._record(index, step, SOAK_CHANNELS, lambda into: _span(mount(self, step, into)))
+            case Ask():
+                return self._record(index, step, SOAK_CHANNELS, lambda into: _span(ask(self, step, into)))
             case Static():
                 self.rest(step.settle_s)
             case ConstantRate():
@@ -223,7 +223,7 @@ class StepPlayer:
 
 
 def _name_of(step: Step, setpoint_c: float, mounting: str) -> str:
-    if isinstance(step, Mount):
+    if isinstance(step, Mount | Ask):
         return step.label
     temperature = "" if isinstance(step, Soak) else f" at {setpoint_c:+g}"
     return f"{step.label}{temperature}{mounting and f', {mounting}'}"

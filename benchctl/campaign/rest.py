@@ -44,7 +44,10 @@ def wait_for_rest(table: RateTable, clock: Clock, within_s: float, beat: Callabl
             if now_s - still_since_s >= STILL_S:
                 return rate_dps
         elif now_s > deadline_s:
-            raise SafetyError(f"rate_table: should have come to rest, but still turns at {rate_dps:+.3f} deg/s")
+            raise SafetyError(
+                f"rate_table: should have come to rest, but still turns at {rate_dps:+.3f} deg/s; "
+                "keep clear of it, and stop it at its controller"
+            )
         else:
             still_since_s = math.inf
         beat()

@@ -14,6 +14,7 @@ from benchctl.campaign.guard.keeper import Guard, NoGuard
 from benchctl.campaign.hands import refuse_without_hands
 from benchctl.campaign.hold import hold_if_asked
 from benchctl.campaign.opened import OpenBench
+from benchctl.campaign.plan_events import plan_events
 from benchctl.campaign.play import StepPlayer
 from benchctl.campaign.progress import Moment, Progress, nobody
 from benchctl.campaign.provenance import describe, software
@@ -121,6 +122,8 @@ class _Run:
             self._to_play = list(steps_to_play(plan, infos, self._start_c()))
             self.whole, self.samples = len(whole_steps(plan, infos)), sum(info.samples for info in infos)
             self.event("resume", elapsed_s=opened.elapsed_s, day=past.day, whole=self.whole, software=software())
+        for piece in plan_events(plan, opened.bench.limits, self._start_c()):
+            self.event("plan", **piece)
         for certificate in expiring(plan, opened.bench, past.first if past else 1):
             self.event("certificate", **as_event(certificate))
         self.recording = folder
@@ -186,7 +189,7 @@ class _Run:
             self._index = number
             hold_if_asked(self._player)
             self._step_began_s = self.opened.clock.now()
-            self.event("step", index=index, name=step.label)
+            self.event("step", index=index, number=number, name=step.label)
             info = self._player.play(index, step)
             self.writer.step_over(info)
             self.whole += index == number

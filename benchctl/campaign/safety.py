@@ -13,6 +13,9 @@ from benchctl.campaign.rest import rest_within_s, send_home, stop_table
 from instruments.errors import BenchError, LinkError, SafetyError
 from instruments.interfaces import ChamberReading, TableReading, TableState
 
+FIND_OUT = "find out why before the next run"
+"""What to do about a limit that was passed."""
+
 RATE_MARGIN = 1.05
 """A measured rate or acceleration may pass its limit by this factor: ripple and overshoot of the servo, not a fault."""
 
@@ -49,12 +52,13 @@ class Supervisor:
             return self.motion
         if abs(reading.rate_dps) > limits.rate_dps * RATE_MARGIN:
             raise SafetyError(
-                f"rate_table: {reading.rate_dps:+.2f} deg/s measured, the bench's limit is {limits.rate_dps:g} deg/s"
+                f"rate_table: {reading.rate_dps:+.2f} deg/s measured, the bench's limit is {limits.rate_dps:g} deg/s; "
+                f"{FIND_OUT}"
             )
         if abs(reading.acceleration_dps2) > limits.acceleration_dps2 * RATE_MARGIN:
             raise SafetyError(
                 f"rate_table: {reading.acceleration_dps2:+.0f} deg/s² measured, "
-                f"the bench's limit is {limits.acceleration_dps2:g} deg/s²"
+                f"the bench's limit is {limits.acceleration_dps2:g} deg/s²; {FIND_OUT}"
             )
         self.motion = reading
         self.see(
@@ -75,7 +79,7 @@ class Supervisor:
         if not limits.coldest_c - AIR_MARGIN_C <= reading.temperature_c <= limits.hottest_c + AIR_MARGIN_C:
             raise SafetyError(
                 f"chamber: air at {reading.temperature_c:.1f} °C, "
-                f"the bench's limits are {limits.coldest_c:g} to {limits.hottest_c:g} °C"
+                f"the bench's limits are {limits.coldest_c:g} to {limits.hottest_c:g} °C; {FIND_OUT}"
             )
         self.air = reading
         self.see(
@@ -99,7 +103,7 @@ class Supervisor:
         """Raise `SafetyError` where the table has faulted or its servo is off."""
         state = self.ask("rate_table", self.opened.table.state)
         if state in (TableState.FAULT, TableState.DISABLED):
-            raise SafetyError(f"rate_table: {state.value}: reset the interlock at the controller and look why")
+            raise SafetyError(f"rate_table: {state.value}; find out why, then reset the interlock at the controller")
 
     def ask(self, name: str, question: Callable[[], Answer]) -> Answer | None:
         """The answer, or None while an instrument is silent for a moment; after too long, a `SafetyError`."""
@@ -125,9 +129,7 @@ class Supervisor:
             self.event("interlock", says=change.says, on=change.on, value=change.value, action=change.interlock.action)
         for change in changes:
             if change.on and change.interlock.action == "stop":
-                raise SafetyError(
-                    f"interlock {change.says}: {change.value:.6g} was measured; find out why before the next run"
-                )
+                raise SafetyError(f"interlock {change.says}: {change.value:.6g} was measured; {FIND_OUT}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -181,5 +183,5 @@ def _guarded(problems: list[str], name: str, act: Callable[[], Answer]) -> Answe
             return act()  # one lost reply must not leave the bench in motion
     except Exception as err:
         # Whatever it is, the other instruments are brought to rest all the same.
-        problems.append(f"{name}: {err if isinstance(err, BenchError) else repr(err)}")
+        problems.append(f"{name}: {str(err).removeprefix(f'{name}: ') if isinstance(err, BenchError) else repr(err)}")
         return None

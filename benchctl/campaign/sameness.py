@@ -90,4 +90,6 @@ def _plain(value: Any) -> Any:
 def _refuse(what: str, found: list[str]) -> None:
     if found:
         more = f" (and {len(found) - _NAMED_AT_MOST} more)" if len(found) > _NAMED_AT_MOST else ""
-        raise UsageError(f"--resume: {what}: {'; '.join(found[:_NAMED_AT_MOST])}{more}")
+        raise UsageError(
+            f"--resume: {what}: {'; '.join(found[:_NAMED_AT_MOST])}{more}; give it back what it began with, or run anew"
+        )

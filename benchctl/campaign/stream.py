@@ -10,7 +10,7 @@ from benchctl.campaign.encoder_motion import EncoderMotion
 from benchctl.campaign.interlocks import Range
 from benchctl.campaign.lasting_stream import LastingStream
 from benchctl.campaign.opened import OpenBench
-from benchctl.campaign.safety import RATE_MARGIN, Supervisor
+from benchctl.campaign.safety import FIND_OUT, RATE_MARGIN, Supervisor
 from benchctl.recordings.campaign_folder import StepWriter
 from instruments.errors import SafetyError
 from instruments.interfaces import FloatArray, ScanBlock
@@ -126,7 +126,7 @@ class StreamRecorder:
         if beyond.size:
             raise SafetyError(
                 f"rate_table: {beyond[0]:+.0f} deg/s² measured by the encoder, "
-                f"the bench's limit is {limit_dps2:g} deg/s²"
+                f"the bench's limit is {limit_dps2:g} deg/s²; {FIND_OUT}"
             )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from benchctl.bench import Limits
-from benchctl.plan import ConstantRate, Mount, Plan, PowerCycle, Sine, Soak, Static, Step, ThermalRamp
+from benchctl.plan import Ask, ConstantRate, Mount, Plan, PowerCycle, Sine, Soak, Static, Step, ThermalRamp
 
 BYTES_PER_SCAN = 10
 """What one scan of four channels takes in a recording, compressed: 8 at the most where the gyro fills its converter."""
@@ -17,7 +17,7 @@ BYTES_PER_STEP = 40_000
 """What a step takes beside its scans: descriptions, digests, polls."""
 
 OPERATOR_S = 120.0
-"""Bench time that somebody is taken to need to mount a unit otherwise."""
+"""Bench time that somebody is taken to need to mount a unit otherwise, or for whatever else is asked."""
 
 
 def step_s(step: Step, from_c: float, limits: Limits) -> float:
@@ -32,7 +32,7 @@ def step_s(step: Step, from_c: float, limits: Limits) -> float:
             return step.streamed_s + spin_up_s + step.settle_s
         case PowerCycle():
             return step.off_s
-        case Mount():
+        case Mount() | Ask():
             return OPERATOR_S
 
 

@@ -18,7 +18,7 @@ from benchctl.campaign.guard.child import GuardChild
 from benchctl.campaign.guard.orders import DONE, Orders, Reached
 from benchctl.campaign.reserved import lock_folder, lock_name
 from benchctl.campaign.rest import rest_within_s
-from instruments.errors import BenchError, SafetyError
+from instruments.errors import BenchError, SafetyError, reason
 
 MOST_REPLACED = 3
 """Guards that may die in one run: what kills them will kill the next one too."""
@@ -92,7 +92,7 @@ class GuardProcess:
         child = self._child
         if child is None or not child.answers():
             why = self.lost or f"the guard process {child.gone() if child else ''}"
-            raise SafetyError(f"{why}; without a guard nothing is moved")
+            raise SafetyError(f"{why}; without a guard nothing is moved; run again")
         self._note(f"process {child.pid} guards the run")
 
     def beat(self, more_s: float = 0.0) -> None:
@@ -126,7 +126,7 @@ class GuardProcess:
         try:
             self._child = GuardChild(self._orders)
         except OSError as err:
-            self._lose(f"{why}, and no other one can be started: {err.strerror}")
+            self._lose(f"{why}, and no other one can be started: {reason(err)}")
             return
         self._note(f"process {child.pid} {why}; process {self._child.pid} takes its place")
         self._child.beat(self._hang_s, at_once=True)

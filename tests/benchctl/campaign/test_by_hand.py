@@ -50,6 +50,10 @@ class Slow:
         self._take(meanwhile)
         self._hands.mount(position, meanwhile)
 
+    def ask(self, says: str, meanwhile: Meanwhile) -> None:
+        self._take(meanwhile)
+        self._hands.ask(says, meanwhile)
+
     def _take(self, meanwhile: Meanwhile) -> None:
         for _ in range(8):
             meanwhile()
@@ -171,7 +175,7 @@ def test_a_wish_to_stop_ends_the_waiting_and_a_table_that_faults_meanwhile_ends_
         slow = Slow(opened.hands, opened.table.disable)
         outcome = run_campaign(plan_of(ACROSS, REST), replace(opened, hands=slow), tmp_path / "d")
     assert outcome.status == "aborted"
-    assert f"rate_table: {TableState.DISABLED.value}: reset the interlock" in str(outcome.error)
+    assert f"rate_table: {TableState.DISABLED.value}; find out why" in str(outcome.error)
 
 
 def test_an_interlock_on_the_gyro_does_not_heed_a_gyro_without_supply(tmp_path: Path) -> None:

@@ -104,7 +104,7 @@ def test_what_swings_is_named_on_a_table_without_a_sinusoid_and_what_turns_is_no
     )
     found = problems(plan, bench)
     assert [problem.step for problem in found] == [4, 5]
-    says = f"swings, and the bench's table, {model}, has no sinusoid: take a procedure of constant rates (rate_sweep,"
+    says = f"swings, and the bench's table, {model}, has no sinusoid; take a procedure of constant rates (rate_sweep,"
     assert all(says in problem.says for problem in found)
     assert problems(plan, BENCH) == []
 

@@ -113,7 +113,10 @@ def test_a_table_in_fault_that_goes_on_turning_is_not_said_to_be_at_rest(
     monkeypatch.setattr(type(opened.table), "state", lambda table: TableState.FAULT)
     monkeypatch.setattr(type(opened.table), "read", lambda table: turning)
     safe = bring_to_rest(opened)
-    assert safe.problems == ("rate_table: rate_table: should have come to rest, but still turns at +120.000 deg/s",)
+    assert safe.problems == (
+        "rate_table: should have come to rest, but still turns at +120.000 deg/s; keep clear of it, and stop it at its "
+        "controller",
+    )
 
 
 def test_one_lost_reply_does_not_leave_the_table_in_motion(

@@ -33,8 +33,9 @@ def test_where_nobody_is_a_plan_that_needs_somebody_is_refused_before_anything_m
         with pytest.raises(UsageError) as caught:
             run_campaign(PLAN, alone, tmp_path / "c")
         assert str(caught.value) == (
-            "procedure mine, step 3: power cycle: somebody has to do it by hand, and nobody can be asked: run it at a "
-            "terminal (stdin and stderr), or on a bench with simulated = true"
+            "procedure mine, step 3: power cycle: somebody has to do it by hand, and nobody can be asked; run it at a "
+            "terminal (stdin and stderr), with --answers FILE, or on a bench with simulated = true; benchctl check "
+            "lists the questions"
         )
         assert not (tmp_path / "c").exists()
         assert opened.table.state() is TableState.DISABLED
@@ -110,8 +111,8 @@ def test_the_question_names_the_unit_and_what_is_to_be_done(monkeypatch: pytest.
             act()
             typing.join()
     os.close(ours)
-    assert b"benchctl: switch the supply of unit VG-7 off; then press Enter." in seen[0]
-    assert b"the table is at rest. Mount unit VG-7 with its input axis across the table's axis" in seen[1]
+    assert b"benchctl: the table is at rest: switch the supply of unit VG-7 off; then press Enter." in seen[0]
+    assert b"the table is at rest: mount unit VG-7 with its input axis across the table's axis" in seen[1]
 
 
 @needs_a_pty

@@ -47,6 +47,14 @@ def test_who_has_asked_once_changes_nothing_by_asking_again_until_the_program_ha
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_IGN
 
 
+def test_a_caller_that_goes_on_hears_signals_again() -> None:
+    before = signal.getsignal(signal.SIGINT)
+    with stop_on_signals(deaf_after=False) as request:
+        os.kill(os.getpid(), signal.SIGINT)
+        assert request.reason == "Ctrl-C"
+    assert signal.getsignal(signal.SIGINT) is before
+
+
 def test_a_run_under_nohup_goes_on_when_its_terminal_goes() -> None:
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     with stop_on_signals() as request:

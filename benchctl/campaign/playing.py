@@ -1,0 +1,106 @@
+"""A whole campaign, from a plan and a bench's description to a sealed folder: what the verbs and the API both run."""
+
+from __future__ import annotations
+
+import datetime
+import re
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
+from pathlib import Path
+
+from benchctl.bench import Bench
+from benchctl.campaign.answers import AnsweringHands, Answers
+from benchctl.campaign.check import refuse_problems
+from benchctl.campaign.expiry import expiring
+from benchctl.campaign.guard.keeper import guarded
+from benchctl.campaign.opened import open_bench
+from benchctl.campaign.progress import Progress, nobody
+from benchctl.campaign.questions import Question, questions
+from benchctl.campaign.resume import Past, steps_to_play
+from benchctl.campaign.runner import Outcome, run_campaign
+from benchctl.campaign.stop import stop_on_signals
+from benchctl.campaign.stop_file import forget_stale_stop, forget_stop, heed_file
+from benchctl.plan import Plan
+from benchctl.recordings.campaign_manifest import write_manifest
+from benchctl.recordings.schema import JOURNAL, RECORDING
+from instruments.errors import UsageError
+
+_UNWATCHED: AbstractContextManager[Progress] = nullcontext(nobody)
+
+
+def play(
+    plan: Plan,
+    bench: Bench,
+    folder: Path,
+    *,
+    warn: Callable[[str], None],
+    progress: AbstractContextManager[Progress] = _UNWATCHED,
+    wires: bool = True,
+    past: Past | None = None,
+    answers: Answers | None = None,
+    deaf_after: bool = False,
+) -> Outcome:
+    """Run a plan on a bench, or go on with its `past`, heeding signals and the live page.
+
+    `warn` is told beforehand whose certificate does not hold so long, and where the folder's manifest, which is written
+    once all is closed, could not be. `progress` is entered once the bench is open. `answers` are taken in the place of
+    an operator's. `wires` is as of `open_bench`, `deaf_after` as of `stop_on_signals`.
+
+    Raises
+    ------
+    UsageError
+        Before anything moves, as `run_campaign` says.
+    BenchNotReadyError
+        Names every instrument that did not answer, and why.
+    """
+    refuse_problems(plan, bench, folder)
+    if answers is not None:
+        answers.refuse_unanswered(questions_asked(plan, bench, past))
+    for certificate in expiring(plan, bench, past.first if past else 1):
+        warn(certificate.says)
+    elapsed_s = past.elapsed_s if past else 0.0
+    if past is not None:
+        forget_stale_stop(folder)
+    with (
+        stop_on_signals(deaf_after=deaf_after) as stop,
+        guarded(bench, folder / JOURNAL) as guard,
+        open_bench(bench, wires=wires, elapsed_s=elapsed_s, purpose=f"campaign {folder.absolute()}") as opened,
+        progress as watched,
+    ):
+        heed_file(stop, folder)
+        if answers is not None:
+            then = opened.hands if bench.simulated else None
+            opened = replace(opened, hands=AnsweringHands(answers, bench.unit.serial, then))
+        outcome = run_campaign(plan, opened, folder, stop=stop, progress=watched, guard=guard, past=past)
+    forget_stop(folder)
+    seal(outcome, warn)
+    return outcome
+
+
+def questions_asked(plan: Plan, bench: Bench, past: Past | None = None) -> list[Question]:
+    """What an operator is asked, in the order in which it is, where a plan is run or gone on with."""
+    to_play = steps_to_play(plan, past.infos if past else (), bench.safe.chamber_c)
+    may_be_off = past is not None and past.may_be_off
+    return list(questions(((number, step) for _, number, step in to_play), bench.unit.serial, may_be_off=may_be_off))
+
+
+def new_folder(procedure: str, serial: str) -> Path:
+    """A folder in results/ that is not there yet, named by time, procedure and unit."""
+    stamp = datetime.datetime.now().strftime("%Y%m%d-%H%M%S")
+    name = re.sub(r"[^A-Za-z0-9._+-]+", "-", f"{stamp}_{procedure}_{serial}")
+    folder, count = Path("results") / name, 1
+    while folder.exists():
+        count += 1
+        folder = Path("results") / f"{name}_{count}"
+    return folder
+
+
+def seal(outcome: Outcome, warn: Callable[[str], None]) -> None:
+    """Write the manifest of a campaign that has its recording; a disk that refuses must not hide how the run ended."""
+    if outcome.recording.name != RECORDING:
+        return
+    try:
+        write_manifest(outcome.campaign)
+    except UsageError as err:
+        warn(f"the campaign has no manifest: {err}")
