@@ -1,0 +1,1 @@
+"""The live page: `data` reads campaigns, `web` serves what it finds, `page` shows it in a browser."""

@@ -1,0 +1,1 @@
+"""What the live page shows, read from campaigns that run and campaigns that are over; it knows nothing of HTTP."""

@@ -1,0 +1,171 @@
+"""The campaigns below a folder, under ids that say nothing of where they lie."""
+
+from __future__ import annotations
+
+import builtins
+import hashlib
+import json
+import os
+import threading
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import benchctl
+from benchctl.atomic import whole_file
+from benchctl.dashboard.data.documents import files_of
+from benchctl.dashboard.data.entries import brief_entry_of, entry_of
+from benchctl.dashboard.data.found import campaigns_below
+from benchctl.dashboard.data.imports import import_of
+from benchctl.dashboard.data.kinds import is_open_recording, recording_in
+from benchctl.dashboard.data.places import cache_folder
+from benchctl.documents import read_json
+from benchctl.limits import MOST_DESCRIPTION_BYTES
+from benchctl.recordings.import_open import DESCRIPTION
+from instruments.errors import UsageError
+
+_ID_DIGITS = 16
+_FRESH_S = 1.0
+"""For so long an answer is given again: a page asks every few seconds, and many pages ask."""
+_PATIENCE_S = 3.0
+"""For so long campaigns are read for one list."""
+_FORMAT = f"benchctl-catalogue/1 {benchctl.__version__}"
+
+Known = tuple[str, dict[str, Any]]
+"""What told the files of a campaign when it was read, and its entry."""
+
+
+class Catalogue:
+    """The campaigns anywhere below `root`; what was read of those that are over is kept in `cache`.
+
+    Of a folder with hundreds that were never read before, the first lists have some of which only the root was read:
+    their steps are counted the next times. Any thread may ask. Nothing is written below `root`.
+    """
+
+    def __init__(self, root: Path, cache: Path) -> None:
+        self._root = root
+        name = hashlib.sha256(os.fsencode(root.resolve())).hexdigest()[:32]
+        self._kept = cache / f"catalogue-{name}.json"
+        self._known: dict[str, Known] | None = None
+        self._places: dict[str, Path] = {}
+        self._listed: builtins.list[dict[str, Any]] = []
+        self._listed_s = -_FRESH_S
+        self._lock = threading.Lock()
+
+    def list(self) -> builtins.list[dict[str, Any]]:
+        """An entry for each campaign, newest first; one that cannot be read is there, too, and says why."""
+        with self._lock:
+            if time.monotonic() - self._listed_s >= _FRESH_S:
+                self._look()
+            return [dict(entry) for entry in self._listed]
+
+    def find(self, key: str) -> Path | None:
+        """Where the campaign of that id is; None of an id that stands for none below the folder now."""
+        with self._lock:
+            path = self._places.get(key)
+            if path is None and time.monotonic() - self._listed_s >= _FRESH_S:
+                self._look()
+                path = self._places.get(key)
+        return path if path is not None and self._is_inside(path) else None
+
+    def entry(self, key: str) -> dict[str, Any]:
+        """The entry of one campaign; `UsageError` where there is none of that id."""
+        path = self.find(key)
+        if path is None:
+            raise UsageError("there is no such campaign; it may have been moved or removed")
+        with self._lock:
+            return {"id": key, **self._entry(path)}
+
+    def _is_inside(self, path: Path) -> bool:
+        """Whether a path is still what it was when it was found: there, and no link to elsewhere."""
+        root = self._root.resolve()
+        return path.exists() and path.resolve().is_relative_to(root)
+
+    def _look(self) -> None:
+        before = dict(self._kept_entries())
+        places = {_id_of(path, self._root): path for path in campaigns_below(self._root)}
+        give_up_s = time.monotonic() + _PATIENCE_S
+        listed, all_read = [], True
+        for key, path in sorted(places.items(), key=lambda place: _changed_ns(place[1]), reverse=True):
+            entry = self._known_entry(path)
+            if entry is None and time.monotonic() < give_up_s:
+                entry = self._entry(path)
+            all_read &= entry is not None
+            listed.append({"id": key, **(entry or brief_entry_of(path))})
+        # two sorts: names ascend where campaigns began at one instant, or do not say when
+        listed.sort(key=lambda entry: str(entry["name"]))
+        listed.sort(key=lambda entry: str(entry["started_utc"]), reverse=True)
+        known = self._kept_entries()
+        for gone in known.keys() - {str(path) for path in places.values()}:
+            del known[gone]
+        self._places, self._listed = places, listed
+        if known != before:
+            self._keep(known)
+        self._listed_s = time.monotonic() if all_read else -_FRESH_S
+
+    def _known_entry(self, path: Path) -> dict[str, Any] | None:
+        """The entry of a campaign without its id, where it is known and nothing of it has changed."""
+        found = self._kept_entries().get(str(path))
+        return dict(found[1]) if found is not None and found[0] == _stamp_of(path) else None
+
+    def _entry(self, path: Path) -> dict[str, Any]:
+        """The entry of a campaign without its id."""
+        if (entry := self._known_entry(path)) is not None:
+            return entry
+        known, stamp = self._kept_entries(), _stamp_of(path)
+        entry = entry_of(path)
+        if stamp and entry["status"] != "unreadable":  # permissions change without a trace in size and time
+            known[str(path)] = stamp, entry
+        return dict(entry)
+
+    def _kept_entries(self) -> dict[str, Known]:
+        """What is known of campaigns that are over, by their paths; at first as the cache has it."""
+        if self._known is None:
+            self._known = {}
+            with suppress(UsageError, TypeError, ValueError):  # damaged: made anew
+                kept = read_json(self._kept, "catalogue") if self._kept.exists() else {}
+                if isinstance(kept, dict) and kept.get("format") == _FORMAT:
+                    self._known = {path: (str(stamp), dict(entry)) for path, (stamp, entry) in kept["entries"].items()}
+        return self._known
+
+    def _keep(self, known: Mapping[str, Known]) -> None:
+        text = json.dumps({"format": _FORMAT, "entries": known}, ensure_ascii=True)
+        if len(text) > MOST_DESCRIPTION_BYTES:
+            return  # it would not be read again
+        with suppress(UsageError, OSError):  # the list does not depend on it
+            self._kept.parent.mkdir(parents=True, exist_ok=True)
+            with whole_file(self._kept) as temporary:
+                temporary.write_text(text, encoding="ascii")
+
+
+def _id_of(path: Path, root: Path) -> str:
+    return hashlib.sha256(os.fsencode(path.relative_to(root).as_posix())).hexdigest()[:_ID_DIGITS]
+
+
+def _changed_ns(path: Path) -> int:
+    """When a campaign was last changed, about: what is new is read first."""
+    try:
+        return path.stat().st_mtime_ns
+    except OSError:
+        return 0
+
+
+def _stamp_of(path: Path) -> str:
+    """What tells the files of a campaign that is over, and what was stated of it; empty of one that may go on."""
+    if is_open_recording(path):
+        try:
+            files = [path / DESCRIPTION, import_of(path, cache_folder())]
+        except UsageError:
+            return ""
+    elif (file := recording_in(path)) is not None:
+        files = [file]
+    else:
+        return ""
+    told = []
+    for one in [*files, *files_of(path)]:
+        with suppress(OSError):
+            stat = one.stat()
+            told.append(f"{one.name} {stat.st_size} {stat.st_mtime_ns}")
+    return ", ".join(told)

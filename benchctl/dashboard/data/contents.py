@@ -1,0 +1,210 @@
+"""What a campaign holds: its files, the steps in them, the channels of the steps; each file is looked into once.
+
+A finished file never changes under its name without another size or time of change. So what was read of one is kept
+in memory, for whoever asks next: of a running campaign only the file that is being written is opened again.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from collections.abc import Mapping
+from contextlib import closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import h5py
+
+from benchctl.dashboard.data.imports import imported
+from benchctl.dashboard.data.kinds import is_open_recording, recording_in
+from benchctl.dashboard.data.places import cache_folder
+from benchctl.dashboard.data.stored import Stamp
+from benchctl.recordings.descriptions import read_info, read_meta
+from benchctl.recordings.hdf5_files import RecordingFile, open_ours
+from benchctl.recordings.hdf5_guard import attribute, child, child_group, is_channel, names_in
+from benchctl.recordings.model import Meta, StepInfo
+from benchctl.recordings.reader import Recording, StepsInMemory, campaign_files
+from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, PART_SUFFIX, STEPS, group_name
+from benchctl.reports.results import source_digest
+from instruments.errors import UsageError
+
+_MOST_FILES = 4096
+_ATTEMPTS = 5
+"""Looks at a folder whose files are renamed meanwhile: each time one step has become whole, at the least."""
+
+
+@dataclass(frozen=True, slots=True)
+class KnownFile:
+    """A file of ours as it was when `stamp` was its own; `growing` where it is being written, or was at a death.
+
+    `channels` has the names of the channels of each step, by its index. `meta` is None of a step's own file, and
+    without the journal of others.
+    """
+
+    path: Path
+    stamp: Stamp
+    growing: bool
+    meta: Meta | None
+    infos: tuple[StepInfo, ...]
+    channels: Mapping[int, tuple[str, ...]]
+    digest: str
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A step, and the file that holds it."""
+
+    info: StepInfo
+    file: KnownFile
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The names of its channels."""
+        return self.file.channels[self.info.index]
+
+
+@dataclass(frozen=True, slots=True)
+class Contents:
+    """A campaign: its pieces in the order of time, `finished` where they are all in one recording.
+
+    `notes` say what was left out, `digest` stands for a finished recording.
+    """
+
+    path: Path
+    meta: Meta
+    pieces: tuple[Piece, ...]
+    digest: str = ""
+    finished: bool = True
+    notes: tuple[str, ...] = ()
+
+    @property
+    def t_end_s(self) -> float:
+        """When the last step ends, in seconds since the start of the recording."""
+        return max((piece.info.t_end for piece in self.pieces), default=0.0)
+
+
+class _Known:
+    """What is known of files, those asked for last; any thread may ask."""
+
+    def __init__(self) -> None:
+        self._files: OrderedDict[Path, KnownFile] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def file(self, path: Path) -> KnownFile:
+        """What a file holds; `UsageError` where it cannot be read."""
+        stamp = _stamp_of(path)
+        with self._lock:
+            found = self._files.get(path)
+            if found is not None and found.stamp == stamp and not found.growing:
+                self._files.move_to_end(path)
+                return found
+        found = _read(path, stamp)
+        with self._lock:
+            self._files[path] = found
+            self._files.move_to_end(path)
+            while len(self._files) > _MOST_FILES:
+                self._files.popitem(last=False)
+        return found
+
+
+_known = _Known()
+known_file = _known.file
+
+
+def contents_of(path: Path) -> Contents:
+    """What a campaign holds now, running or over; of an open recording its import in the cache is read.
+
+    Raises
+    ------
+    UsageError
+        Where there is none, or one of its files cannot be read.
+    """
+    for attempt in range(1, _ATTEMPTS + 1):
+        try:
+            if (file := recording_in(path)) is not None:
+                return _of_recording(path, file)
+            if is_open_recording(path):
+                found = _of_recording(path, imported(path, cache_folder()))
+                sources = Recording(path, found.meta, (), StepsInMemory(()))
+                return replace(found, digest=source_digest(sources))
+            return _of_campaign(path)
+        except UsageError:
+            # a step that became whole, or a recording that was gathered, between two looks at the folder
+            if attempt == _ATTEMPTS or not path.is_dir():
+                raise
+    raise AssertionError("the last attempt returns or raises")
+
+
+def _of_recording(path: Path, file: Path) -> Contents:
+    known = known_file(file)
+    pieces = _in_order([Piece(info, known) for info in known.infos])
+    return Contents(path, _described(known), pieces, known.digest)
+
+
+def _of_campaign(folder: Path) -> Contents:
+    meta = _described(known_file(folder / CAMPAIGN))
+    pieces, notes = [], []
+    for file in campaign_files(folder):
+        try:
+            known = known_file(file)
+        except UsageError as err:
+            finished = file.with_name(f"{file.name.removesuffix(PART_SUFFIX)}{FINISHED_SUFFIX}")
+            if not file.name.endswith(PART_SUFFIX) or finished.exists() or not file.exists():
+                raise
+            notes.append(f"left out: its writing had only begun ({err})")
+            continue
+        pieces += [Piece(info, known) for info in known.infos]
+    return Contents(folder, meta, _in_order(pieces), finished=False, notes=tuple(notes))
+
+
+def _described(known: KnownFile) -> Meta:
+    if known.meta is None:
+        raise UsageError(f"{known.path}: is one step of a campaign; open the campaign's folder instead")
+    return known.meta
+
+
+def _in_order(pieces: list[Piece]) -> tuple[Piece, ...]:
+    return tuple(sorted(pieces, key=lambda piece: (piece.info.t_start, piece.info.index)))
+
+
+def _read(path: Path, stamp: Stamp) -> KnownFile:
+    if path.name.endswith(PART_SUFFIX):
+        with closing(RecordingFile(path)) as growing:
+            channels = {info.index: growing.channels(info.index) for info in growing.infos}
+            return KnownFile(path, stamp, True, None, growing.infos, channels, "")
+    with open_ours(path) as file:
+        try:
+            meta = None if path.parent.name == STEPS else _without_journal(read_meta(file))
+            infos, channels = _steps(child_group(file, STEPS))
+            return KnownFile(path, stamp, False, meta, infos, channels, str(attribute(file, "digest", "")))
+        except ValueError as err:
+            raise UsageError(f"{path}: its description is damaged ({err}); benchctl verify names what changed") from err
+
+
+def _steps(steps: h5py.Group) -> tuple[tuple[StepInfo, ...], dict[int, tuple[str, ...]]]:
+    """The steps in a file and the names of their channels; of steps with the same names only the first is looked at."""
+    infos, channels = [], {}
+    looked_at: dict[tuple[str, ...], tuple[str, ...]] = {}
+    for name in names_in(steps):
+        group = child_group(steps, name)
+        info = read_info(group)
+        if f"{STEPS}/{name}" != group_name(info.index):
+            raise ValueError(f"the group /{STEPS}/{name} says that its index is {info.index}")
+        names = tuple(names_in(group))
+        if names not in looked_at:
+            looked_at[names] = tuple(one for one in names if is_channel(child(group, one)))
+        infos.append(info)
+        channels[info.index] = looked_at[names]
+    return tuple(infos), channels
+
+
+def _without_journal(meta: Meta) -> Meta:
+    """Journals may be large, and are read from their files."""
+    return replace(meta, provenance={name: told for name, told in meta.provenance.items() if name != "journal"})
+
+
+def _stamp_of(path: Path) -> Stamp:
+    try:
+        return Stamp.of(path)
+    except OSError as err:
+        raise UsageError(f"{path}: cannot be read: {err.strerror or err}") from err

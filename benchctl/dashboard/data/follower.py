@@ -1,0 +1,180 @@
+"""Follows a campaign that runs: at each look what is new, and what that says of the run."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from benchctl.bench import Bench
+from benchctl.campaign.stop_file import is_asked
+from benchctl.dashboard.data.bench_limits import BenchLimit, bench_of, limits_of, measured
+from benchctl.dashboard.data.contents import contents_of, known_file
+from benchctl.dashboard.data.events import in_words
+from benchctl.dashboard.data.forecast import ends_utc, left_s, step_now
+from benchctl.dashboard.data.journal_tail import JournalTail
+from benchctl.dashboard.data.kinds import recording_in
+from benchctl.dashboard.data.readings import Readings
+from benchctl.dashboard.data.run_state import RunState
+from benchctl.dashboard.data.silence import patience_s
+from benchctl.dashboard.data.state import DIED, RUNNING, died_says, status_of
+from benchctl.dashboard.data.step_feed import StepFeed
+from benchctl.dashboard.data.trails import Trails
+from benchctl.dashboard.data.watch import Watch
+from benchctl.dashboard.data.words_of_run import doing
+from benchctl.locks import is_held
+from benchctl.recordings.schema import CAMPAIGN, JOURNAL, LOCK, STEPS
+from instruments.errors import UsageError
+
+__all__ = ["Follower", "Watch"]
+
+GONE = "unreadable"
+_LOCK_EVERY_S = 1.0
+_YOUNG_S = 5.0
+_FIRST_EVENTS = 20
+"""Events that the first look tells; who wants them all reads the journal (`events_after`)."""
+
+
+class Follower:
+    """Follows one campaign, whatever the number of its viewers; one thread at a time looks."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._journal = JournalTail(path)
+        self._state = RunState()
+        self._status = ""
+        self._samples = 0
+        self._lock_looked_s = -_LOCK_EVERY_S
+        self._arrived_s = time.monotonic() - _age_s(path)
+        self._bench: Bench | None = None
+        self._limits: list[BenchLimit] = []
+        self._begin()
+
+    def look(self, watches: Sequence[Watch] = ()) -> dict[str, Any]:
+        """The state now: the keys of the live page's message; `series` has an entry for each watch, in their order.
+
+        `events` are those since the look before; at the first look the last few. A campaign whose folder is gone has
+        the status `unreadable`, and `says` so. Never raises for what happens to a campaign meanwhile.
+        """
+        first = self._journal.lines == 0
+        lines = self._journal.new_lines()
+        self._state.take(event for _, event in lines if event is not None)
+        before, self._status = self._status, self._status_now()
+        if self._status == RUNNING:
+            if before not in (RUNNING, ""):
+                self._begin()  # it was gone on with: its files have been put in order since
+            self._know_bench()
+        elif before in (RUNNING, DIED) and self._status not in (RUNNING, DIED):
+            # gathered, perhaps with steps that no look has seen: what is drawn is taken from the recording
+            self._trails = Trails(self._path, StepFeed(self._path))
+        trouble = self._feed() if self._status in (RUNNING, DIED) else ""
+        if lines:
+            self._arrived_s = time.monotonic()
+        now_s = max(self._readings.now_s or 0.0, self._state.last.bench_s if self._state.last else 0.0)
+        return self._told(now_s, trouble) | {
+            "events": in_words(lines)[-_FIRST_EVENTS if first else 0 :],
+            "series": self._trails.watched(watches, now_s),
+        }
+
+    def close(self) -> None:
+        """Nothing stays open between two looks."""
+
+    def _begin(self) -> None:
+        self._readings = Readings()
+        self._steps = StepFeed(self._path)
+        self._trails = Trails(self._path, self._steps)
+
+    def _status_now(self) -> str:
+        """How the campaign stands; its lock is looked at once a second at the most."""
+        if not self._path.exists():
+            return GONE
+        if recording_in(self._path) is not None or not (self._path / STEPS).is_dir():
+            with suppress(UsageError, OSError):
+                contents = contents_of(self._path)
+                self._samples = sum(piece.info.samples for piece in contents.pieces)
+                return status_of(contents)
+            return self._status or GONE
+        if time.monotonic() - self._lock_looked_s < _LOCK_EVERY_S and self._status in (RUNNING, DIED):
+            return self._status
+        self._lock_looked_s = time.monotonic()
+        if is_held(self._path / LOCK) or self._is_being_made():
+            return RUNNING
+        # it may have been closed since the recording was looked for
+        return DIED if recording_in(self._path) is None else self._status or DIED
+
+    def _is_being_made(self) -> bool:
+        """Whether the folder is so young that its program may not have come to take the lock."""
+        with suppress(OSError):
+            young = time.time() - (self._path / STEPS).stat().st_mtime < _YOUNG_S
+            return young and not (self._path / CAMPAIGN).exists()
+        return False
+
+    def _know_bench(self) -> None:
+        if not self._limits:
+            with suppress(UsageError):
+                meta = known_file(self._path / CAMPAIGN).meta
+                self._bench = bench_of(meta) if meta is not None else None
+                self._limits = limits_of(self._bench)
+
+    def _feed(self) -> str:
+        """Take the new samples; why not, in words, where that cannot be done."""
+        try:
+            for news in self._steps.news():
+                for channel, time_s, values in self._readings.take(news):
+                    self._trails.add(channel, time_s, values)
+                if news.over:
+                    self._trails.step_over()
+                if news.channels or news.over:
+                    self._arrived_s = time.monotonic()
+        except UsageError as err:
+            return str(err)
+        return ""
+
+    def _told(self, now_s: float, trouble: str) -> dict[str, Any]:
+        state, readings, running = self._state, self._readings, self._status == RUNNING
+        values = readings.values
+        age_s = time.monotonic() - self._arrived_s
+        patience = patience_s(state, readings, self._bench)
+        stalled = running and patience is not None and age_s > patience
+        return {
+            "status": self._status,
+            "doing": doing(state, readings) if running else "",
+            "now_s": now_s,
+            "step": step_now(state),
+            "left_s": left_s(state, now_s) if running else None,
+            "ends_utc": ends_utc(state, now_s, time.time()) if running else None,
+            "samples": self._samples_so_far() if self._status in (RUNNING, DIED) else self._samples,
+            "values": {name: value for name, value in values.items() if name != "angle_deg"},
+            "noise_says": readings.noise_says,
+            "limits": [limit.held_against(measured(values, limit.quantity)) for limit in self._limits],
+            "data_age_s": age_s,
+            "stalled": stalled,
+            "died": self._status == DIED,
+            "says": self._says(stalled, age_s, trouble),
+            "stop_asked": running and is_asked(self._path),
+        }
+
+    def _samples_so_far(self) -> int:
+        """Those of the steps that the journal calls whole, and of the one that is being written."""
+        over, index = self._state.samples, self._readings.index
+        return over if index in self._state.samples_of else over + self._readings.streamed
+
+    def _says(self, stalled: bool, age_s: float, trouble: str) -> str:
+        if self._status == GONE:
+            return "the campaign's folder is gone, or cannot be read"
+        if self._status == DIED:
+            return died_says(self._path)
+        if stalled:
+            return f"nothing has come for {age_s:.0f} s{trouble and f' ({trouble})'}; look at the bench"
+        return f"on hold: {self._state.on_hold}" if self._state.on_hold and self._status == RUNNING else ""
+
+
+def _age_s(path: Path) -> float:
+    """How long ago a campaign's folder was last written to, by its files."""
+    latest_s = 0.0
+    with suppress(OSError):
+        for file in ((path / JOURNAL), *(path / STEPS).iterdir()):
+            latest_s = max(latest_s, file.stat().st_mtime)
+    return max(0.0, time.time() - latest_s) if latest_s else 0.0

@@ -1,0 +1,161 @@
+"""Makes overviews in the background, two at a time, and keeps those of large recordings in the cache."""
+
+from __future__ import annotations
+
+import itertools
+import queue
+import threading
+from collections import OrderedDict
+from pathlib import Path
+
+from benchctl.dashboard.data.blocks import BLOCK, blocks_of
+from benchctl.dashboard.data.cached import Cache
+from benchctl.dashboard.data.overview import Blocks, BlocksInMemory, Overview
+from benchctl.dashboard.data.stored import ChangedError
+from benchctl.dashboard.data.tracks import Track
+from instruments.errors import UsageError
+
+_THREADS = 2
+_KEPT_FROM = 1 << 19
+"""Samples from which an overview is worth a file; below it is made as quickly as read."""
+_MOST_MEMORY = 256 << 20
+_URGENT, _SOME_TIME, _NEVER = 1, 2, 3
+_LAST = 0, 0
+"""The turn of what ends a thread: before everything else."""
+
+
+class _StoppedError(Exception):
+    """The page is closed."""
+
+
+class Overviews:
+    """The overviews of tracks: those that are there, and those that are being made."""
+
+    def __init__(self, cache: Path) -> None:
+        self._cache = Cache(cache / "overviews")
+        self._known: OrderedDict[str, Overview] = OrderedDict()
+        self._asked: dict[str, int] = {}
+        self._busy: set[str] = set()
+        self._lock = threading.Lock()
+        self._stop = threading.Event()
+        self._number = itertools.count(1)
+        self._queue: queue.PriorityQueue[tuple[int, int, Track | None]] = queue.PriorityQueue()
+        self._threads: list[threading.Thread] = []
+
+    def of(self, track: Track) -> Overview | None:
+        """What there is by now of a track's overview; None where nothing is."""
+        with self._lock:
+            found = self._known.get(track.name)
+            if found is not None:
+                self._known.move_to_end(track.name)
+                return found
+        if track.growing or track.length < _KEPT_FROM or (kept := self._cache.find(track.name)) is None:
+            return None
+        found = Overview(kept)
+        found.reached(kept.rows, track.length, complete=True)
+        return self._keep(track.name, found)
+
+    def forget(self, track: Track) -> None:
+        """Let an overview go whose file in the cache has."""
+        with self._lock:
+            self._known.pop(track.name, None)
+
+    def want(self, track: Track, *, urgent: bool) -> None:
+        """Have an overview made, or one of a growing track made longer; an urgent one before those that are not."""
+        turn = _URGENT if urgent else _SOME_TIME
+        with self._lock:
+            if self._stop.is_set() or self._asked.get(track.name, _NEVER) <= turn:
+                return
+            self._asked[track.name] = turn
+            number = next(self._number)
+            self._queue.put((turn, -number if urgent else number, track))  # what was looked at last is wanted first
+            if len(self._threads) < _THREADS:
+                thread = threading.Thread(target=self._work, name="overview", daemon=True)
+                self._threads.append(thread)
+                thread.start()
+
+    def close(self) -> None:
+        """Stop; what is half-made is left, and made anew another time. Safe to call twice."""
+        self._stop.set()
+        for _ in self._threads:
+            self._queue.put((*_LAST, None))
+        for thread in self._threads:
+            thread.join()
+        self._threads.clear()
+
+    def _work(self) -> None:
+        while True:
+            _, _, track = self._queue.get()
+            if track is None or self._stop.is_set():
+                return
+            with self._lock:
+                self._asked.pop(track.name, None)
+                if track.name in self._busy:  # by the other thread
+                    continue
+                self._busy.add(track.name)
+            try:
+                self._make(track)
+            except (ChangedError, _StoppedError):
+                pass  # whoever looks next sees what is there now
+            except (UsageError, OSError) as err:
+                self._keep(track.name, Overview(BlocksInMemory(), failed=str(err)))
+            finally:
+                with self._lock:
+                    self._busy.discard(track.name)
+
+    def _make(self, track: Track) -> None:
+        found = self.of(track)
+        if found is not None and (found.complete or found.failed):
+            return
+        if track.growing:
+            self._extend(track, found)
+        elif found is None and track.length >= _KEPT_FROM:
+            try:
+                with self._cache.making(track.name) as writer:
+                    self._fill(track, writer, Overview(writer))
+            except OSError:  # the disk refuses: without a file, then
+                self._fill_in_memory(track)
+        elif found is None:
+            self._fill_in_memory(track)
+
+    def _fill_in_memory(self, track: Track) -> None:
+        blocks = BlocksInMemory()
+        self._fill(track, blocks, Overview(blocks))
+
+    def _fill(self, track: Track, blocks: Blocks, overview: Overview) -> None:
+        """Make an overview from its beginning to its end; it can be looked at meanwhile."""
+        self._keep(track.name, overview)
+        samples = 0
+        try:
+            for stretch in track.stretches:
+                for time_s, values in stretch.strides(0, stretch.length):
+                    if self._stop.is_set():
+                        raise _StoppedError
+                    blocks.append(blocks_of(time_s, values))
+                    samples += len(values)
+                    overview.reached(blocks.rows, samples)
+        except BaseException:
+            self.forget(track)
+            raise
+        overview.reached(blocks.rows, samples, complete=True)
+
+    def _extend(self, track: Track, found: Overview | None) -> None:
+        """Go on with the overview of a track that grows, as far as there are whole blocks."""
+        overview = found or self._keep(track.name, Overview(BlocksInMemory()))
+        for stretch in track.stretches:  # of a step that is being written there is one
+            for time_s, values in stretch.strides(overview.samples, stretch.settled // BLOCK * BLOCK):
+                if self._stop.is_set():
+                    raise _StoppedError
+                overview.blocks.append(blocks_of(time_s, values))
+                overview.reached(overview.blocks.rows, overview.samples + len(values))
+
+    def _keep(self, name: str, overview: Overview) -> Overview:
+        """Put an overview among those that are known, and let go of those that nobody asked for, if they are many."""
+        with self._lock:
+            self._known[name] = overview
+            self._known.move_to_end(name)
+            size = sum(one.nbytes for one in self._known.values())
+            while size > _MOST_MEMORY and len(self._known) > 1:
+                _, oldest = self._known.popitem(last=False)
+                size -= oldest.nbytes
+        return overview

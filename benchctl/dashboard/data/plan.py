@@ -1,0 +1,75 @@
+"""The plan of a campaign, as its journal has it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from benchctl.limits import MOST_JOURNAL_LINES, cut
+
+_LONGEST = 200
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedStep:
+    """A step of the plan: when it begins and ends in bench time, if nothing delays it; how long it streams."""
+
+    index: int
+    label: str
+    kind: str
+    t_start_s: float
+    t_end_s: float
+    streamed_s: float
+    setpoint_c: float | None
+
+    def as_json(self) -> dict[str, Any]:
+        """What the page is told of it."""
+        told = asdict(self)
+        del told["streamed_s"]
+        return told
+
+
+def plan_in(events: Iterable[Mapping[str, Any]]) -> tuple[PlannedStep, ...]:
+    """The last plan among some events, whole; empty where there is none, as in campaigns before plans were noted."""
+    whole: tuple[PlannedStep, ...] = ()
+    pieces: list[PlannedStep] = []
+    for event in events:
+        if event.get("kind") != "plan":
+            continue
+        steps = [step for told in _list(event.get("steps")) if (step := _step(told)) is not None]
+        if steps and steps[0].index == 1:
+            pieces = []
+        pieces += steps
+        if len(pieces) == event.get("of") and [step.index for step in pieces] == list(range(1, len(pieces) + 1)):
+            whole = tuple(pieces)
+        if len(pieces) > MOST_JOURNAL_LINES:
+            break
+    return whole
+
+
+def _list(told: object) -> list[Any]:
+    return told if isinstance(told, list) else []
+
+
+def _step(told: object) -> PlannedStep | None:
+    if not isinstance(told, dict):
+        return None
+    index, start_s, end_s = told.get("index"), _number(told.get("t_start_s")), _number(told.get("t_end_s"))
+    if not isinstance(index, int) or start_s is None or end_s is None:
+        return None
+    return PlannedStep(
+        index=index,
+        label=cut(str(told.get("label", "")), _LONGEST),
+        kind=cut(str(told.get("kind", "")), _LONGEST),
+        t_start_s=start_s,
+        t_end_s=end_s,
+        streamed_s=_number(told.get("streamed_s")) or 0.0,
+        setpoint_c=_number(told.get("setpoint_c")),
+    )
+
+
+def _number(value: object) -> float | None:
+    known = isinstance(value, int | float) and not isinstance(value, bool)
+    return float(value) if known and math.isfinite(value) else None  # type: ignore[arg-type]  # it is a number

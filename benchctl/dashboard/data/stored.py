@@ -1,0 +1,182 @@
+"""A channel in a closed file: any stretch of it, read past HDF5's library.
+
+h5py lets one thread at a time into the library, which also unpacks there; two threads would take turns, and every
+request would wait for them. So where the chunks lie is asked of HDF5 once, and from then on they are read from the file
+and unpacked here, by zlib and numpy, on as many cores as there are. Channels that are stored in another way than ours
+are still read by h5py.
+"""
+
+from __future__ import annotations
+
+import os
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import h5py
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.recordings.hdf5_guard import child, child_group, length_of, open_growing, plain_errors
+from benchctl.recordings.model import FloatArray
+from benchctl.recordings.schema import group_name
+from instruments.errors import UsageError
+
+_PLAIN = [h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_DEFLATE]
+_ITEM = 8
+
+
+class ChangedError(Exception):
+    """The file is not the one any more that was looked at: look again."""
+
+
+class Samples(Protocol):
+    """A row of numbers, any stretch of which can be read."""
+
+    @property
+    def length(self) -> int:
+        """How many there are."""
+
+    def read(self, first: int, end: int) -> FloatArray:
+        """Those from `first` until before `end`, shape (end - first,)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stamp:
+    """What tells a file from its successor of the same name."""
+
+    size: int
+    mtime_ns: int
+
+    @classmethod
+    def of(cls, path: Path) -> Stamp:
+        """The stamp of a file; raises OSError where it is gone."""
+        found = path.stat()
+        return cls(found.st_size, found.st_mtime_ns)
+
+
+def samples_of(path: Path, file: h5py.File, index: int, name: str, stamp: Stamp, *, growing: bool = False) -> Samples:
+    """A channel of a step, as far as it has been written; its file is open now, and need not stay so.
+
+    Raises `UsageError` where there is none, or it is damaged.
+    """
+    try:
+        dataset = child(child_group(file, group_name(index)), name)
+        length = length_of(dataset)
+        with plain_errors():
+            table = None if growing else _chunk_table(dataset, stamp)
+    except ValueError as err:
+        raise UsageError(f"{path}: step {index} cannot be read: channel {name}: {err}") from err
+    if table is None:
+        return _ByLibrary(path, index, name, length, None if growing else stamp)
+    return _Chunks(path, length, dataset.chunks[0], table, stamp)
+
+
+def _chunk_table(dataset: h5py.Dataset, stamp: Stamp) -> npt.NDArray[np.int64] | None:
+    """Place and size in the file of each chunk, shape (chunks, 2); None where they are not stored as ours are."""
+    storage = dataset.id.get_create_plist()
+    filters = [storage.get_filter(number)[0] for number in range(storage.get_nfilters())]
+    if dataset.chunks is None or filters != _PLAIN or dataset.dtype != np.dtype("<f8"):
+        return None
+    if not hasattr(dataset.id, "chunk_iter"):
+        return None
+    (chunk,) = dataset.chunks
+    table = np.full((-(-dataset.shape[0] // chunk), 2), -1, dtype=np.int64)
+    odd = False
+
+    def look(info: Any) -> None:
+        nonlocal odd
+        number, rest = divmod(info.chunk_offset[0], chunk)
+        odd |= bool(rest or info.filter_mask or info.byte_offset + info.size > stamp.size)
+        if number < len(table):
+            table[number] = info.byte_offset, info.size
+
+    dataset.id.chunk_iter(look)
+    return None if odd or (table < 0).any() else table
+
+
+class _Chunks:
+    """A channel in chunks that are shuffled and deflated, as ours are."""
+
+    def __init__(self, path: Path, length: int, chunk: int, table: npt.NDArray[np.int64], stamp: Stamp) -> None:
+        self._path, self._length, self._chunk, self._table, self._stamp = path, length, chunk, table, stamp
+
+    @property
+    def length(self) -> int:
+        return self._length
+
+    def read(self, first: int, end: int) -> FloatArray:
+        found = np.empty(end - first, dtype="<f8")
+        if end <= first:
+            return found
+        try:
+            descriptor = os.open(self._path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
+        except OSError as err:
+            raise ChangedError(self._path) from err
+        try:
+            now = os.fstat(descriptor)
+            if Stamp(now.st_size, now.st_mtime_ns) != self._stamp:
+                raise ChangedError(self._path)
+            for number in range(first // self._chunk, -(-end // self._chunk)):
+                begins = number * self._chunk
+                low, high = max(first, begins), min(end, begins + self._chunk)
+                shuffled = self._inflated(descriptor, number)[:, low - begins : high - begins]
+                bytes_of = found[low - first : high - first].view(np.uint8).reshape(-1, _ITEM)
+                for place in range(_ITEM):
+                    bytes_of[:, place] = shuffled[place]
+        finally:
+            os.close(descriptor)
+        return found
+
+    def _inflated(self, descriptor: int, number: int) -> npt.NDArray[np.uint8]:
+        """A chunk, shape (8, samples): shuffled, that is the first bytes of all samples, then their second ones, ..."""
+        place, size = (int(told) for told in self._table[number])
+        try:
+            plain = zlib.decompressobj().decompress(_read_at(descriptor, size, place), self._chunk * _ITEM)
+        except zlib.error as err:
+            raise self._damaged(number) from err
+        if len(plain) != self._chunk * _ITEM:
+            raise self._damaged(number)
+        return np.frombuffer(plain, dtype=np.uint8).reshape(_ITEM, -1)
+
+    def _damaged(self, number: int) -> UsageError:
+        return UsageError(
+            f"{self._path}: samples cannot be read: chunk {number} is damaged; benchctl verify {self._path} names all"
+        )
+
+
+def _read_at(descriptor: int, size: int, place: int) -> bytes:
+    if hasattr(os, "pread"):
+        return os.pread(descriptor, size, place)
+    os.lseek(descriptor, place, os.SEEK_SET)
+    return os.read(descriptor, size)
+
+
+class _ByLibrary:
+    """A channel that is stored in another way, or still grows (`stamp` is None): h5py reads it, opened each time."""
+
+    def __init__(self, path: Path, index: int, name: str, length: int, stamp: Stamp | None) -> None:
+        self._path, self._index, self._name, self._length, self._stamp = path, index, name, length, stamp
+
+    @property
+    def length(self) -> int:
+        return self._length
+
+    def read(self, first: int, end: int) -> FloatArray:
+        try:
+            opened = open_growing(self._path) if self._stamp is None else h5py.File(self._path, "r")
+        except (OSError, RuntimeError) as err:
+            raise ChangedError(self._path) from err
+        with opened as file:
+            if self._stamp is not None and Stamp.of(self._path) != self._stamp:
+                raise ChangedError(self._path)
+            try:
+                with plain_errors(), np.errstate(invalid="ignore"):
+                    dataset = child(child_group(file, group_name(self._index)), self._name)
+                    found = np.asarray(dataset[first:end], dtype=np.float64)
+            except ValueError as err:
+                raise UsageError(f"{self._path}: channel {self._name} cannot be read: {err}") from err
+        if len(found) < end - first:
+            raise ChangedError(self._path)
+        return found

@@ -1,0 +1,26 @@
+"""The history of the units in a folder, for the page: what `benchctl history --json` says."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import threading
+from pathlib import Path
+from typing import Any
+
+from benchctl.history.history import history_of
+from benchctl.reports.history_report import values
+
+_one_at_a_time = threading.Lock()
+
+
+def history_json(root: Path, cache: Path) -> dict[str, Any]:
+    """Units, their campaigns, figures and flags, and what is not counted; the index is kept in `cache`.
+
+    Nothing is written below `root`, and where the index lies is nobody's business (`index` is None). Raises
+    `UsageError` where there is no campaign below `root`.
+    """
+    name = hashlib.sha256(os.fsencode(root.resolve())).hexdigest()[:32]
+    with _one_at_a_time:
+        found = history_of(root, root.name, lambda says: None, kept_at=cache / f"history-{name}.sqlite")
+    return {**values(found, found.units), "index": None}

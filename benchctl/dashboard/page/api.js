@@ -1,0 +1,64 @@
+// Requests to the server: JSON both ways, the session's cookie by itself, its CSRF word on whatever changes something.
+
+import { connection, suspect } from "./connection.js";
+
+/** What the server refused: its one line and its status; status 0: no answer at all. */
+export class ApiError extends Error {
+  constructor(status, message) {
+    super(message);
+    this.status = status;
+  }
+}
+
+let csrf = "";
+
+/** The word that the session's changes are sent with. */
+export function useCsrf(word) {
+  csrf = word;
+}
+
+/** GET a resource; `query` values that are null are left out. */
+export function get(path, query = {}, signal = null) {
+  const present = Object.entries(query).filter(([, value]) => value !== null && value !== undefined);
+  const asked = new URLSearchParams(present).toString();
+  return request("GET", asked ? `${path}?${asked}` : path, { signal });
+}
+
+/** POST or DELETE; `token` instead of the session's cookie. */
+export function change(method, path, { body = null, token = null, signal = null } = {}) {
+  return request(method, path, { body, token, signal });
+}
+
+/** The path of a campaign's resource. */
+export function campaignPath(id, rest = "") {
+  return `/api/campaigns/${encodeURIComponent(id)}${rest}`;
+}
+
+async function request(method, path, { body = null, token = null, signal = null }) {
+  const headers = {};
+  if (token !== null) headers.Authorization = `Bearer ${token}`;
+  if (method !== "GET" && csrf) headers["X-CSRF"] = csrf;
+  if (body !== null) headers["Content-Type"] = "application/json";
+  const reply = await answered(path, {
+    method,
+    headers,
+    body: body && JSON.stringify(body),
+    cache: "no-store",
+    signal,
+  });
+  const said = await reply.json().catch(() => ({}));
+  if (reply.ok) return said;
+  if (reply.status === 401 && token === null && path !== "/api/session")
+    connection.dispatchEvent(new Event("stranger"));
+  throw new ApiError(reply.status, said.error || `the server answered ${reply.status}`);
+}
+
+async function answered(path, options) {
+  try {
+    return await fetch(path, options);
+  } catch (error) {
+    if (options.signal?.aborted) throw error;
+    suspect();
+    throw new ApiError(0, "the server does not answer");
+  }
+}

@@ -1,0 +1,102 @@
+// Who is looking: the session, begun by a token from the address or from the form, and its end.
+
+import { ApiError, change, get, useCsrf } from "./api.js";
+import { el, fill, say } from "./dom.js";
+
+/** The session's role: "operator" may stop a run, "viewer" only looks, "" is nobody. */
+export const session = { role: "" };
+
+/** Set while there is a session: who has none is asked for a token at once, not after a refusal. */
+const KNOWN = "benchctl-session";
+
+/** Whether the address is a token, as `benchctl serve` prints it, and not the address of a view. */
+export function isTokenInAddress() {
+  return location.hash.length > 1 && !location.hash.startsWith("#/");
+}
+
+/** The token in the address, which it is removed from at once; empty where there is none. */
+export function takeToken() {
+  if (!isTokenInAddress()) return "";
+  const token = location.hash.slice(1);
+  history.replaceState(null, "", `${location.pathname}#/`);
+  return token;
+}
+
+/** Begin a session with a token, or go on with the cookie's; an ApiError where neither is the server's. */
+export async function begin(token) {
+  if (token) await logIn(token);
+  else if (localStorage.getItem(KNOWN)) accept(await get("/api/session"));
+}
+
+async function logIn(token) {
+  accept(await change("POST", "/api/session", { token }));
+}
+
+/** End the session on the server and here. */
+export async function logOut() {
+  await change("DELETE", "/api/session");
+  forget();
+}
+
+/** The session is over. */
+export function forget() {
+  session.role = "";
+  localStorage.removeItem(KNOWN);
+  useCsrf("");
+}
+
+/** The form that takes a token; `says` is why it is asked for, `done` is called once there is a session. */
+export function loginForm(root, says, done) {
+  const input = el("input", {
+    id: "token",
+    type: "password",
+    autocomplete: "off",
+    spellcheck: "false",
+    required: true,
+  });
+  const wrong = el("p", { class: "wrong", role: "alert" });
+  const button = el("button", { type: "submit", class: "main" }, "Log in");
+  async function submit(event) {
+    event.preventDefault();
+    button.disabled = true;
+    try {
+      await logIn(input.value.trim());
+      done();
+    } catch (error) {
+      say(wrong, refusal(error));
+      input.select();
+    } finally {
+      button.disabled = false;
+    }
+  }
+  fill(
+    root,
+    el(
+      "form",
+      { class: "login", onsubmit: submit },
+      el("h1", {}, "Log in"),
+      says && el("p", { class: "wrong", role: "alert" }, says),
+      el("p", {}, "Paste the token that ", el("code", {}, "benchctl serve"), " printed when it started."),
+      el("label", { for: "token" }, "Token"),
+      input,
+      wrong,
+      button,
+    ),
+  );
+  input.focus();
+}
+
+/** Why nobody is logged in, in words; empty where nothing went wrong. */
+export function refusal(error) {
+  if (!(error instanceof ApiError)) throw error;
+  if (error.status === 401 || error.status === 403) {
+    return "This token is not the server's. It has a new one each time it starts: copy it from there.";
+  }
+  return error.status === 0 ? "The server does not answer. Is benchctl serve still running?" : error.message;
+}
+
+function accept({ role, csrf }) {
+  session.role = role;
+  localStorage.setItem(KNOWN, "1");
+  useCsrf(csrf);
+}

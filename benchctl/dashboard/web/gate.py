@@ -1,0 +1,102 @@
+"""What every request passes first: its address, its origin, its body; and what every answer carries."""
+
+from __future__ import annotations
+
+import asyncio
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from benchctl.dashboard.web.own_address import refuse_foreign
+from benchctl.dashboard.web.refusal import RefusalError, send_refusal
+
+MOST_HEADER_BYTES = 16 << 10
+MOST_BODY_BYTES = 16 << 10
+BODY_WITHIN_S = 10.0
+
+PAGE_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
+    "frame-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+REPORT_POLICY = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'self'"
+"""A stored report was made by this suite, but the folder may have come from anywhere: it must not run anything."""
+
+_HEADERS = {
+    "Content-Security-Policy": PAGE_POLICY,
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+}
+_CLOSE = {"connection": "close"}
+_HARMLESS = frozenset({"GET", "HEAD"})
+
+
+class Gate:
+    """Refuses what is not meant for us or is too large, and adds the headers that every answer carries."""
+
+    def __init__(self, app: ASGIApp, names: frozenset[str]) -> None:
+        self._app, self._names = app, names
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """See ASGI."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        harmless = scope["type"] == "http" and scope["method"] in _HARMLESS
+        send = _dressed(send, private=scope["path"].startswith("/api"))
+        try:
+            if sum(len(name) + len(value) for name, value in scope["headers"]) > MOST_HEADER_BYTES:
+                raise RefusalError(431, f"the headers are larger than {MOST_HEADER_BYTES} bytes", _CLOSE)
+            refuse_foreign(Headers(scope=scope), self._names, origin_matters=not harmless)
+            if scope["type"] == "http" and not harmless:
+                receive = _once(await _body(scope, receive), receive)
+        except RefusalError as refusal:
+            await send_refusal(scope, send, refusal)
+            return
+        await self._app(scope, receive, send)
+
+
+def _dressed(send: Send, *, private: bool) -> Send:
+    async def sending(message: Message) -> None:
+        if message["type"] in ("http.response.start", "websocket.http.response.start"):
+            headers = MutableHeaders(scope=message)
+            for name, value in _HEADERS.items():
+                headers.setdefault(name, value)
+            if private:
+                headers["Cache-Control"] = "no-store"
+        await send(message)
+
+    return sending
+
+
+async def _body(scope: Scope, receive: Receive) -> bytes:
+    """The whole body of a request; `RefusalError` where it is too large or does not come."""
+    too_large = RefusalError(413, f"the body is larger than {MOST_BODY_BYTES} bytes", _CLOSE)
+    said = Headers(scope=scope).get("content-length", "0")
+    if not said.isdigit() or int(said) > MOST_BODY_BYTES:
+        raise too_large
+    body = b""
+    try:
+        async with asyncio.timeout(BODY_WITHIN_S):
+            while True:
+                message = await receive()
+                if message["type"] == "http.disconnect":
+                    raise RefusalError(400, "the body ended before its end", _CLOSE)
+                body += bytes(message.get("body", b""))
+                if len(body) > MOST_BODY_BYTES:
+                    raise too_large
+                if not message.get("more_body", False):
+                    return body
+    except TimeoutError as err:
+        raise RefusalError(408, "the body did not come in time", _CLOSE) from err
+
+
+def _once(body: bytes, receive: Receive) -> Receive:
+    """What gives the body that was read, then whatever comes after it."""
+    pending: list[Message] = [{"type": "http.request", "body": body, "more_body": False}]
+
+    async def receiving() -> Message:
+        return pending.pop() if pending else await receive()
+
+    return receiving

@@ -1,0 +1,234 @@
+"""What the interface takes and gives, as its OpenAPI document says it; the page and other programs rely on it."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from benchctl.dashboard.web.tokens import Role
+
+Numbers = list[float | None]
+
+
+class Exact(BaseModel):
+    """An object with these keys and no others."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+class Error(Exact):
+    """Why a request was refused, in one line."""
+
+    error: str
+
+
+class SessionSaid(Exact):
+    """A session: what it may do, and the word that goes as `X-CSRF` with all that changes something."""
+
+    role: Role
+    csrf: str
+
+
+class Has(Exact):
+    """Which documents a campaign has."""
+
+    calibration: bool
+    diagnosis: bool
+    acceptance: bool
+
+
+class Campaign(Exact):
+    """A campaign in the list."""
+
+    id: str = Field(pattern="^[0-9a-f]{16}$")
+    name: str
+    procedure: str
+    unit: str
+    model: str
+    status: Literal["running", "died", "complete", "interrupted", "aborted", "imported", "simulated", "unreadable"]
+    started_utc: str | None
+    steps_planned: int | None
+    steps_whole: int
+    samples: int
+    duration_s: float
+    operator: str
+    bench: str
+    has: Has
+    says: str
+
+
+class Campaigns(Exact):
+    """All campaigns, newest first."""
+
+    campaigns: list[Campaign]
+
+
+class PlannedStep(Exact):
+    """A step of the plan, with the bench time that was planned for it."""
+
+    index: int
+    label: str
+    kind: str
+    t_start_s: float
+    t_end_s: float
+    setpoint_c: float | None
+
+
+class Step(Exact):
+    """A step that was recorded."""
+
+    index: int
+    name: str
+    kind: str
+    role: str
+    whole: bool
+    t_start_s: float
+    t_end_s: float
+    samples: int
+    gaps: int
+    rate_dps: float | None
+    amplitude_dps: float | None
+    frequency_hz: float | None
+    setpoint_c: float | None
+    mounting: str
+
+
+class Channel(Exact):
+    """A channel, its unit, what it is, and the time axis that it lies on."""
+
+    name: str
+    unit: str | None
+    says: str
+    axis: str
+
+
+class Limit(Exact):
+    """A limit of the bench."""
+
+    quantity: str
+    unit: str
+    low: float | None
+    high: float | None
+
+
+class CampaignDetails(Campaign):
+    """A campaign with its plan, steps and channels."""
+
+    plan: list[PlannedStep]
+    steps: list[Step]
+    channels: list[Channel]
+    t_end_s: float
+    limits: list[Limit]
+    provenance: dict[str, str]
+    notes: list[str]
+    digest: str
+
+
+class Series(Exact):
+    """A channel over time: every sample where `exact`, else the least and the most of all samples in each pixel."""
+
+    channel: str
+    unit: str | None
+    from_s: float
+    to_s: float
+    exact: bool
+    complete: bool
+    done: float = Field(ge=0.0, le=1.0)
+    t_s: list[float]
+    low: Numbers
+    high: Numbers
+    samples: int
+
+
+class Event(Exact):
+    """A line of the journal, in words."""
+
+    number: int
+    wall_time: str
+    kind: str
+    says: str
+    level: Literal["info", "warning", "bad"]
+
+
+class Events(Exact):
+    """Events, and the number after which to go on."""
+
+    events: list[Event]
+    next: int
+
+
+class Calibration(Exact):
+    """What a calibration found, in short; keys as in `coefficients.json`, those that it has."""
+
+    unit: str = ""
+    output_unit: str = ""
+    convention: str = ""
+    argument: str = ""
+    K0_v_per_dps: float | None = None
+    U0_v: float | None = None
+    T0_c: float | None = None
+    S_rad_per_dps: float | None = None
+    stages: list[Any] = []
+    valid: dict[str, Any] | None = None
+    uncertainty: dict[str, Any] | None = None
+    error_percent: dict[str, Any] | None = None
+    rms_percent: dict[str, Any] | None = None
+    joint: dict[str, Any] | None = None
+    free_motion: dict[str, Any] | None = None
+    misfit_percent_of_full_scale: float | None = None
+    warnings: list[str] = []
+    notes: list[str] = []
+
+
+class Diagnosis(Exact):
+    """What a diagnosis found, in short; keys as in `diagnosis.json`."""
+
+    verdict: str
+    says: Any = None
+    baseline: Any = None
+    findings: list[Any] = []
+    unexplained: Any = None
+    fit: Any = None
+    next_experiment: Any = None
+    not_found: Any = None
+    notes: list[str] = []
+    map: Any = None
+
+
+class Acceptance(Exact):
+    """What the tests of a gyro found, in short; keys as in `acceptance.json`."""
+
+    verdict: str
+    tests: list[Any] = []
+    unit_under_test: Any = None
+    started_utc: str | None = None
+    stage: Any = None
+    limits: Any = None
+    rule: Any = None
+    anomalies: Any = None
+
+
+class History(BaseModel):
+    """Units over time, as `benchctl history --json` has them."""
+
+    model_config = ConfigDict(extra="allow")
+    units: list[dict[str, Any]]
+
+
+class Explanation(BaseModel):
+    """Words for an effect, a metric or a term."""
+
+    model_config = ConfigDict(extra="allow")
+
+
+class StopOrder(Exact):
+    """The campaign's name, typed by whoever stops it."""
+
+    confirm: str = Field(max_length=500)
+
+
+class StopAsked(Exact):
+    """The run has been asked; it comes to rest by itself."""
+
+    asked: Literal[True]

@@ -1,0 +1,107 @@
+"""One process that serves the live page until it is told to stop."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import logging
+import os
+import socket
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import uvicorn
+from starlette.types import ASGIApp
+
+from benchctl.campaign.stop import StopRequest
+from benchctl.dashboard.web.connections import IDLE_S, STALLED_S, Connection, Socket, sweep
+from benchctl.dashboard.web.gate import MOST_HEADER_BYTES
+from benchctl.dashboard.web.live_routes import MOST_MESSAGE_BYTES
+from instruments.errors import UsageError
+
+_BACKLOG = 128
+_SEND_BUFFER_BYTES = 256 << 10
+"""What the system keeps for a reader that does not read: enough for a quick one, little for many slow ones."""
+_GOODBYE_S = 0.5
+"""How long the end of the server waits for who still takes an answer."""
+_PING_EVERY_S, _PONG_WITHIN_S = 5.0, STALLED_S - 5.0
+
+
+def listening(host: str, port: int) -> socket.socket:
+    """A socket that listens there; port 0 takes any free one. Raises `UsageError` where that cannot be."""
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        sock = socket.socket(family, kind, protocol)
+    except OSError as err:
+        raise UsageError(f"--host {host}: is no address of this machine: {err.strerror or err}") from err
+    try:
+        if sys.platform != "win32":  # there it would let two programs share the port
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
+        sock.bind(address)
+        sock.listen(_BACKLOG)
+    except OSError as err:
+        sock.close()
+        if err.errno == errno.EADDRINUSE:
+            raise UsageError(
+                f"--port {port}: is in use by another program on {host}; name another, or 0 for any that is free"
+            ) from err
+        raise UsageError(f"cannot listen at {host} port {port}: {err.strerror or err}; name another") from err
+    return sock
+
+
+def lower_priority() -> None:
+    """Let a run on the same machine come first, where the system knows priorities."""
+    if hasattr(os, "nice"):
+        os.nice(5)
+
+
+def serve_until(stop: StopRequest, app: ASGIApp, sock: socket.socket, ready: Callable[[], None]) -> None:
+    """Serve on a socket until a stop is asked for; `ready` is called as soon as requests are answered."""
+    logging.getLogger("uvicorn").addHandler(logging.StreamHandler())
+    config = uvicorn.Config(
+        app,
+        http=Connection,
+        ws=Socket,
+        lifespan="off",
+        log_config=None,
+        log_level="error",
+        access_log=False,
+        proxy_headers=False,
+        server_header=False,
+        backlog=_BACKLOG,
+        h11_max_incomplete_event_size=MOST_HEADER_BYTES,
+        timeout_keep_alive=int(IDLE_S),
+        timeout_graceful_shutdown=1,
+        ws_max_size=MOST_MESSAGE_BYTES,
+        ws_ping_interval=_PING_EVERY_S,
+        ws_ping_timeout=_PONG_WITHIN_S,
+        ws_per_message_deflate=False,  # a small message cannot become a large one
+    )
+    asyncio.run(_serve(_Server(config), stop, sock, ready))
+
+
+class _Server(uvicorn.Server):
+    """A server that leaves the signals to whoever runs it."""
+
+    @contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """Nothing: `StopRequest` has them."""
+        yield
+
+
+async def _serve(server: _Server, stop: StopRequest, sock: socket.socket, ready: Callable[[], None]) -> None:
+    serving = asyncio.create_task(server.serve([sock]))
+    sweeping = asyncio.create_task(sweep(server.server_state))
+    while not server.started and not serving.done():
+        await asyncio.sleep(0.01)
+    ready()
+    while not stop.reason and not serving.done():
+        await asyncio.sleep(0.1)
+    logging.getLogger("uvicorn.error").setLevel(logging.CRITICAL)  # that it cuts off who still reads is no news
+    server.should_exit = True
+    await asyncio.wait({serving}, timeout=_GOODBYE_S)
+    server.force_exit = True
+    await serving
+    sweeping.cancel()

@@ -1,0 +1,58 @@
+"""What one server has: its secrets, its campaigns, its threads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+from fastapi import Depends
+from starlette.requests import HTTPConnection
+
+from benchctl.dashboard.data.catalogue import Catalogue
+from benchctl.dashboard.data.series import SeriesReader
+from benchctl.dashboard.web.readers import Readers
+from benchctl.dashboard.web.refusal import RefusalError
+from benchctl.dashboard.web.rooms import Rooms
+from benchctl.dashboard.web.sessions import Sessions
+from benchctl.dashboard.web.tokens import Tokens
+
+Explain = Callable[[str], dict[str, Any]]
+"""Words for a term; `UsageError` where nothing is known of it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Site:
+    """The campaigns below `root`, for those who know the `tokens`; `cookie` is the name of a session's cookie.
+
+    Quick reads have threads of their own, so that no long one keeps them waiting.
+    """
+
+    root: Path
+    cache: Path
+    tokens: Tokens
+    cookie: str
+    explain: Explain
+    catalogue: Catalogue
+    series: SeriesReader
+    sessions: Sessions = field(default_factory=Sessions)
+    rooms: Rooms = field(default_factory=Rooms)
+    quick: Readers = field(default_factory=lambda: Readers("quick", threads=3, waiting=64))
+    heavy: Readers = field(default_factory=lambda: Readers("heavy", threads=2, waiting=32))
+
+    def path_of(self, key: str) -> Path:
+        """Where a campaign is; `RefusalError` 404 where there is none of that id. Reads the disk."""
+        path = self.catalogue.find(key)
+        if path is None:
+            raise RefusalError(404, f"there is no campaign {key}; ask for /api/campaigns again")
+        return path
+
+
+async def site_of(connection: HTTPConnection) -> Site:
+    """The site that a request was sent to."""
+    site: Site = connection.app.state.site
+    return site
+
+
+SiteOf = Annotated[Site, Depends(site_of)]

@@ -1,0 +1,32 @@
+import pytest
+
+from benchctl.dashboard.web.tokens import Tokens
+
+
+def test_one_token_stops_runs_the_other_only_looks() -> None:
+    tokens = Tokens()
+    assert tokens.role_of(tokens.token) == "operator"
+    assert tokens.role_of(tokens.view_token) == "viewer"
+
+
+def test_where_nobody_may_stop_a_run_both_tokens_only_look() -> None:
+    tokens = Tokens(read_only=True)
+    assert [tokens.role_of(text) for text in (tokens.token, tokens.view_token)] == ["viewer", "viewer"]
+
+
+@pytest.mark.parametrize("shown", ["", " ", "ω", "a" * 43, "\x00"])
+def test_anything_else_is_nobody(shown: str) -> None:
+    assert Tokens().role_of(shown) is None
+
+
+def test_a_part_of_a_token_is_nobody() -> None:
+    tokens = Tokens()
+    assert tokens.role_of(tokens.token[:-1]) is None
+    assert tokens.role_of(f"{tokens.token}x") is None
+
+
+def test_every_server_has_other_tokens_of_256_bits_and_never_shows_them_by_itself() -> None:
+    made = [Tokens() for _ in range(100)]
+    assert len({tokens.token for tokens in made} | {tokens.view_token for tokens in made}) == 200
+    assert all(len(tokens.token) == 43 for tokens in made)
+    assert made[0].token not in repr(made[0])
