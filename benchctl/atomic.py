@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from instruments.errors import UsageError
+from instruments.errors import UsageError, in_line
 
 _RESERVE = 32 << 20
 """Bytes that are always left on the disk: for HDF5's own records, the journal, and other programs."""
@@ -21,7 +21,7 @@ def disk_errors(path: Path) -> Iterator[None]:
         yield
     except OSError as err:
         # HDF5's own text spans lines and speaks of symbol tables.
-        reason = os.strerror(err.errno) if err.errno else " ".join(str(err).split())
+        reason = in_line(os.strerror(err.errno) if err.errno else str(err))
         raise UsageError(
             f"{path}: cannot be written: {reason}; check that its folder may be written to and has room"
         ) from err

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 from datetime import date
 from typing import Annotated, Protocol
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import Field, field_validator
+
+from benchctl.tables import Table
 
 Figure = Annotated[float, Field(ge=0)] | None
 """An expanded uncertainty as a certificate states it; None: it does not."""
 
 
-class Certificate(BaseModel):
+class Certificate(Table):
     """What a certificate states of any instrument: its number, and the coverage factor `k` of its figures."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     number: str = Field(default="", max_length=200)
     k: float = Field(default=2.0, gt=0)

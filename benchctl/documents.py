@@ -15,7 +15,7 @@ from benchctl.limits import (
     MOST_KEY_PARTS,
     read_whole,
 )
-from instruments.errors import UsageError
+from instruments.errors import UsageError, in_line
 
 _PART = r"""(?:[A-Za-z0-9_-]+|"[^"\n]*"|'[^'\n]*')"""
 _LONG_KEY = re.compile(rf"(?<![A-Za-z0-9_-]){_PART}(?:[ \t]*\.[ \t]*{_PART}){{{MOST_KEY_PARTS}}}")
@@ -47,7 +47,7 @@ def json_document(text: bytes | str, name: str) -> Any:
     except UnicodeDecodeError as err:
         raise UsageError(f"{name}: expected UTF-8 text, byte {err.start} is not") from err
     except json.JSONDecodeError as err:
-        raise UsageError(f"{name}, line {err.lineno}: not JSON: {err.msg}") from err
+        raise UsageError(f"{name}, line {err.lineno}: not JSON: {in_line(err.msg)}") from err
     except (RecursionError, ValueError) as err:  # ValueError: thousands of digits
         raise UsageError(f"{name}: {_too_much(err)}") from err
     _require_plain(found, name)
@@ -69,7 +69,7 @@ def toml_document(text: str, name: str) -> dict[str, Any]:
     try:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as err:
-        raise UsageError(f"{name}: not TOML: {err}") from err
+        raise UsageError(f"{name}: not TOML: {in_line(str(err))}") from err
     except (RecursionError, ValueError, OverflowError) as err:  # ValueError: thousands of digits
         raise UsageError(f"{name}: {_too_much(err)}") from err
     _require_plain(document, name)

@@ -18,7 +18,7 @@ import os
 import stat
 from pathlib import Path
 
-from instruments.errors import UsageError
+from instruments.errors import UsageError, reason
 
 MOST_DESCRIPTION_BYTES = 16 << 20
 """JSON and TOML: 50 000 steps at 300 bytes. In memory they are thirty times as large."""
@@ -100,7 +100,7 @@ def read_whole(path: Path, most_bytes: int, what: str) -> bytes:
         with path.open("rb") as file:
             content = file.read(most_bytes + 1)
     except OSError as err:
-        raise UsageError(f"{what}{path}: cannot be read: {err.strerror or err}") from err
+        raise UsageError(f"{what}{path}: cannot be read: {reason(err)}") from err
     except ValueError as err:  # a NUL in the name
         raise UsageError(f"{what}{str(path)!r}: cannot be read: {err}") from err
     if len(content) > most_bytes:
@@ -118,7 +118,7 @@ def require_file(path: Path, what: str = "") -> None:
     except (OSError, ValueError):  # who opens it says what is wrong
         return
     if not stat.S_ISREG(mode):
-        raise UsageError(f"{what}{path}: cannot be read: it is no file")
+        raise UsageError(f"{what}{path}: cannot be read: it is no file; name one")
 
 
 def shown(value: object) -> str:

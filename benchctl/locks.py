@@ -15,7 +15,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from benchctl.documents import read_json
-from instruments.errors import UsageError
+from instruments.errors import UsageError, reason
 
 _PATIENCE_S = 1.0
 """Whoever only looks whether a lock is held holds it for a moment."""
@@ -41,7 +41,7 @@ class Lock:
             ) from err
         except OSError as err:
             raise UsageError(
-                f"{self._what} cannot be locked by {self._path}: {err.strerror or err}; its folder must be writable "
+                f"{self._what} cannot be locked by {self._path}: {reason(err)}; its folder must be writable "
                 "and on a file system that has locks"
             ) from err
         note = {"pid": os.getpid(), "purpose": purpose, "since": datetime.now(UTC).isoformat(timespec="seconds")}

@@ -24,7 +24,7 @@ def numbers_of(
     Raises `UsageError` that names the field that is not known, missing, or no finite number.
     """
     if not isinstance(table, Mapping | None):
-        raise UsageError(f"[{name}] expected a table of numbers, got {shown(table)}")
+        raise UsageError(f"[{name}]: expected a table of numbers, got {shown(table)}")
     told = {field: value for field, value in (table or {}).items() if field != EFFECTS}
     for field, value in told.items():
         if field not in (*needed, *further):

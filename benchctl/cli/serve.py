@@ -27,6 +27,7 @@ def serve(
     Example: `benchctl serve`, `benchctl serve lab/results --port 8123 --read-only`
     """
     import json
+    import os
 
     from instruments.errors import UsageError
 
@@ -52,3 +53,6 @@ def serve(
         return explained(term)
 
     run_page(folder, host, port, read_only=read_only, explain=words, ready=ready, warn=warn)
+    # All is said and closed. A thread that is still in the middle of a recording holds HDF5's lock, for which the
+    # interpreter's own end would wait.
+    os._exit(0)

@@ -46,8 +46,8 @@ def test_a_digital_gyro_is_read_like_the_other_instruments(tmp_path: Path) -> No
     ("tables", "says"),
     [
         ('[gyro]\nserial = "1"', "gyro.model: this field is needed and is not there"),
-        ('[gyro]\nmodel = "kvh_dsp1760"\nsign = 2', "gyro.sign: input should be 1 or -1"),
-        ('[gyro]\nmodel = "kvh_dsp1760"\nframe_rate_hz = 0.0', "gyro.frame_rate_hz: input should be greater than 0"),
+        ('[gyro]\nmodel = "kvh_dsp1760"\nsign = 2', "gyro.sign: expected 1 or -1"),
+        ('[gyro]\nmodel = "kvh_dsp1760"\nframe_rate_hz = 0.0', "gyro.frame_rate_hz: expected a number above 0"),
         ('[gyro]\nmodel = "kvh_dsp1760"\naxis = "z"', "gyro.axis: there is no such field"),
         ('[[faults]]\non = "gyro"\nkind = "frame_lost"', "there is no \\[gyro\\]"),
         ('[gyro]\nmodel = "kvh_dsp1760"\n[[faults]]\non = "gyro"\nkind = "silence"', "not on gyro"),

@@ -58,12 +58,15 @@ def test_the_certificates_of_the_template_can_be_used_as_they_stand(tmp_path: Pa
 @pytest.mark.parametrize(
     ("tables", "says"),
     [
-        ("[rate_table.certificate]\ntilt_deg = -0.1", "rate_table.certificate.tilt_deg: input should be greater than"),
-        ("[rate_table.certificate]\nk = 0", "rate_table.certificate.k: input should be greater than 0, got 0"),
+        (
+            "[rate_table.certificate]\ntilt_deg = -0.1",
+            "rate_table.certificate.tilt_deg: expected a number of at least 0",
+        ),
+        ("[rate_table.certificate]\nk = 0", "rate_table.certificate.k: expected a number above 0, got 0"),
         ("[rate_table.certificate]\nair_c = 0.3", "rate_table.certificate.air_c: there is no such field"),
-        ("[chamber.certificate]\nair_c = nan", "chamber.certificate.air_c: input should be"),
+        ("[chamber.certificate]\nair_c = nan", "chamber.certificate.air_c: expected"),
         ("[digitizer.certificate]\ngain_ppm = '40'\nclock = 1", "digitizer.certificate.clock: there is no such field"),
-        ("[digitizer.certificate]\nnumber = 7", "digitizer.certificate.number: input should be a valid string, got 7"),
+        ("[digitizer.certificate]\nnumber = 7", "digitizer.certificate.number: expected text, got 7"),
         ('[digitizer.certificate]\nnumber = "a\\nb"', "digitizer.certificate.number: expected a number as it is"),
     ],
 )
@@ -78,7 +81,7 @@ def test_a_wrong_figure_is_named_with_its_file_and_line(tmp_path: Path, tables: 
 
 def test_the_uncertainty_of_the_latitude_cannot_be_negative(tmp_path: Path) -> None:
     text = template().replace("latitude_deg = 58.5 ", "latitude_uncertainty_deg = -1 ")
-    with pytest.raises(UsageError, match=r"line 42: site\.latitude_uncertainty_deg: input should be greater than or"):
+    with pytest.raises(UsageError, match=r"line 42: site\.latitude_uncertainty_deg: expected a number of at least"):
         load_bench(bench_with(tmp_path, "", text))
 
 

@@ -113,7 +113,7 @@ def test_a_wrong_file_is_one_line_that_names_it_the_table_and_the_field(tmp_path
 
 
 def test_a_file_that_cannot_be_read_or_written_says_so(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=r"^model .*none\.toml: cannot be read: No such file"):
+    with pytest.raises(UsageError, match=r"^model .*none\.toml: cannot be read: no such file"):
         read_model(tmp_path / "none.toml")
-    with pytest.raises(UsageError, match=r"model\.toml: cannot be written: No such file"):
+    with pytest.raises(UsageError, match=r"model\.toml: cannot be written: no such file"):
         write_model(tmp_path / "none" / "model.toml", MODEL)

@@ -199,13 +199,13 @@ def test_a_wrong_constant_fails_the_self_test(tmp_path: Path) -> None:
 
 
 def test_an_output_that_is_no_voltage_gets_no_header(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="an output in deg/s; a C header is for volts"):
+    with pytest.raises(UsageError, match="an output in deg/s, expected V for a C header"):
         export_c_header(read_compensation(written(tmp_path, output_unit="deg/s")), tmp_path / "g.h")
     assert not (tmp_path / "g.h").exists()
 
 
 def test_a_law_that_ends_inside_its_valid_range_is_refused(tmp_path: Path) -> None:
     path = written(tmp_path, valid={"rate_dps": [-400.0, 400.0], "temperature_c": [-40.0, 60.0]})
-    with pytest.raises(UsageError, match="the law has no output for -400 °/s at -40 °C"):
+    with pytest.raises(UsageError, match="the law has no output for -400 deg/s at -40 °C"):
         export_c_header(read_compensation(path), tmp_path / "g.h")
     assert not (tmp_path / "g.h").exists()

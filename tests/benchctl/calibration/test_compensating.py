@@ -56,9 +56,9 @@ def test_a_temperature_that_nobody_wrote_down_bounds_nothing(tmp_path: Path) -> 
     ("changes", "says"),
     [
         ({"schema": "other/1"}, "found 'other/1'"),
-        ({"K0_v_per_dps": "0.05"}, "K0_v_per_dps: input should be a valid number, got '0.05'"),
-        ({"K0_v_per_dps": 0.0, "joint": None}, "is 0: no rate can be told"),
-        ({"joint": joint_of("sine", PLAIN | {"S_rad_per_dps": 0.0})}, "is 0: no rate can be told"),
+        ({"K0_v_per_dps": "0.05"}, "K0_v_per_dps: expected a number, got '0.05'"),
+        ({"K0_v_per_dps": 0.0, "joint": None}, "is 0, which tells no rate"),
+        ({"joint": joint_of("sine", PLAIN | {"S_rad_per_dps": 0.0})}, "is 0, which tells no rate"),
         ({"joint": joint_of("sine", {"K0_v_per_dps": 1.0, "U0_v": 1.0})}, "law sine, has no S_rad_per_dps"),
         ({"joint": joint_of("guess", PLAIN)}, "joint.law"),
         ({"joint": joint_of("response", PLAIN | {"b3": 1.0})}, "has the terms b3, which are no polynomial's"),
@@ -74,7 +74,7 @@ def test_a_temperature_that_nobody_wrote_down_bounds_nothing(tmp_path: Path) -> 
         ({"valid": {"rate_dps": [1.0, -1.0], "temperature_c": [0.0, 1.0]}}, "expected the lower end first"),
         ({"valid": {"rate_dps": [-1.0], "temperature_c": [0.0, 1.0]}}, "valid.rate_dps"),
         ({"source": ["a"]}, "source[0]"),
-        ({"unit": 7}, "unit: input should be a valid string"),
+        ({"unit": 7}, "unit: expected text"),
     ],
 )
 def test_what_cannot_be_used_is_said_in_one_line_with_the_file(
@@ -92,7 +92,7 @@ def test_what_cannot_be_used_is_said_in_one_line_with_the_file(
 def test_what_is_no_number_is_no_coefficient(text: str, tmp_path: Path) -> None:
     path = tmp_path / "coefficients.json"
     path.write_text(json.dumps(made()).replace('"K0_v_per_dps": 0.0498', f'"K0_v_per_dps": {text}'))
-    with pytest.raises(UsageError, match="K0_v_per_dps: input should be a finite number"):
+    with pytest.raises(UsageError, match="K0_v_per_dps: expected a finite number"):
         read_compensation(path)
 
 

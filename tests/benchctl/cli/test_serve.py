@@ -6,12 +6,17 @@ import socket
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
+import httpx
 import pytest
 
+from benchctl.recordings.writer import write_recording
 from tests.benchctl.cli.processes import benchctl
 from tests.benchctl.dashboard.web.serving import serving
+from tests.benchctl.recordings.made import meta, step
 from tests.slowness import slowness
 
 needs_signals = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGTERM to send to another process")
@@ -87,3 +92,28 @@ def test_without_the_extra_it_says_how_to_install_it(tmp_path: Path) -> None:
     assert ended.stderr.strip() == (
         'benchctl: serve needs uvicorn, which is not installed; pip install "benchctl[dashboard]"'
     )
+
+
+@needs_signals
+@pytest.mark.slow
+def test_it_ends_as_quickly_in_the_middle_of_a_large_recording_with_websockets_open(tmp_path: Path) -> None:
+    write_recording(tmp_path / "large.h5", meta(), [step(1, rows=3_000_000)])
+    with serving(tmp_path, tmp_path / "cache") as served, ThreadPoolExecutor() as asking:
+        key = served.key_of("large")
+        wanted = {"from_s": 0, "to_s": 1e6, "pixels": 4000}
+
+        def ask(channel: str) -> None:
+            with served.client() as client, suppress(httpx.TransportError):  # it may be cut off
+                client.get(f"/api/campaigns/{key}/series", params={**wanted, "channel": channel})
+
+        with served.watch(key), served.watch(key):
+            asked = [asking.submit(ask, channel) for channel in ("gyro_v", "encoder_deg", "rate_dps", "gyro_temp_c")]
+            time.sleep(0.5)
+            asked_s = time.monotonic()
+            errors = served.stop()
+            took_s = time.monotonic() - asked_s
+        for one in asked:
+            one.result()
+    assert served.process.returncode == 0
+    assert took_s < 2.0 * slowness()
+    assert len(errors.splitlines()) == 1

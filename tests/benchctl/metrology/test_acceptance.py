@@ -290,7 +290,7 @@ def outputs(change: Callable[[np.ndarray], np.ndarray]) -> Change:
 
 @pytest.mark.parametrize("volts", [0.0, 5.1])
 def test_an_output_that_never_changes_is_no_gyros(volts: float) -> None:
-    with pytest.raises(UsageError, match="at every rate; is the unit connected, and on"):
+    with pytest.raises(UsageError, match="at every rate; check that the unit is connected and on"):
         results(PLAN, QUIET, change=outputs(lambda held: np.full_like(held, volts)))
 
 

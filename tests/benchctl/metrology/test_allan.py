@@ -47,7 +47,7 @@ def test_too_few_samples_are_refused() -> None:
 
 
 def test_samples_that_do_not_change_are_refused() -> None:
-    with pytest.raises(UsageError, match=r"all 500 samples are 2\.5: there is nothing to see"):
+    with pytest.raises(UsageError, match=r"all 500 samples are 2\.5; check that the unit was connected"):
         analysed(series(np.full(500, 2.5)))
 
 

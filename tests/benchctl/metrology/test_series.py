@@ -113,7 +113,7 @@ def test_a_unit_mounted_across_is_not_taken_unless_its_step_is_named() -> None:
 def test_a_stated_scale_factor_goes_before_the_recordings_own_and_for_volts_only() -> None:
     held = recording(step(1, "static", 3.0), simulation={"K0_v_per_dps": 0.05})
     assert series_of_step(held, None, None, 0.1).values == pytest.approx(held.step(1)["gyro_v"] / 0.1)
-    with pytest.raises(UsageError, match="'gyro_v' is in deg/s: a scale factor is for gyro_v in volts"):
+    with pytest.raises(UsageError, match="'gyro_v' is in deg/s, a scale factor is for gyro_v in V; leave"):
         series_of_step(recording(step(1, "static", 3.0), gyro_output_unit="deg/s"), None, None, 0.1)
 
 
@@ -126,7 +126,7 @@ def test_without_a_scale_factor_the_output_stays_in_its_unit() -> None:
 @pytest.mark.parametrize(
     ("channel", "name", "says"),
     [
-        ("gyro_mv", None, "step 'static 1': has no channel 'gyro_mv'; it has gyro_v"),
+        ("gyro_mv", None, "step 'static 1': has no channel 'gyro_mv'; did you mean gyro_v?"),
         (None, "9", "has no step '9'; `benchctl show` lists them"),
         ("time_s", None, "has no channel 'time_s'"),
     ],

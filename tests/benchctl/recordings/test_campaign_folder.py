@@ -209,7 +209,10 @@ def test_one_step_at_a_time_and_each_index_once(tmp_path: Path) -> None:
     [
         ({"time_s": np.arange(3.0)}, "expected all of"),
         ({**made.streamed(0.0, 3), "extra_v": np.ones(3)}, "expected all of"),
-        ({**made.streamed(0.0, 3), "gyro_v": np.ones(2)}, "gyro_v has 2 samples, its axis time_s has 3"),
+        (
+            {**made.streamed(0.0, 3), "gyro_v": np.ones(2)},
+            "gyro_v has 2 samples, expected as many as its axis time_s, 3",
+        ),
         ({"gyro_v": np.ones(2)}, "is not among the channels"),
     ],
 )

@@ -145,8 +145,8 @@ def _edited(**changes: object) -> Callable[[Path], None]:
     [
         (_edited(files={}), "manifest.json: its entries or its digest were changed; nothing can be held against it"),
         (_edited(note="all is well"), "manifest.json: its entries or its digest were changed"),
-        (_edited(files=["a"]), "manifest.json: its files are no table of tables: it was changed"),
-        (_edited(files={"a": 1}), "manifest.json: its files are no table of tables: it was changed"),
+        (_edited(files=["a"]), "manifest.json: its files are no table of tables: it was changed; take"),
+        (_edited(files={"a": 1}), "manifest.json: its files are no table of tables: it was changed; take"),
         (
             _edited(schema="benchctl-campaign-manifest/2"),
             "manifest.json: expected schema 'benchctl-campaign-manifest/1'",
@@ -230,4 +230,4 @@ def test_a_campaign_that_goes_on_has_no_manifest_until_it_is_closed_again(campai
 def test_a_file_that_cannot_be_read_is_told(campaign: Path) -> None:
     (campaign / "report.html").unlink()
     (campaign / "report.html").symlink_to("/proc/self/mem")
-    assert _found(campaign) == ["report.html: cannot be read: Input/output error"]
+    assert _found(campaign) == ["report.html: cannot be read: input/output error"]

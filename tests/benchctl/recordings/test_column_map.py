@@ -81,9 +81,9 @@ FAULTS = {
     ),
     "a sign of two": (
         MAP_EXAMPLE_CSV.replace("sign = -1", "sign = 2"),
-        "channels.encoder_deg.sign: input should be 1 or",
+        "channels.encoder_deg.sign: expected 1 or",
     ),
-    "an unknown kind": (MAP_EXAMPLE_CSV.replace('"sine" ', '"spin" '), "kind: input should be 'static'"),
+    "an unknown kind": (MAP_EXAMPLE_CSV.replace('"sine" ', '"spin" '), "kind: expected 'static'"),
     "a step with a misspelt field": (MAP_EXAMPLE_CSV.replace("t_end", "tend"), "tend: there is no such field"),
     "two marks that are one": (
         MAP_EXAMPLE_CSV.replace('delimiter = ";"', 'delimiter = ","'),
@@ -96,7 +96,7 @@ FAULTS = {
     "points and samples": (MAP_EXAMPLE_POINTS + "[time]\nrate_hz = 1\n", "[points] stands alone"),
     "an unknown policy": (
         MAP_EXAMPLE_MAT.replace('"repair"', '"guess"'),
-        "time.stamps: input should be 'refuse', 'repair'",
+        "time.stamps: expected 'refuse', 'repair'",
     ),
     "no TOML": ("[unit\n", "not TOML"),
 }

@@ -89,7 +89,9 @@ def test_a_step_without_a_digital_gyro_says_nothing_of_frames(tmp_path: Path) ->
 
 def test_frames_that_do_not_fit_together_are_refused(tmp_path: Path) -> None:
     short = {**streamed(0.0, 200), **frames(0.0, 500), "frame_status": np.zeros(499)}
-    with pytest.raises(UsageError, match="frame_status has 499 samples, its axis frame_time_s has 500"):
+    with pytest.raises(
+        UsageError, match="frame_status has 499 samples, expected as many as its axis frame_time_s, 500"
+    ):
         write_recording(tmp_path / "r.h5", meta(), [Step(info(1), short)])
     without = {name: samples for name, samples in step(1).channels.items() if name != "frame_time_s"}
     with pytest.raises(UsageError, match="lies on frame_time_s, which is not among the channels"):

@@ -31,7 +31,7 @@ def test_a_pipe_in_place_of_the_journal_is_told_and_the_campaign_recovers_withou
     (folder / JOURNAL).unlink()
     os.mkfifo(folder / JOURNAL)
     for use in (open_recording, recover):
-        with pytest.raises(UsageError, match=r"^journal .*journal\.jsonl: cannot be read: it is no file$"):
+        with pytest.raises(UsageError, match=r"^journal .*journal\.jsonl: cannot be read: it is no file; name one$"):
             use(folder)
     (folder / JOURNAL).unlink()
     assert recover(folder).status == "aborted"

@@ -42,7 +42,7 @@ def test_a_source_that_is_not_there_is_named(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_is_no_recording_is_named(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=r"holds no recording\.json"):
+    with pytest.raises(UsageError, match=r"expected a folder with recording\.json"):
         read_foreign(tmp_path)
 
 

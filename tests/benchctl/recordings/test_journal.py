@@ -134,12 +134,12 @@ def test_how_many_steps_were_planned_is_what_a_program_could_have_meant(
 def test_a_pipe_in_place_of_a_journal_is_refused_and_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "journal.jsonl")
     for use in (journal_text, mend_journal):
-        with pytest.raises(UsageError, match=r"^journal .*journal\.jsonl: cannot be read: it is no file$"):
+        with pytest.raises(UsageError, match=r"^journal .*journal\.jsonl: cannot be read: it is no file; name one$"):
             use(tmp_path / "journal.jsonl")
 
 
 def test_a_folder_in_place_of_a_journal_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=r"^journal .*: cannot be read: it is no file$"):
+    with pytest.raises(UsageError, match=r"^journal .*: cannot be read: it is no file; name one$"):
         journal_text(tmp_path)
 
 

@@ -118,7 +118,7 @@ def _odd_name() -> Step:
     ("bad", "says"),
     [
         (_no_axis(), "gyro_v lies on time_s, which is not among the channels"),
-        (_unequal(), "gyro_v has 4 samples, its axis time_s has 3"),
+        (_unequal(), "gyro_v has 4 samples, expected as many as its axis time_s, 3"),
         (_two_dimensional(), r"shape \(n,\), it is float64 of shape \(3, 1\)"),
         (_odd_name(), "'a/b' must be named with letters"),
         (made.step(1), "two steps have the index 1"),
@@ -145,5 +145,5 @@ def test_an_error_while_steps_are_made_leaves_the_older_file_as_it_was(tmp_path:
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=r"nowhere/a\.h5: cannot be written: No such file or directory"):
+    with pytest.raises(UsageError, match=r"nowhere/a\.h5: cannot be written: no such file or directory"):
         write_recording(tmp_path / "nowhere" / "a.h5", made.meta(), [])

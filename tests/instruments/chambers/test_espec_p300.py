@@ -98,9 +98,9 @@ def test_new_limits_arrive_with_a_set_point_within_them(
 @pytest.mark.parametrize(
     ("low_c", "high_c", "said"),
     [
-        (50.0, 20.0, "set point limits 50 to 20 °C: low must be below high"),
-        (19.96, 20.04, "limits 19.96 to 20.04 °C: low must be below high, by 0.1 °C at least"),
-        (math.nan, 20.0, "low must be below high"),
+        (50.0, 20.0, "set point limits 50 to 20 °C; give the lower one first"),
+        (19.96, 20.04, "limits 19.96 to 20.04 °C; give the lower one first, 0.1 °C apart at least"),
+        (math.nan, 20.0, "give the lower one first"),
         (-math.inf, 20.0, "give finite numbers"),
     ],
 )
@@ -188,7 +188,7 @@ def test_on_rs485_the_number_goes_before_every_line_and_another_one_is_silence(
 def test_a_number_where_none_is_needed_is_said_by_the_chamber(twin: SimulatedEspecP300) -> None:
     with pytest.raises(InstrumentError, match=r"number 3, at .*'TYPE\?' was refused with 'NA:ADDR ERR': the command"):
         EspecP300(twin.address, clock=InstantClock(), rs485_address=3).open()
-    with pytest.raises(UsageError, match="rs485_address = 0: give the chamber's number"):
+    with pytest.raises(UsageError, match="rs485_address = 0; give the chamber's number"):
         EspecP300(twin.address, clock=InstantClock(), rs485_address=0)
 
 

@@ -114,7 +114,7 @@ def test_new_limits_arrive_whatever_the_present_ones_are(chamber: WatlowF4, low_
 
 
 def test_limits_the_wrong_way_round_or_beyond_the_register_are_refused(chamber: WatlowF4) -> None:
-    with pytest.raises(UsageError, match="set point limits 50 to 20 °C: low must be below high"):
+    with pytest.raises(UsageError, match="set point limits 50 to 20 °C; give the lower one first"):
         chamber.set_limits(50.0, 20.0)
     with pytest.raises(UsageError, match="set point high limit cannot be set to 4000 °C"):
         chamber.set_limits(0.0, 4000.0)
@@ -140,7 +140,7 @@ def test_a_chamber_without_such_an_event_is_left_as_it_is(twin: SimulatedWatlowF
         chamber.start()
         chamber.stop()
     assert machine.switched == 0
-    with pytest.raises(UsageError, match="on_event = 9: a Watlow F4 has events 1 to 8"):
+    with pytest.raises(UsageError, match="on_event = 9: expected an event of a Watlow F4, 1 to 8"):
         driver_at(twin.address, on_event=9)
 
 
@@ -186,7 +186,7 @@ def test_a_broken_sensor_is_an_error_and_not_a_temperature(chamber: WatlowF4, tw
 
 def test_the_wrong_unit_number_is_silence_that_names_it(twin: SimulatedWatlowF4) -> None:
     with pytest.raises(
-        LinkError, match=r"Watlow F4 at .*, unit 2: reading register 606 failed, tried 2 times: no answer"
+        LinkError, match=r"Watlow F4 at .*, unit 2: reading register 606 came to nothing, tried 2 times: no answer"
     ):
         driver_at(twin.address, unit_id=2).open()
 

@@ -268,7 +268,7 @@ def test_a_rate_that_is_none_is_a_usage_error(t7: LabJackT7, rate_hz: float) -> 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"address": "serial:///dev/ttyUSB0"}, "reached over tcp"),
+        ({"address": "serial:///dev/ttyUSB0"}, "expected tcp://HOST:PORT"),
         ({"encoder_channel": 4}, r"encoder_channel 4.*\(0, 2, 6\)"),
         ({"range_v": 5.0}, r"range_v 5.0"),
     ],

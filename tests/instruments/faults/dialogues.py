@@ -110,7 +110,7 @@ def _watched(table: RateTable) -> TableState:
     """The state; one that ends a campaign is an error, as the campaign's supervisor makes it one."""
     state = table.state()
     if state in (TableState.FAULT, TableState.DISABLED):
-        raise SafetyError(f"rate_table: {state.value}: reset the interlock at the controller and look why")
+        raise SafetyError(f"rate_table: {state.value}; find out why, then reset the interlock at the controller")
     return state
 
 

@@ -75,7 +75,7 @@ def test_one_silent_unit_does_not_close_its_neighbours_line(line: SerialLine) ->
     for reader in readers:
         reader.start()
     for _ in range(3):
-        with pytest.raises(LinkError, match=r"unit 3: reading register 1 failed, tried 2 times: no answer"):
+        with pytest.raises(LinkError, match=r"unit 3: reading register 1 came to nothing, tried 2 times: no answer"):
             silent.read(1)
     silent.close()
     time.sleep(0.05)

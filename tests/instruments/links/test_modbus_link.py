@@ -84,7 +84,7 @@ def test_another_unit_on_the_line_is_silent_and_the_error_says_who_was_asked_wha
         link.read(100)
     link.close()
     assert str(silence.value) == (
-        f"chamber at {server.address}, unit 3: reading register 100 failed, tried 2 times:"
+        f"chamber at {server.address}, unit 3: reading register 100 came to nothing, tried 2 times:"
         " no answer within 0.05 s; check power, cable, speed and unit number"
     )
 
@@ -201,7 +201,9 @@ def test_a_server_that_has_gone_is_named_with_the_systems_reason(memory: Memory)
         link = link_to(server.address)
         link.open()
         address = server.address
-    with pytest.raises(LinkError, match=r"reading register 1 failed, tried 2 times: cannot connect: .*refused"):
+    with pytest.raises(
+        LinkError, match=r"reading register 1 came to nothing, tried 2 times: cannot connect: .*refused"
+    ):
         link.read(1)
     link.close()
     with pytest.raises(LinkError, match=f"chamber at {address}, unit 1: cannot connect: .*refused; check power"):
@@ -233,7 +235,7 @@ def test_a_link_that_is_not_open_says_so_and_closing_twice_is_harmless() -> None
     link = link_to("tcp://127.0.0.1:9")
     link.close()
     link.close()
-    with pytest.raises(UsageError, match=r"reading register 5 needs an open link, call open\(\) first"):
+    with pytest.raises(UsageError, match=r"reading register 5 needs an open link; call open\(\) first"):
         link.read(5)
 
 

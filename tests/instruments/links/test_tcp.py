@@ -147,7 +147,7 @@ def test_only_tcp_addresses_are_taken() -> None:
 
 @pytest.mark.parametrize("timeout_s", [0.0, -1.0, float("inf"), float("nan")])
 def test_a_time_for_which_nobody_can_wait_is_refused(server: TcpServer, timeout_s: float) -> None:
-    with pytest.raises(UsageError, match=f"{server.address}': a time-out of {timeout_s} s: give a finite one above 0"):
+    with pytest.raises(UsageError, match=f"{server.address}': a time-out of {timeout_s} s; give a finite one above 0"):
         TcpLink(server.address).open(timeout_s)
     with pytest.raises(UsageError, match=f"a time-out of {timeout_s} s"):
         ModbusLink(server.address, timeout_s=timeout_s)

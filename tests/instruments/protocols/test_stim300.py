@@ -118,7 +118,7 @@ def test_a_unit_that_the_sources_read_differently_is_refused_with_what_to_do() -
     )
     row = row_of(data, *answers.CONFIGURATION_FORMATS)
     row[5] = 0x78
-    with pytest.raises(InstrumentError, match=r"unit 8, expected 0 to 3: have it set to angular rate"):
+    with pytest.raises(InstrumentError, match=r"unit 8, expected 0 to 3; have it set to angular rate"):
         answers.decode_configuration(row)
 
 

@@ -154,7 +154,7 @@ def test_numbers_that_mean_nothing_never_reach_the_wire(enabled: Acutrol3000, ta
 
 def test_a_moving_table_is_not_disabled(enabled: Acutrol3000, table: InstantTable) -> None:
     enabled.go_to_rate(5.0)
-    with pytest.raises(UsageError, match=r"turns at 5.000 deg/s, stop it before"):
+    with pytest.raises(UsageError, match=r"turns at 5.000 deg/s; stop it before"):
         enabled.disable()
     assert enabled.state() is TableState.MOVING
     enabled.stop()

@@ -169,7 +169,7 @@ def test_a_disabled_table_does_not_move_and_can_be_stopped(driver: Esp301, table
     driver.stop()
     with pytest.raises(InstrumentError, match=r"sent '1MV\+', it reports 113 \(axis 1: motor not enabled\)"):
         driver.go_to_rate(1.0)
-    with pytest.raises(InstrumentError, match=r"its motor is off: enable the table first"):
+    with pytest.raises(InstrumentError, match=r"its motor is off; enable the table first"):
         driver.go_to_rate(0.0)
     assert table.demands == []
     assert driver.state() is TableState.DISABLED

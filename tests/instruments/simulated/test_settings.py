@@ -42,7 +42,7 @@ def test_a_response_may_stand_in_place_of_the_gyro() -> None:
         ({"seed": True}, r"^\[simulated\] seed: expected a whole number, got True"),
         ({"grid_hz": 500}, "at least four times the gyro's cutoff_hz"),
         ({"latitude_deg": 91}, "latitude_deg is 91"),
-        ({"seed": -1}, "seed is -1: give a whole number, 0 or more"),
+        ({"seed": -1}, "seed is -1; give a whole number, 0 or more"),
         ({"response": {"K0_v_per_dps": 1.0}}, r"^\[simulated\.response\] U0_v: this field is needed and is not there"),
         ({"response": {"k_T": 1.0}}, r"^\[simulated\.response\] k_T: expected a list of numbers, got 1\.0"),
         ({"response": {"k_T": [1e-4, "b"]}}, r"^\[simulated\.response\] k_T: expected a finite number, got 'b'"),

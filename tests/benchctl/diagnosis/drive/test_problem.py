@@ -135,7 +135,7 @@ def test_one_long_step_is_held_out_in_whole_pieces() -> None:
         ({"torque_nm": None}, "no step has the channels encoder_deg, torque_nm together"),
         ({"encoder_deg": None}, "no step has the channels encoder_deg, torque_nm together"),
         ({"encoder_deg": 0.0}, "the table turns for 0 s only"),
-        ({"torque_nm": 0.0}, "the torque is zero throughout"),
+        ({"torque_nm": 0.0}, "the torque is 0 throughout; name its column"),
     ],
 )
 def test_what_is_missing_for_a_drive_is_said(change: dict[str, float | None], says: str) -> None:
