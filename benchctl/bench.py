@@ -7,7 +7,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-from pydantic import Field, PrivateAttr, field_validator, model_validator
+from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
 from benchctl.certificates import Certificate, ChamberCertificate, DigitizerCertificate, RateTableCertificate
 from benchctl.limits import HIGHEST_RATE_HZ, MOST_COUNTS_PER_REV
@@ -92,17 +92,15 @@ class Interlock(Table):
     action: Literal["stop", "hold"] = "stop"
     give_up_s: float | None = Field(default=None, gt=0)
 
-    @model_validator(mode="before")
+    @field_validator("above", "below", "hysteresis", mode="before")
     @classmethod
-    def _in_the_unit_of_its_quantity(cls, told: Any) -> Any:
-        if not isinstance(told, dict):
+    def _in_the_unit_of_its_quantity(cls, told: Any, info: ValidationInfo) -> Any:
+        if not isinstance(told, str):
             return told
-        stated = unit_stated(str(told.get("quantity")))
+        stated = unit_stated(str(info.data.get("quantity")))
         limit, difference = _INTERLOCKED.get(stated, (stated, stated))
-        units = {"above": limit, "below": limit, "hysteresis": difference}
         try:
-            written = {name: told[name] for name in units if isinstance(told.get(name), str)}
-            return told | {name: quantity(text, units[name]) for name, text in written.items()}
+            return quantity(told, difference if info.field_name == "hysteresis" else limit)
         except UsageError as err:
             raise ValueError(str(err)) from err
 

@@ -36,7 +36,7 @@ def state_of(folder: Path) -> tuple[Meta, tuple[str, ...]]:
     status, reason = last_word(events_in(journal))
     note = (
         f"its recording is not closed ({reason or 'all steps are there'}): benchctl recover {folder} closes it, "
-        f"benchctl run --resume {folder} goes on with it"
+        f"benchctl run PROCEDURE --bench BENCH --resume {folder} goes on with it"
     )
     return replace(meta, status=status, provenance={**provenance, "reason": reason}), (note,)
 

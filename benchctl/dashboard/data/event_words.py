@@ -111,7 +111,7 @@ def _safe(event: Event) -> Told:
     if problems:
         listed = "; ".join(map(str, problems)) if isinstance(problems, list) else str(problems)
         return f"NOT KNOWN TO BE AT REST: {listed}", "bad"
-    place = f"table at {_number(event, 'rate_dps')} deg/s, chamber set to {_number(event, 'chamber_setpoint_c')} °C"
+    place = f"table at {_number(event, 'rate_dps', 3)} deg/s, chamber set to {_number(event, 'chamber_setpoint_c')} °C"
     return f"at rest, read back: {place}", "info"
 
 
@@ -171,7 +171,8 @@ def _count(event: Event, *keys: str) -> str:
     return "?"
 
 
-def _number(event: Event, key: str) -> str:
+def _number(event: Event, key: str, decimals: int = 6) -> str:
     value = event.get(key)
-    known = isinstance(value, int | float) and math.isfinite(value)
-    return f"{value:g}" if known else "?"
+    if not isinstance(value, int | float) or not math.isfinite(value):
+        return "?"
+    return f"{round(value, decimals) + 0.0:g}"

@@ -22,4 +22,5 @@ def status_of(contents: Contents) -> str:
 
 def died_says(path: Path) -> str:
     """What to do about a campaign that died."""
-    return f"its program died: benchctl recover {path} closes it, benchctl run --resume {path} goes on with it"
+    resume = f"benchctl run PROCEDURE --bench BENCH --resume {path}"
+    return f"its program died: benchctl recover {path} closes it, {resume} goes on with it"

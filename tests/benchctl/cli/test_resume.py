@@ -64,7 +64,7 @@ def test_a_campaign_whose_program_was_killed_is_said_to_be_aborted(crashed: Path
     shown = _run(crashed, "show", "c")
     assert shown.stdout.startswith("c: aborted, unit SIM-0001")
     assert "its program died" in shown.stdout
-    assert "benchctl run --resume c goes on with it" in shown.stdout
+    assert "--bench BENCH --resume c goes on with it" in shown.stdout
 
 
 def test_without_a_terminal_nothing_moves_unless_yes_is_said(crashed: Path) -> None:
