@@ -32,7 +32,7 @@ def test_every_beginning_is_a_fair_sample(trials: int) -> None:
 
 def test_classes_can_be_chosen_and_one_that_is_not_there_is_named() -> None:
     assert set(allotted(30, class_names(["pair", "faint"]))) == {"faint", "pair"}
-    with pytest.raises(UsageError, match="class 'pear': there is no such class of trials; did you mean pair?"):
+    with pytest.raises(UsageError, match=r"class 'pear': there is no such class of trials; did you mean pair\?"):
         class_names(["pear"])
-    with pytest.raises(UsageError, match="class 'xyz': there is no such class of trials; .*nothing, moved"):
+    with pytest.raises(UsageError, match=r"class 'xyz': there is no such class of trials; .*nothing, moved"):
         class_names(["xyz"])
