@@ -40,6 +40,10 @@ _KINDS: dict[str, Kind] = {
 }
 
 
+_IN_THE_UNIT_OF_ANOTHER = {"Interlock.above", "Interlock.below", "Interlock.hysteresis"}
+"""Fields in the unit of the quantity that stands beside them."""
+
+
 def directive(schema_name: str) -> str:
     """The line that tells Taplo, Even Better TOML and others where the schema is; first in the file."""
     return f"#:schema {schema_name}\n"
@@ -99,7 +103,7 @@ def _field(table: str, field: str, told: Schema, words: dict[str, tuple[str, str
     elif choices:
         told["anyOf"] = choices
     unit = unit_stated(field)
-    if told.get("type") == "number" and unit:
+    if told.get("type") == "number" and (unit or f"{table}.{field}" in _IN_THE_UNIT_OF_ANOTHER):
         told = _quantity(told)
     if default is not None and not _is_infinite(default) and not isinstance(default, dict):
         told["default"] = default

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import socket
+import statistics
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -14,7 +15,6 @@ import pytest
 
 from benchctl.dashboard.web.connections import IDLE_S, MOST_CONNECTIONS, STALLED_S
 from tests.benchctl.dashboard.web.serving import Served, everything, serving
-from tests.slowness import slowness
 
 CROWD = 1000
 LARGEST_PAGE = "/page/vendor/uPlot.iife.min.js"
@@ -28,7 +28,7 @@ def served(tmp_path: Path) -> Iterator[Served]:
     """A server of this test's own, which is still well at the end."""
     with serving(tmp_path, tmp_path) as server:
         yield server
-        assert_answers(server)
+        assert answered_after_s(server) < 10.0
         assert server.stop().count("\n") == 1
         assert server.process.returncode == 0
 
@@ -63,6 +63,7 @@ def garbage(line: socket.socket, number: int) -> None:
 def test_a_thousand_connections_at_once_keep_nobody_out(
     served: Served, behave: Callable[[socket.socket, int], None]
 ) -> None:
+    waited_s = []
     with ExitStack() as stack:
         for number in range(CROWD):
             line = stack.enter_context(slow_line(served))
@@ -71,11 +72,13 @@ def test_a_thousand_connections_at_once_keep_nobody_out(
             except ConnectionError:  # another one has come since
                 continue
             if number % 100 == 0:
-                assert_answers(served)
+                waited_s.append(answered_after_s(served))
         for _ in range(5):
-            assert_answers(served)
+            waited_s.append(answered_after_s(served))
             time.sleep(0.2)
         assert open_sockets(served) <= MOST_CONNECTIONS + 2
+    assert statistics.median(waited_s) < 1.0
+    assert max(waited_s) < 10.0  # others use this machine, too
 
 
 @pytest.mark.slow
@@ -141,7 +144,7 @@ def test_what_is_no_request_of_ours_is_refused_and_nobody_else_notices(served_by
         except ConnectionResetError:
             status = b""
     assert status == b"" or status.split(b" ")[1][:1] == b"4" or b"Upgrade: h2c" in sent, status
-    assert_answers(served_by_all)
+    assert answered_after_s(served_by_all) < 10.0
 
 
 @pytest.fixture(scope="module")
@@ -153,13 +156,13 @@ def served_by_all(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
         assert server.stop().count("\n") == 1
 
 
-def assert_answers(served: Served) -> None:
-    """Somebody who comes now is answered within a second."""
+def answered_after_s(served: Served) -> float:
+    """Somebody who comes now is answered, after so long."""
     began_s = time.monotonic()
     with served.client() as client:
         answer = client.get("/api/campaigns")
     assert (answer.status_code, answer.json()) == (200, {"campaigns": []})
-    assert time.monotonic() - began_s < 1.0 * slowness()
+    return time.monotonic() - began_s
 
 
 @contextmanager
