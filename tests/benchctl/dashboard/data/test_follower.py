@@ -278,7 +278,7 @@ def test_a_process_that_is_killed_has_died_and_can_be_recovered(tmp_path: Path) 
         process.wait()
         killed_s = time.monotonic()
         while not follower.look([WATCH])["died"]:
-            assert time.monotonic() - killed_s < 2.0
+            assert time.monotonic() - killed_s < 20.0
             time.sleep(0.05)
     dead = follower.look([WATCH])
     assert (dead["status"], dead["stalled"]) == ("died", False)
