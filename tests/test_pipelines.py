@@ -34,6 +34,7 @@ def quick():
     yield Soak(setpoint_c=23.0, hold_s=1.0)
     yield from rates_between_zeros([20.0, 40.0, 60.0], at_least_s=6.0, zero_s=6.0)
 '''
+PYTEST = "#!{python}\nimport sys\n\nimport pytest\n\nsys.exit(pytest.console_main())\n"
 LIMIT = '[limits.scale_factor]\nlow = {low}\nhigh = 60.0\nunit = "mV/(deg/s)"\n'
 
 
@@ -88,6 +89,9 @@ def run(platform: str, repository: Path, source: Path) -> list[int]:
     All that is put in its place is where benchctl comes from; what it needs is taken from this environment.
     """
     programs = fresh_environment(repository.parent / "venv", with_pip=True)
+    # pip finds pytest installed and leaves no program of it; without one, that of another Python on the PATH would run.
+    (programs / "pytest").write_text(PYTEST.format(python=programs / "python"), encoding="utf-8")
+    (programs / "pytest").chmod(0o755)
     environment = os.environ | {"PATH": f"{programs}{os.pathsep}{os.environ['PATH']}", "BENCHCTL": str(source)}
     statuses: list[int] = []
     for command in commands(platform):
