@@ -14,8 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
-from scipy.signal import butter, sosfiltfilt
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from benchctl.calibration.angle_rate import unwrap_deg
 from benchctl.calibration.linear import clustered_covariance
@@ -58,6 +57,8 @@ def fit_free_motion(
 
     `start_scale` is what the output is taken for before the fit (1 for a gyro that gives °/s), None where nobody knows.
     """
+    from scipy.signal import butter, sosfiltfilt  # half a second of loading, which no other fit needs
+
     low, high = band_hz
     clusters = int(angle_deg.size / sample_rate_hz / CLUSTER_S)
     if clusters < 5 or not 0 < low < high < sample_rate_hz / 2:
@@ -93,7 +94,7 @@ def fit_free_motion(
     cluster = (np.arange(columns.shape[0]) * clusters // columns.shape[0]).astype(np.int64)
     covariance = clustered_covariance(columns, residual[inside], cluster)
     scale = 1.0 / float(coefficients[0])
-    widths = student.ppf(0.975, clusters - 2) * np.sqrt(np.diag(covariance)) * np.array([scale**2, abs(scale)])
+    widths = stdtrit(clusters - 2, 0.975) * np.sqrt(np.diag(covariance)) * np.array([scale**2, abs(scale)])
     return FreeMotionFit(
         scale=scale,
         scale_ci95=(scale - float(widths[0]), scale + float(widths[0])),

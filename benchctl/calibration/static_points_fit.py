@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from instruments.errors import UsageError, in_line
 
@@ -138,7 +138,7 @@ def _fit(rate: FloatArray, mean: FloatArray, use: npt.NDArray[np.bool_]) -> Poin
     freedom = x.size - 3
     jacobian = np.asarray(found.jac, dtype=np.float64)
     covariance = np.linalg.inv(jacobian.T @ jacobian) * 2 * found.cost / freedom
-    half = student.ppf(0.975, freedom) * np.sqrt(np.diag(covariance))
+    half = stdtrit(freedom, 0.975) * np.sqrt(np.diag(covariance))
     indicated = (mean - U0) / K0
     # Beyond the sine's reach the residual is taken along its slope at low rates.
     residual_sine = np.where(

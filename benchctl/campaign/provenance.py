@@ -10,16 +10,18 @@ import platform
 import sys
 from dataclasses import asdict
 from importlib.metadata import version
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import benchctl
 from benchctl.bench import Bench, bench_of_text
-from benchctl.campaign.opened import OpenBench
 from benchctl.documents import json_document
 from benchctl.limits import shown
 from benchctl.plan import Plan
 from benchctl.recordings.model import BenchFacts, Meta, Status, Unit
 from instruments.errors import UsageError
+
+if TYPE_CHECKING:  # reports read provenance, and need no bench with all its physics for it
+    from benchctl.campaign.opened import OpenBench
 
 
 def describe(opened: OpenBench, plan: Plan, status: Status) -> Meta:

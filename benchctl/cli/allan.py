@@ -60,11 +60,9 @@ def allan(
     import math
 
     from benchctl.cli.places import report_folder
-    from benchctl.metrology.allan import analysed
     from benchctl.metrology.series import series_of_step, series_of_text
     from benchctl.recordings.campaign_manifest import add_to_manifest
     from benchctl.recordings.reader import open_recording
-    from benchctl.reports import allan_report
     from benchctl.reports.results import name_of
     from instruments.errors import UsageError
 
@@ -85,6 +83,10 @@ def allan(
         else:
             with open_recording(source) as recording:
                 series = series_of_step(recording, channel, step, scale_v_per_dps)
+        # Loaded when there is something to analyse and to draw: what cannot be used is refused at once.
+        from benchctl.metrology.allan import analysed
+        from benchctl.reports import allan_report
+
         found = analysed(series)
         result.values |= allan_report.values(found)
         result.say(allan_report.lines(found))

@@ -153,7 +153,8 @@ def _for_fish(name: str) -> list[Path]:
 
 
 def _for_powershell(name: str) -> list[Path]:
-    asked = subprocess.run([name, "-NoProfile", "-Command", "$PROFILE"], capture_output=True, text=True, check=False)  # noqa: S603
+    asking = [name, "-NoProfile", "-Command", "$PROFILE"]
+    asked = subprocess.run(asking, capture_output=True, text=True, check=False)  # noqa: S603 - a shell named in SHELLS
     if asked.returncode or not asked.stdout.strip():
         raise UsageError(f"--install-completion {name}: {name} does not say where its profile is; add the script to it")
     script_file, start = _write(name, "ps1"), Path(asked.stdout.strip())

@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from benchctl.metrology.noise_terms import TERMS, densities
 
@@ -68,7 +68,7 @@ class AllanScatter:
 
 def interval_of(deviation: FloatArray, freedom: FloatArray) -> FloatArray:
     """The 95 % intervals of deviations of shape (k,) whose squares have χ² with so many degrees of freedom; (k, 2)."""
-    quantiles = chi2.ppf(np.array([0.975, 0.025])[:, None], freedom) / freedom
+    quantiles = chdtri(freedom, np.array([0.025, 0.975])[:, None]) / freedom
     return np.asarray((deviation / np.sqrt(quantiles)).T)
 
 

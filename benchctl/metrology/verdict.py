@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from benchctl.metrology.names import PROCEDURES
 from benchctl.metrology.propagation import K
@@ -26,7 +26,7 @@ def rule_of(guard: float) -> Rule:
     """The rule for a guard band of so many expanded uncertainties."""
     if guard == 0.0:
         return Rule(guard=0.0, says=said("rule_simple"))
-    return Rule(guard=guard, says=said("rule_guarded", guard=guard, risk_percent=100.0 * float(norm.sf(K * guard))))
+    return Rule(guard=guard, says=said("rule_guarded", guard=guard, risk_percent=100.0 * float(ndtr(-K * guard))))
 
 
 def judged(measured: Measured, limit: Limit | None, rule: Rule) -> Judged:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from benchctl.dashboard.data.told import told_number
 from benchctl.limits import MOST_JOURNAL_LINES, cut
 
 _LONGEST = 200
@@ -56,7 +56,7 @@ def _list(told: object) -> list[Any]:
 def _step(told: object) -> PlannedStep | None:
     if not isinstance(told, dict):
         return None
-    index, start_s, end_s = told.get("index"), _number(told.get("t_start_s")), _number(told.get("t_end_s"))
+    index, start_s, end_s = told.get("index"), told_number(told.get("t_start_s")), told_number(told.get("t_end_s"))
     if not isinstance(index, int) or start_s is None or end_s is None:
         return None
     return PlannedStep(
@@ -65,11 +65,6 @@ def _step(told: object) -> PlannedStep | None:
         kind=cut(str(told.get("kind", "")), _LONGEST),
         t_start_s=start_s,
         t_end_s=end_s,
-        streamed_s=_number(told.get("streamed_s")) or 0.0,
-        setpoint_c=_number(told.get("setpoint_c")),
+        streamed_s=told_number(told.get("streamed_s")) or 0.0,
+        setpoint_c=told_number(told.get("setpoint_c")),
     )
-
-
-def _number(value: object) -> float | None:
-    known = isinstance(value, int | float) and not isinstance(value, bool)
-    return float(value) if known and math.isfinite(value) else None  # type: ignore[arg-type]  # it is a number

@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from benchctl.dashboard.data.plan import PlannedStep, plan_in
+from benchctl.dashboard.data.told import told_number
 from benchctl.limits import LONGEST_TIME_S, cut
 
 Event = Mapping[str, Any]
@@ -58,7 +59,7 @@ class RunState:
     def take(self, events: Iterable[Event]) -> None:
         """Take further events into account, in their order."""
         for event in events:
-            kind, bench_s = event.get("kind"), _number(event.get("bench_s"))
+            kind, bench_s = event.get("kind"), told_number(event.get("bench_s"), LONGEST_TIME_S)
             wall_s = _wall_s(event.get("wall_time"))
             if bench_s is not None and wall_s is not None:
                 self.last = Instant(bench_s, wall_s)
@@ -100,11 +101,6 @@ class RunState:
             # the same step may be cut again and again, and each attempt is kept
             key = index if event.get("kind") == "whole" else (index, len(self.samples_of))
             self.samples_of[key] = samples
-
-
-def _number(value: object) -> float | None:
-    known = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LONGEST_TIME_S
-    return float(value) if known else None  # type: ignore[arg-type]  # it is a number
 
 
 def _wall_s(text: object) -> float | None:

@@ -30,7 +30,7 @@ def page_app(site: Site, names: frozenset[str]) -> ASGIApp:
     for routes in (session_routes, campaign_routes, live_routes, other_routes):
         app.include_router(routes.router)
     app.router.routes += page_routes(load_pages())
-    app.openapi = lambda: _described(app, site)  # type: ignore[method-assign]
+    app.openapi = lambda: _described(app, site)  # type: ignore[method-assign]  # as FastAPI documents
     app.add_exception_handler(RefusalError, _refused)
     app.add_exception_handler(HTTPException, _unrouted)
     app.add_exception_handler(RequestValidationError, _not_understood)

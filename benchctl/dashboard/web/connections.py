@@ -35,7 +35,7 @@ class Connection(H11Protocol):
     active_s = 0.0
     """When the client last sent or took anything."""
 
-    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]  # narrower in uvicorn
         """See `asyncio.Protocol`."""
         super().connection_made(transport)
         self.idle_since_s = self.active_s = self.loop.time()

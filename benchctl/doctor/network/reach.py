@@ -133,7 +133,8 @@ def _resolved(host: str, port: int) -> tuple[str, int] | str:
 
     def resolve() -> None:
         try:
-            told.append(socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][4][:2])  # type: ignore[arg-type]
+            numeric = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][4]
+            told.append((str(numeric[0]), port))
         except (OSError, UnicodeError) as err:
             told.append(getattr(err, "strerror", None) or str(err))
 

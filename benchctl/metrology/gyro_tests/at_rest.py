@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 from scipy.linalg import toeplitz
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from benchctl.calibration.earth import EARTH_DPS, earth_rate_dps
 from benchctl.calibration.result import Contribution
@@ -158,8 +158,8 @@ def _covariance_of_means(seen: Seen, found: Allan, count: int, long: int) -> Flo
 
 
 def _of_chi_square(seen: Seen, value: float, freedom: float) -> Uncertainty:
-    tails = np.array([0.5 * (1.0 + COVERAGE), 0.5 * (1.0 - COVERAGE)])
-    low, high = (value * np.sqrt(freedom / chi2.ppf(tails, freedom))).tolist()
+    tails = np.array([0.5 * (1.0 - COVERAGE), 0.5 * (1.0 + COVERAGE)])
+    low, high = (value * np.sqrt(freedom / chdtri(freedom, tails))).tolist()
     return _by_scatter(seen, value, low, high, value / np.sqrt(2.0 * freedom))
 
 

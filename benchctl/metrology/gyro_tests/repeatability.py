@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from benchctl.metrology.lines import line
 from benchctl.metrology.points import Points
@@ -113,5 +113,5 @@ def _of_bias(seen: Seen, points: Points, cycles: list[int]) -> Measured:
 def _of_others(value: float, cycles: int) -> Said:
     """Where the deviation of all turn-ons of the unit lies with 95 %, if theirs are normal."""
     freedom = cycles - 1
-    low, high = (value * float(np.sqrt(freedom / chi2.ppf(share, freedom))) for share in (0.975, 0.025))
+    low, high = (value * float(np.sqrt(freedom / chdtri(freedom, tail))) for tail in (0.025, 0.975))
     return said("of_these_cycles", cycles=cycles, low=low, high=high)

@@ -224,6 +224,7 @@ def test_two_campaigns_are_compared_by_time_and_by_step_and_their_differences_to
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+@pytest.mark.slow
 def test_the_theme_follows_the_system_until_somebody_chooses_and_the_choice_is_kept(
     browser: Browser, served: Served, dark: bool
 ) -> None:
