@@ -281,6 +281,7 @@ def test_other_programs_reach_the_servers(benchctl_server):
 """
 
 
+@pytest.mark.slow
 def test_the_fixtures_do_what_they_say(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(FIXTURES)
     result = pytester.runpytest_subprocess(*PLUGIN, "--strict-markers", "-W", "error", timeout=60)

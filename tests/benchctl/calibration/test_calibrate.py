@@ -157,6 +157,7 @@ def test_a_gyro_of_the_other_sign_calibrates_alike() -> None:
     assert result.error_percent["joint"] <= 0.1
 
 
+@pytest.mark.slow
 def test_chosen_orders_are_named_and_do_no_harm() -> None:
     result = calibrate(recorded(), META, CalibrationOptions(law="polynomial", orders_1=(1, 2), choose_orders=True))
     assert any("Orders chosen on runs left out" in warning for warning in result.warnings)

@@ -35,6 +35,7 @@ def test_a_low_pass_shows_as_its_delay() -> None:
 
 
 @needs_shared("recordings/examples")
+@pytest.mark.slow
 def test_an_eccentric_encoder_is_found() -> None:
     meta, steps = read_open_recording(EXAMPLES / "pair")
     fit = calibrate(steps, meta).best

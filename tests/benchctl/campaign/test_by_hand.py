@@ -122,6 +122,7 @@ def test_neither_a_fit_nor_a_diagnosis_sees_what_was_across_or_off(played: Outco
         assert abs(frame.rate_dps).max() < 1.0
 
 
+@pytest.mark.slow
 def test_over_the_wires_it_is_the_same(tmp_path: Path) -> None:
     (tmp_path / "by_hand.py").write_text(PROCEDURE)
     ran = benchctl(

@@ -119,6 +119,7 @@ def test_a_listening_gyro_changes_nothing_of_what_the_digitizer_records(made: Ma
             assert {name: digest_of(alone[name]) for name in names} == {name: digest_of(beside[name]) for name in names}
 
 
+@pytest.mark.slow
 def test_a_silence_that_ends_with_the_step_is_counted_to_its_end(tmp_path: Path) -> None:
     fault = FrameFault(on="gyro", kind="frames_end", from_s=3.0)
     outcome = run(bench_with("kvh_dsp1760", fault), tmp_path / "c", ConstantRate(rate_dps=5.0, duration_s=4.0))

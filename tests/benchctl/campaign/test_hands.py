@@ -151,6 +151,7 @@ def test_at_addresses_and_without_a_terminal_run_refuses_in_one_line(lab: Path) 
 
 @needs_a_pty
 @pytest.mark.parametrize("answers", [4, 1], ids=["to its end", "Ctrl-C at the second question"])
+@pytest.mark.slow
 def test_at_addresses_the_operator_at_the_terminal_does_it(lab: Path, tmp_path: Path, answers: int) -> None:
     import pty
 

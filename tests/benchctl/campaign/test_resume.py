@@ -125,6 +125,7 @@ def test_every_whole_step_is_in_the_journal_with_its_digest(tmp_path: Path) -> N
         ]
 
 
+@pytest.mark.slow
 def test_a_campaign_may_be_cut_again_and_again(tmp_path: Path) -> None:
     folder = tmp_path / "c"
     begin(folder, in_the_third_step)

@@ -163,6 +163,7 @@ def test_what_is_open_ends_with_1_and_says_what_would_close_it(here: Path, verb:
     assert "INCONCLUSIVE" in out
 
 
+@pytest.mark.slow
 def test_a_limit_inside_the_uncertainty_is_open(here: Path, verb: Verb) -> None:
     verb("accept", "short.h5", "--limits", "limits.toml", "--json", "a.json", "--quiet")
     value, uncertainty = (told(here / "a.json")["tests"][0][key] for key in ("value", "uncertainty"))
@@ -182,6 +183,7 @@ def test_the_limit_may_be_in_another_unit_and_the_result_then_is_too(here: Path,
     assert (scale["unit"], round(scale["value"], 3)) == ("V/(deg/s)", 0.049)
 
 
+@pytest.mark.slow
 def test_in_russian_the_words_are_and_the_json_is_as_ever(here: Path, verb: Verb) -> None:
     assert verb("accept", "short.h5", "--limits", "limits.toml", "--out", "en", "--quiet")[0] == 0
     status, out, _ = verb("accept", "short.h5", "--limits", "limits.toml", "--lang", "ru", "--out", "ru")

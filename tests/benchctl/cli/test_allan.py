@@ -49,6 +49,7 @@ def test_with_json_alone_nothing_else_is_written(rates: Path) -> None:
     assert list(rates.parent.iterdir()) == [rates]
 
 
+@pytest.mark.slow
 def test_a_recording_of_the_bench_has_the_noise_that_its_gyro_was_given(tmp_path: Path) -> None:
     recorded = tmp_path / "static.h5"
     made = benchctl("simulate", "static", "-p", "duration_s=600", "-o", recorded, "--seed", "1")

@@ -54,6 +54,7 @@ def answers(folder: Path, **by_question: str) -> None:
     (folder / "answers.toml").write_text("\n".join(lines))
 
 
+@pytest.mark.slow
 def test_what_check_lists_can_be_copied_into_the_file_and_then_the_plan_runs_to_its_end(lab: Path) -> None:
     checked = benchctl(lab, "check", "asks.py", "--bench", "bench.toml", "--offline")
     assert checked.returncode == 0, checked.stderr
@@ -92,6 +93,7 @@ def test_a_refusal_ends_the_run_with_the_bench_at_rest(lab: Path) -> None:
         assert (recording.meta.status, [info.whole for info in recording.infos]) == ("interrupted", [True, True, False])
 
 
+@pytest.mark.slow
 def test_the_simulated_bench_does_it_by_itself_unless_the_file_refuses(lab: Path) -> None:
     answers(lab, **{DOOR: "refuse", OFF: "done", ON: "done"})
     by_itself = benchctl(lab, "run", "asks.py", "--bench", "simulated", "--out", "s")

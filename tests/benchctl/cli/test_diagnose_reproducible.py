@@ -36,6 +36,7 @@ def elsewhere(path: Path, out: Path, **environment: str) -> bytes:
     return out.read_bytes()
 
 
+@pytest.mark.slow
 def test_the_same_recording_and_seed_give_the_same_json_byte_for_byte(tmp_path: Path) -> None:
     path = write_moving(tmp_path / "moving.h5", squared_v=2e-6, kinds=KINDS * 2)
     first = elsewhere(path, tmp_path / "1.json", PYTHONHASHSEED="1", OPENBLAS_NUM_THREADS="1")
@@ -77,6 +78,7 @@ def test_ctrl_c_in_the_middle_of_the_search_leaves_nothing_behind(
         ("chamber", lambda: recording_of(chamber_channels(Chamber(second_lag_s=30.0), 1)), "second_lag", "tau_s"),
     ],
 )
+@pytest.mark.slow
 def test_a_part_is_diagnosed_from_the_file_to_the_page_and_its_model_is_read_back(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,

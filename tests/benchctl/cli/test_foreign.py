@@ -51,6 +51,7 @@ def test_the_points_of_a_real_vg910_follow_the_sine_law(tmp_path: Path) -> None:
 
 
 @needs_shared("data/uiuc_encoder_imu")
+@pytest.mark.slow
 def test_scale_factor_and_delay_of_a_real_gyro_are_found_together_against_its_encoder(tmp_path: Path) -> None:
     source = SHARED / "data" / "uiuc_encoder_imu" / "raw_yaw_slow.mat"
     imported = benchctl("import", source, "--map", MAPS / "uiuc.toml", "-o", tmp_path / "uiuc.h5")

@@ -22,6 +22,7 @@ def turn():
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a pty is a thing of POSIX")
 @pytest.mark.parametrize("terminal", [True, False], ids=["a closed window", "a pipe without a reader"])
+@pytest.mark.slow
 def test_a_run_that_nobody_watches_any_more_goes_on_to_its_end(tmp_path: Path, terminal: bool) -> None:
     import pty
 

@@ -147,6 +147,7 @@ def test_a_guard_is_deaf_to_signals_and_one_that_is_killed_is_replaced_while_the
         lab.wait_for_guard()
 
 
+@pytest.mark.slow
 def test_a_run_that_ends_in_order_leaves_no_guard_behind_and_no_word_of_it(lab: Lab) -> None:
     with lab.running("whole", "-p", "to_c=27") as runner:
         _, errors = runner.communicate(timeout=30)  # to the end of stderr, which the guard has too

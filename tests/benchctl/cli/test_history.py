@@ -148,6 +148,7 @@ def test_a_damaged_index_is_one_line_on_stderr_and_no_failure(folder: Path) -> N
     assert "made anew from the recordings" in ran.stderr
 
 
+@pytest.mark.slow
 def test_a_real_campaign_of_the_simulated_bench_is_in_its_history(tmp_path: Path) -> None:
     made = benchctl("simulate", "static", "-p", "duration_s=5", "-o", tmp_path / "static.h5", "--seed", "1")
     assert made.returncode == 0, made.stderr

@@ -102,6 +102,7 @@ def test_the_same_seed_gives_the_same_run(again: Again, alone: Path) -> None:
     assert "the same: seed 1" in said
 
 
+@pytest.mark.slow
 def test_a_changed_unit_differs_and_the_bench_and_the_verdict_say_so(again: Again, first: Path, tmp_path: Path) -> None:
     changed = "seed = 1\n[physics.gyro]\nK0_v_per_dps = 0.0501\n"
     (tmp_path / "other.toml").write_text(BENCH.replace("seed = 1\n", changed))
@@ -138,6 +139,7 @@ def test_a_bench_that_is_stopped_is_not_compared(again: Again, alone: Path, tmp_
     assert not Path("second/rerun.json").exists()
 
 
+@pytest.mark.slow
 def test_limits_of_ones_own_judge_both_and_are_a_difference(again: Again, first: Path, tmp_path: Path) -> None:
     (tmp_path / "wide.toml").write_text(LIMITS.replace("46.98", "47.2"))
     status, document, _ = again(first, "--limits", "wide.toml", "--quiet")

@@ -121,6 +121,7 @@ def test_a_changed_recording_is_not_fitted(campaign: tuple[Path, dict[str, Any],
     assert [path.name for path in tmp_path.iterdir()] == ["copy.h5"]
 
 
+@pytest.mark.slow
 def test_a_fit_of_the_finished_recording_gives_the_same_coefficients_again(
     campaign: tuple[Path, dict[str, Any], str], tmp_path: Path
 ) -> None:
@@ -134,6 +135,7 @@ def test_a_fit_of_the_finished_recording_gives_the_same_coefficients_again(
     assert (tmp_path / "report.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
 
 
+@pytest.mark.slow
 def test_two_recordings_of_one_unit_are_fitted_together(
     campaign: tuple[Path, dict[str, Any], str], tmp_path: Path
 ) -> None:

@@ -46,8 +46,12 @@ def _as_from_a_terminal() -> Iterator[None]:
 
 @pytest.mark.parametrize(
     ("number", "times"),
-    [(signal.SIGINT, 1), (signal.SIGINT, 4), (signal.SIGTERM, 1), (signal.SIGHUP, 2)],
-    ids=["Ctrl-C", "Ctrl-C again and again", "SIGTERM", "SIGHUP"],
+    [
+        pytest.param(signal.SIGINT, 1, id="Ctrl-C", marks=pytest.mark.slow),
+        pytest.param(signal.SIGINT, 4, id="Ctrl-C again and again"),
+        pytest.param(signal.SIGTERM, 1, id="SIGTERM", marks=pytest.mark.slow),
+        pytest.param(signal.SIGHUP, 2, id="SIGHUP", marks=pytest.mark.slow),
+    ],
 )
 def test_a_signal_in_a_swing_at_temperature_leaves_the_bench_at_rest_and_an_honest_recording_within_five_seconds(
     lab: tuple[Path, ForeignEyes], tmp_path: Path, number: signal.Signals, times: int

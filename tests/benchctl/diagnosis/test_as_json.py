@@ -111,6 +111,7 @@ def test_rounding_moves_an_estimate_by_less_than_a_hundredth_of_its_interval(val
     assert abs(told["ci95"][1] - estimate.high) <= 0.01 * width
 
 
+@pytest.mark.slow
 def test_two_processes_write_the_same_text():
     texts = [
         subprocess.run([sys.executable, "-c", _PRINT], capture_output=True, text=True, check=True).stdout

@@ -122,6 +122,7 @@ def test_the_vocabulary_is_that_of_the_specification() -> None:
     assert {line.split("`")[1] for line in lines if line.startswith("| `")} == set(EFFECTS)
 
 
+@pytest.mark.slow
 def test_a_faint_effect_is_worth_what_was_asked() -> None:
     truth = draw("faint", 3)
     assert gained(truth) == pytest.approx(200.0, rel=0.02)

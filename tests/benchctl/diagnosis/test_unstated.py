@@ -56,6 +56,7 @@ def test_a_recording_that_holds_the_earths_rate_keeps_it_and_nothing_is_found() 
     assert other_answer(problem, found) is None
 
 
+@pytest.mark.slow
 def test_a_recording_without_the_earths_rate_is_told_from_one_with_it() -> None:
     problem = put_out(earth=False)
     found = chosen(problem)

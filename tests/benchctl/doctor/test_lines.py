@@ -54,6 +54,7 @@ def _bads(findings: list[Finding]) -> dict[str, Finding]:
     return {finding.where: finding for finding in findings if finding.verdict == "bad"}
 
 
+@pytest.mark.slow
 def test_one_instrument_that_does_not_answer_hides_none_of_the_others() -> None:
     with server(b"") as silent, server(b"\x00rubbish\r\n") as rubbish:
         began_s = time.monotonic()

@@ -192,6 +192,7 @@ def test_tests_at_several_temperatures_are_figures_of_their_own(folder: Path) ->
     assert names == ["bias at -40 °C", "bias at 20 °C", "bias at 60 °C", "noise", "K0_v_per_dps"]
 
 
+@pytest.mark.slow
 def test_two_processes_at_once_leave_a_whole_index_and_say_the_same(folder: Path) -> None:
     for number in range(3, 30):
         campaign(folder, number=number, K0=0.05 + number)

@@ -303,6 +303,7 @@ def test_a_dead_unit_that_only_makes_noise_fails_and_nothing_breaks() -> None:
 
 @pytest.mark.parametrize("unit", [replace(IDEAL, white_v_per_sqrt_hz=0.0, walk_v_per_sqrt_s=0.0), IDEAL])
 @pytest.mark.parametrize("step_v", [1e-12, 20.0 / 2**12])
+@pytest.mark.slow
 def test_noise_that_a_converters_step_hides_is_no_reason_to_stop(unit: MadeUnit, step_v: float) -> None:
     found = results(PLAN, unit, change=outputs(lambda held: step_v * np.round(held / step_v)))
     assert found["scale_factor"].value == pytest.approx(50.0, rel=1e-3)

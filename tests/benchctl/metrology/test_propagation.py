@@ -197,6 +197,7 @@ def test_the_largest_of_changes_that_noise_makes_as_well_is_not_told_from_zero()
 
 
 @pytest.mark.parametrize("changes", [5, 40])
+@pytest.mark.slow
 def test_of_nothing_something_is_told_from_zero_in_one_try_of_twenty_and_not_more(changes: int) -> None:
     """The largest of 40 changes of pure noise is 2.5 deviations: that is no finding."""
     random = np.random.default_rng(7)

@@ -166,6 +166,7 @@ def test_the_rule_states_its_band_and_its_risk() -> None:
 
 
 @pytest.mark.parametrize("true", [5.0, -5.0])
+@pytest.mark.slow
 def test_a_unit_at_its_limit_is_accepted_and_rejected_as_often_as_is_promised(true: float) -> None:
     values = true + 0.5 * np.random.default_rng(11).standard_normal(20_000)
     found = [judged(bias(float(value)), limit(-5.0, 5.0), GUARDED).verdict for value in values]
@@ -173,6 +174,7 @@ def test_a_unit_at_its_limit_is_accepted_and_rejected_as_often_as_is_promised(tr
         assert found.count(wrong) / len(found) == pytest.approx(0.02275, abs=0.004)
 
 
+@pytest.mark.slow
 def test_a_bad_unit_is_never_more_often_accepted_than_one_at_the_limit() -> None:
     values = 5.5 + 0.5 * np.random.default_rng(12).standard_normal(20_000)
     found = [judged(bias(float(value)), limit(-5.0, 5.0), GUARDED).verdict for value in values]

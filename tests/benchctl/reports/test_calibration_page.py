@@ -104,6 +104,7 @@ def test_every_figure_can_be_read_aloud_and_every_table_has_headers(page):
     assert all(attrs.get("scope") in ("row", "col") for tag, attrs in page.tags if tag == "th")
 
 
+@pytest.mark.slow
 def test_the_same_input_gives_the_same_bytes(html, campaign):
     assert calibration_page(*campaign_arguments(campaign), digest=DIGEST) == html
 

@@ -19,8 +19,8 @@ class Row:
     """A driver, and the requests at which faults befall it.
 
     `asks` and `tells` are patterns over requests as `instruments.simulated.faults.wires` shows them: a question that
-    the driver asks again and again, and a command that is not the first. `options` are the driver's. The link of one
-    that is `like` another is tried by slow tests only.
+    the driver asks again and again, and a command that is not the first. `options` are the driver's. One whose link
+    is `like` another's is left out of the sweep.
     """
 
     model: str

@@ -20,12 +20,20 @@ from tests.instruments.faults.cells import IMPOSSIBLE, STOPPED, Outcome, befalle
 from tests.instruments.faults.rows import GYROS, ROWS, Row
 from tests.instruments.faults.runs import run_with
 
-LINK_CELLS = [
-    pytest.param(row, fault, id=f"{row}-{fault}", marks=[pytest.mark.slow] if row.like else [])
+QUICK = {"chamber": "watlow_f4", "rate_table": "acutrol3000", "digitizer": "labjack_t7", "gyro": str(GYROS[0])}
+"""The driver of each kind that the quick tests try in every fault; the others are tried by the slow ones."""
+
+
+def _marks(row: Row) -> list[pytest.MarkDecorator]:
+    return [] if QUICK[row.kind] == str(row) else [pytest.mark.slow]
+
+
+LINK_CELLS = [pytest.param(row, fault, id=f"{row}-{fault}", marks=_marks(row)) for row in ROWS for fault in kinds.LINK]
+MACHINE_CELLS = [
+    pytest.param(row, fault, id=f"{row}-{fault}", marks=_marks(row))
     for row in ROWS
-    for fault in kinds.LINK
+    for fault in kinds.MACHINE[row.kind]
 ]
-MACHINE_CELLS = [pytest.param(row, fault, id=f"{row}-{fault}") for row in ROWS for fault in kinds.MACHINE[row.kind]]
 STREAM_CELLS = [
     pytest.param(row, fault, id=f"{row}-{fault}") for row in ROWS if row.kind == "digitizer" for fault in kinds.STREAM
 ]
@@ -55,7 +63,7 @@ def test_a_fault_of_the_stream_ends_a_run_as_the_table_says(row: Row, fault: str
     assert ("recovered" in came.events) == (fault in ("stream cut", "stream junk", "stream ends"))
 
 
-@pytest.mark.parametrize("row", GYROS, ids=str)
+@pytest.mark.parametrize("row", [pytest.param(row, id=str(row), marks=_marks(row)) for row in GYROS])
 @pytest.mark.parametrize("fault", kinds.FRAMES)
 def test_a_fault_of_a_gyros_line_ends_a_run_as_the_table_says(row: Row, fault: str, tmp_path: Path) -> None:
     came = run_with(row, kinds.FRAMES[fault](on="gyro"), tmp_path / "c")

@@ -61,6 +61,7 @@ def test_two_units_answer_on_one_line(line: SerialLine, memories: tuple[Memory, 
     two.close()
 
 
+@pytest.mark.slow
 def test_one_silent_unit_does_not_close_its_neighbours_line(line: SerialLine) -> None:
     one, two, silent = link_to(line, 1), link_to(line, 2), link_to(line, SILENT_UNIT, timeout_s=0.05)
     wrong: list[list[int]] = []

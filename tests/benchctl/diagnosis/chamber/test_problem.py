@@ -45,6 +45,7 @@ def test_a_chamber_of_one_lag_brings_no_finding(seed: int) -> None:
         (Truth(curvature=0.2), "heater_nonlinearity", {"curvature": 0.2}),
     ],
 )
+@pytest.mark.slow
 def test_what_a_chamber_does_beside_is_found_and_nothing_else(
     truth: Truth, effect: str, parameters: dict[str, float]
 ) -> None:

@@ -23,6 +23,7 @@ def test_nothing_is_found_where_nothing_is_wrong() -> None:
     places=st.lists(st.integers(1, 110), min_size=1, max_size=12, unique=True),
     shift=st.integers(1, 200),
 )
+@pytest.mark.slow
 def test_held_samples_are_counted_timed_and_masked_at_rest_and_in_motion(
     rows: int, places: list[int], shift: int
 ) -> None:

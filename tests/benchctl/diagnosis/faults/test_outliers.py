@@ -35,6 +35,7 @@ def spiky(fraction: float, scale: float, seed: int) -> FloatArray:
 
 
 @pytest.mark.parametrize(("fraction", "scale"), [(2e-3, 20.0), (3e-4, 60.0), (5e-5, 300.0)])
+@pytest.mark.slow
 def test_fraction_and_scale_lie_in_their_intervals_though_small_spikes_are_not_seen(
     fraction: float, scale: float
 ) -> None:

@@ -47,6 +47,7 @@ def flickers(seed: int, rms: float) -> Toy:
     return toy(seed=seed, added_v=wave[np.rint(times / INTERVAL_S).astype(int)], noises=BOTH)
 
 
+@pytest.mark.slow
 def test_white_noise_demands_no_slow_process() -> None:
     gains = [one.gain for seed in range(8) for one in tried(toy(seed=seed, noises=BOTH), least_gain=-math.inf).values()]
     assert len(gains) == 16
@@ -66,6 +67,7 @@ def test_a_walk_is_found_with_its_size_inside_the_interval() -> None:
     assert float(np.mean(errors)) < 0.5
 
 
+@pytest.mark.slow
 def test_a_walk_is_told_from_flicker_and_flicker_from_a_walk() -> None:
     right = 0
     for seed in range(3):

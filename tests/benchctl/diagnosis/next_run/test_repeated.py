@@ -41,6 +41,7 @@ def _proposed(problem: GyroProblem, coordinate: str) -> Plan:
         ("rate", Sine | ConstantRate),
     ],
 )
+@pytest.mark.slow
 def test_the_run_moves_what_the_unknown_lives_along(problem: GyroProblem, coordinate: str, kind: type) -> None:
     assert any(isinstance(step, kind) for step in _proposed(problem, coordinate).steps)
 
@@ -55,6 +56,7 @@ def test_for_an_angle_the_table_is_turned_through_all_of_them(problem: GyroProbl
 
 
 @pytest.mark.parametrize("coordinate", _WITHOUT_A_VALUE)
+@pytest.mark.slow
 def test_there_is_an_answer_for_every_coordinate(problem: GyroProblem, coordinate: str) -> None:
     assert repeat_along(problem, (coordinate,), bench=bench(hottest_c=30.0, coldest_c=15.0)).says
 

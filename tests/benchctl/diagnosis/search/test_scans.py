@@ -33,6 +33,7 @@ def _promise(one: Scored) -> float:
 
 
 @pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.slow
 def test_what_is_hidden_is_proposed_at_its_place_and_promises_most(name: str) -> None:
     seed = EFFECTS.index(name)
     problem, whitener, fitted = _fitted("quarter", seed)

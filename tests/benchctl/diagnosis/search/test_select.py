@@ -85,6 +85,7 @@ def test_a_baseline_that_has_moved_is_refitted_and_no_effect() -> None:
     assert chosen.after.deviation == pytest.approx(NOISE_V, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_walk_is_found_and_nothing_else() -> None:
     for seed in range(4):
         chosen = selected(toy(seed=seed, added_v=walked(1e-4, seed), noises=ALL_NOISES))
@@ -93,6 +94,7 @@ def test_a_walk_is_found_and_nothing_else() -> None:
         assert chosen.whitener.slow == chosen.noise.found["bias_random_walk"].whitener.slow
 
 
+@pytest.mark.slow
 def test_an_effect_is_found_beside_a_walk_and_beside_noise_that_grows() -> None:
     growing = 3.0 * NOISE_V * np.abs(toy().share) * np.random.default_rng(5).standard_normal(TOTAL)
     beside_walk = selected(toy(CUBIC, RIPPLE, added_v=walked(5e-5, 1), noises=ALL_NOISES))

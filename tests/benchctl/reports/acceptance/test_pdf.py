@@ -90,6 +90,7 @@ def letters(text: str) -> str:
     return re.sub(r"[\s\u00ad\ufffe\u0002]", "", text)
 
 
+@pytest.mark.slow
 def test_its_bytes_depend_on_the_results_alone(documents: dict[str, bytes]) -> None:
     assert pdf(report_of(acceptance(), facts(), "ru")) == documents["ru"]
     with pypdfium2.PdfDocument(documents["ru"]) as opened:

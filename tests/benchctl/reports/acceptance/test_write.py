@@ -28,6 +28,7 @@ def test_the_four_files_are_written_in_the_language(tmp_path: Path) -> None:
     assert told["verdict"] == "FAIL"
 
 
+@pytest.mark.slow
 def test_the_same_results_give_the_same_files(tmp_path: Path) -> None:
     first, second = (write_acceptance(acceptance(), facts(), tmp_path / name) for name in ("a", "b"))
     assert [path.read_bytes() for path in first.values()] == [path.read_bytes() for path in second.values()]

@@ -112,6 +112,7 @@ RTU_CASES: list[tuple[Callable[..., LinkFault], bytes]] = [
 
 
 @pytest.mark.parametrize(("make", "expected"), RTU_CASES)
+@pytest.mark.slow
 def test_each_kind_on_a_modbus_line_byte_for_byte(make: Callable[..., LinkFault], expected: bytes) -> None:
     server = ModbusRtuServer(Memory(), unit_id=1, over_tcp=True)
     BenchFaults([make(on="chamber", nth=2)], lambda: 0.0).befall("chamber", server)
