@@ -26,6 +26,7 @@ from typing import Any
 from benchctl.atomic import disk_errors, whole_file
 from benchctl.documents import read_json
 from benchctl.limits import cut, require_file, shown
+from benchctl.locks import Lock
 from benchctl.recordings.digests import Problem
 from benchctl.recordings.hdf5_files import RecordingFile
 from benchctl.recordings.schema import LOCK, RECORDING, STOP
@@ -34,6 +35,8 @@ from instruments.errors import UsageError, reason
 MANIFEST = "manifest.json"
 SCHEMA = "benchctl-campaign-manifest/1"
 
+_TURN = ".manifest.lock"
+"""Whoever adds to the manifest holds this lock."""
 _LEFT_OUT = {MANIFEST, LOCK, str(Path(LOCK).with_suffix(".json")), STOP}
 
 Entry = Mapping[str, Any]
@@ -52,27 +55,28 @@ def write_manifest(folder: Path) -> None:
 def add_to_manifest(folder: Path, paths: Iterable[Path]) -> None:
     """Take files of a campaign's folder into its manifest that were added or replaced; the other entries stay.
 
-    Nothing is done where there is no manifest, or one that was changed: it must not become good by this. Raises what
-    `write_manifest` raises.
+    Programs that do so at once take turns, so that no entry of one is lost to another. Nothing is done where there is
+    no manifest, or one that was changed: it must not become good by this. Raises what `write_manifest` raises, and
+    `UsageError` where another program does not end its turn.
     """
     if not (folder / MANIFEST).exists():
         return
-    try:
-        files = _read(folder)
-    except UsageError:
-        return
     added = {path.resolve() for path in paths}
     with disk_errors(folder / MANIFEST):
-        files |= {name: _entry(name, path) for name, path in _files(folder) if path.resolve() in added}
-    _write(folder, files)
+        entries = {name: _entry(name, path) for name, path in _files(folder) if path.resolve() in added}
+    lock = Lock(folder / _TURN, f"{folder / MANIFEST}")
+    lock.acquire("to add a result")
+    try:
+        if (sealed := _sound(folder)) is not None:
+            _write(folder, sealed | entries)
+    finally:
+        lock.release()
 
 
 def manifest_digest(folder: Path) -> str | None:
     """The digest that stands for a whole campaign; None where it has no manifest, or one that was changed."""
-    try:
-        return _digest(_read(folder)) if (folder / MANIFEST).exists() else None
-    except UsageError:
-        return None
+    sealed = _sound(folder)
+    return None if sealed is None else _digest(sealed)
 
 
 def problems_of_folder(folder: Path) -> Iterator[Problem]:
@@ -140,6 +144,14 @@ def _write(folder: Path, files: Mapping[str, Entry]) -> None:
     content = {"schema": SCHEMA, "files": dict(sorted(files.items())), "digest": _digest(files)}
     with whole_file(folder / MANIFEST) as temporary:
         temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+def _sound(folder: Path) -> dict[str, Entry] | None:
+    """The entries of a manifest; None where there is none, or one that was changed."""
+    try:
+        return _read(folder) if (folder / MANIFEST).exists() else None
+    except UsageError:
+        return None
 
 
 def _read(folder: Path) -> dict[str, Entry]:

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import multiprocessing
 import os
 import shutil
 from collections.abc import Callable
@@ -188,6 +189,26 @@ def test_results_are_taken_in_and_nothing_else_is_vouched_for_by_that(campaign: 
         "stray.txt: was added since the manifest was written",
     ]
     assert manifest_digest(campaign) != before
+
+
+def test_of_programs_that_add_results_at_once_no_entry_is_lost(campaign: Path) -> None:
+    spawn = multiprocessing.get_context("spawn")
+    adding = [spawn.Process(target=_add_many, args=(campaign, str(number))) for number in range(3)]
+    for process in adding:
+        process.start()
+    for process in adding:
+        process.join()
+    assert [process.exitcode for process in adding] == [0, 0, 0]
+    assert _found(campaign) == []
+    assert len(list(campaign.glob("result *"))) == 3 * 20
+    assert not list(campaign.glob(".*"))
+
+
+def _add_many(campaign: Path, who: str) -> None:
+    for number in range(20):
+        result = campaign / f"result {who} {number}"
+        result.touch()
+        add_to_manifest(campaign, [result])
 
 
 def test_nothing_becomes_good_by_taking_a_file_into_a_manifest_that_was_changed(campaign: Path) -> None:
