@@ -2,10 +2,11 @@
 
 The same simulated campaign, same seed, is run by turns alone and with `benchctl serve` beside it and viewers on its
 websocket, each of whom wants five channels drawn four times a second. Printed are medians of the runner's wall time and
-of its own processor time (user and system, as the system counted it for that process; its guard's is not in it),
-whether every sample is the same, and what the server itself took. The simulated bench leaves the runner no time in
-which it waits, so whatever the viewers cost shows; on a bench in real time it mostly does wait. The viewers share the
-machine with the run, which those of a laboratory do not: they give way to it, as the server does.
+of its own processor time (user and system, as the system counted it for that process; its guard's is not in it), what
+the viewers cost of its time, whether every sample is the same, and what the server itself took. The simulated bench
+leaves the runner no time in which it waits, so whatever the viewers cost shows. With `--real-time` the bench is one of
+servers that take as long as a real one (`benchctl sim`), at rest: what a laboratory's runner feels. The viewers share
+the machine with the run, which those of a laboratory do not: they give way to it, as the server does.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ from tests.benchctl.dashboard.web.serving import Served, serving
 
 LIMIT = 0.02
 NAME = "campaign"
+BENCHCTL = (sys.executable, "-m", "benchctl")
 WATCH = {
     "watch": {
         "channels": ["rate_dps", "gyro_v", "gyro_temp_c", "poll_chamber_temp_c", "encoder_deg"],
@@ -51,6 +53,7 @@ class Ran:
     wall_s: float
     processor_s: float
     samples: int
+    gaps: int
     digests: tuple[str, ...]
     server_s: float = 0.0
     states: int = 0
@@ -61,40 +64,69 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--turns", type=int, default=5, help="runs alone, and as many with viewers")
     parser.add_argument("--viewers", type=int, default=10)
-    parser.add_argument("--run-s", type=float, default=240.0, help="of each rate: how long the campaign is")
+    parser.add_argument("--run-s", type=float, default=240.0, help="of each rate, or at rest: how long the campaign is")
+    parser.add_argument("--real-time", action="store_true", help="on a bench that takes as long as a real one")
     arguments = parser.parse_args()
     alone: list[Ran] = []
     watched: list[Ran] = []
     for turn in range(arguments.turns):
-        runs = [(alone, run_alone), (watched, lambda run_s: run_watched(run_s, arguments.viewers))]
-        for those, run in runs if turn % 2 else reversed(runs):
-            those.append(run(arguments.run_s))
+        for those, viewers in ((alone, 0), (watched, arguments.viewers))[:: 1 if turn % 2 else -1]:
+            with tempfile.TemporaryDirectory() as folder, campaign(Path(folder), arguments) as command:
+                those.append(run_watched(Path(folder), command, viewers) if viewers else run(Path(folder), command))
             told = "alone" if those is alone else "watched"
             print(f"{told}: {those[-1].wall_s:.1f} s, processor {those[-1].processor_s:.2f} s", file=sys.stderr)  # noqa: T201
     print(table(alone, watched, arguments.viewers))  # noqa: T201
 
 
-def run_alone(run_s: float) -> Ran:
-    """Run the campaign with nobody beside it."""
-    with tempfile.TemporaryDirectory() as folder:
-        return run(Path(folder), run_s)
+@contextmanager
+def campaign(folder: Path, arguments: argparse.Namespace) -> Iterator[tuple[str, ...]]:
+    """What `benchctl run` is told of the campaign; in real time its bench is there while the block runs."""
+    if not arguments.real_time:
+        yield (
+            "rate_sweep",
+            "--bench",
+            "simulated",
+            "--seed",
+            "7",
+            "-p",
+            f"run_s={arguments.run_s}",
+            "-p",
+            "verify=false",
+        )
+        return
+    bench = folder / "bench.toml"
+    serve = (*BENCHCTL, "sim", "--bench", "simulated", "--seed", "7", "--write-bench", str(bench))
+    with subprocess.Popen(serve, stdout=subprocess.PIPE) as servers:
+        try:
+            assert servers.stdout is not None
+            servers.stdout.readline()  # they answer
+            yield (
+                "static",
+                "--bench",
+                str(bench),
+                "-p",
+                "at_c=23",
+                "-p",
+                "soak_s=1",
+                "-p",
+                f"duration_s={arguments.run_s}",
+            )
+        finally:
+            servers.terminate()
 
 
-def run_watched(run_s: float, viewers: int) -> Ran:
+def run_watched(folder: Path, command: Sequence[str], viewers: int) -> Ran:
     """Run the campaign with a server beside it and so many viewers."""
-    with tempfile.TemporaryDirectory() as folder, serving(Path(folder), Path(folder) / "cache") as served:
+    with serving(folder, folder / "cache") as served:
         with crowd(served, viewers) as states:
-            ran = run(Path(folder), run_s)
+            ran = run(folder, command)
         return replace(ran, server_s=processor_s_of(served.process.pid), states=states.value)
 
 
-def run(folder: Path, run_s: float) -> Ran:
+def run(folder: Path, told: Sequence[str]) -> Ran:
     """Run the campaign in a process of its own."""
     result = folder / "run.json"
-    command = (
-        *(sys.executable, "-m", "benchctl", "run", "rate_sweep", "--bench", "simulated", "--seed", "7", "--quiet"),
-        *("-p", f"run_s={run_s}", "-p", "verify=false", "--out", str(folder / NAME), "--json", str(result)),
-    )
+    command = (*BENCHCTL, "run", *told, "--quiet", "--out", str(folder / NAME), "--json", str(result))
     began_s = time.perf_counter()
     process = subprocess.Popen(command)
     _, status, usage = os.wait4(process.pid, 0)
@@ -104,8 +136,10 @@ def run(folder: Path, run_s: float) -> Ran:
         raise SystemExit(f"{' '.join(command)}: exit status {process.returncode}")
     with open_recording(folder / NAME) as recording:
         digests = tuple(info.digest for info in recording.infos)
+        gaps = sum(info.gaps for info in recording.infos)
     samples = json.loads(result.read_text())["samples"]
-    return Ran(wall_s=wall_s, processor_s=usage.ru_utime + usage.ru_stime, samples=samples, digests=digests)
+    processor_s = usage.ru_utime + usage.ru_stime
+    return Ran(wall_s=wall_s, processor_s=processor_s, samples=samples, gaps=gaps, digests=digests)
 
 
 @contextmanager
@@ -161,7 +195,9 @@ def table(alone: Sequence[Ran], watched: Sequence[Ran], viewers: int) -> str:
             ("own processor time [s]", [ran.processor_s for ran in alone], [ran.processor_s for ran in watched]),
         )
     ]
-    same = {(ran.samples, ran.digests) for ran in (*alone, *watched)}
+    everyone = (*alone, *watched)
+    same = len({(ran.samples, ran.digests) for ran in everyone}) == 1
+    cost_s = statistics.median(ran.processor_s for ran in watched) - statistics.median(ran.processor_s for ran in alone)
     a_second = [ran.states / viewers / ran.wall_s for ran in watched]
     return "\n".join(
         [
@@ -169,9 +205,10 @@ def table(alone: Sequence[Ran], watched: Sequence[Ran], viewers: int) -> str:
             "|---|---|---|---|",
             *rows,
             "",
-            f"{alone[0].samples:,} samples; "
-            f"{'the same in every run, bit by bit' if len(same) == 1 else f'{len(same)} DIFFERENT RECORDINGS'}. "
-            f"States sent to each viewer: {statistics.median(a_second):.1f} a second; processor time of the server: "
+            f"The viewers cost {cost_s / statistics.median(ran.wall_s for ran in alone):+.2%} of the runner's time.",
+            f"{min(ran.samples for ran in everyone):,} samples or more, {sum(ran.gaps for ran in everyone)} gaps; "
+            f"{'' if same else 'not '}the same in every run, bit by bit. States sent to each viewer: "
+            f"{statistics.median(a_second):.1f} a second; processor time of the server: "
             f"{statistics.median(ran.server_s for ran in watched):.1f} s. The aim: at most {LIMIT:.0%} more.",
         ]
     )
