@@ -230,7 +230,7 @@ def test_measuring_so_many_times_as_long_makes_it_conclusive_and_one_time_less_d
         assert judged(longer(measured, 1e12), limits, rule).verdict == "INCONCLUSIVE"
     else:
         assert found.remedy.key == "too_near"
-        assert abs(value) == pytest.approx(5.0)
+        assert judged(longer(measured, 9_999), limits, rule).verdict == "INCONCLUSIVE"  # nobody measures longer
 
 
 def test_a_value_on_its_limit_cannot_be_told_from_it_by_any_measurement() -> None:
