@@ -38,17 +38,16 @@ def open(path: str | PathLike[str]) -> Recording:
 
 
 def paths_of(recordings: Source | Iterable[Source], therefore: str) -> list[Path]:
-    """The paths of one recording or of several, none of them changed since it was written.
-
-    Raises
-    ------
-    UsageError
-        Where there is none, or one was changed; `therefore` is what is not done with it then.
-    """
+    """The paths of one recording or of several; raises `UsageError` where there is none, and so nothing `therefore`."""
     given = [recordings] if isinstance(recordings, Recording | Outcome | str | PathLike) else list(recordings)
     if not given:
         raise UsageError(f"nothing was {therefore}: expected a recording, or several of one unit, got none")
-    paths = [_path_of(one) for one in given]
+    return [_path_of(one) for one in given]
+
+
+def unchanged_paths_of(recordings: Source | Iterable[Source], therefore: str) -> list[Path]:
+    """As `paths_of`, none of them changed since it was written: `UsageError` says which is not `therefore`."""
+    paths = paths_of(recordings, therefore)
     for path in paths:
         refuse_changed(path, therefore)
     return paths

@@ -8,7 +8,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from benchctl.api.reading import Source, paths_of
+from benchctl.api.reading import Source, paths_of, unchanged_paths_of
 from benchctl.diagnosis.parts import Part
 from benchctl.diagnosis.result import Diagnosis, Finding
 from benchctl.diagnosis.result import Verdict as DiagnosisVerdict
@@ -148,7 +148,7 @@ def diagnose(
     >>> found.verdict, [finding.effect for finding in found.findings]
     ('missing-physics', ['rate_nonlinearity'])
     """
-    paths = paths_of(recordings, "diagnosed")
+    paths = unchanged_paths_of(recordings, "diagnosed")
     named = None if model is None else Path(model)
     found = diagnose_recordings(paths, model=named, part=part, seed=seed, progress=progress)
     written: dict[str, Path] = {}

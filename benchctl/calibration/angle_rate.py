@@ -15,10 +15,12 @@ from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
+from numpy.lib.stride_tricks import sliding_window_view
 
 from instruments.errors import UsageError
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 
 _ORDERS = (4, 6, 8)
 _MAX_WINDOW_S = 0.25
@@ -112,7 +114,18 @@ def _least_harm(sample_rate_hz: float, band_hz: float, log2_noise_to_rate: int) 
 
 def unwrap_deg(angle_deg: FloatArray) -> FloatArray:
     """Angles without the jumps at 360°, shape (n,); right as long as less than half a turn passes between samples."""
-    return np.unwrap(angle_deg, period=360.0)
+    steps = np.diff(angle_deg)
+    jumps = np.flatnonzero(np.abs(steps) > 180.0)
+    turns = np.cumsum(-np.sign(steps[jumps]) * np.ceil(np.abs(steps[jumps]) / 360.0 - 0.5))
+    edges = np.concatenate([[0], jumps + 1, [angle_deg.size]])
+    return np.asarray(angle_deg + 360.0 * np.repeat(np.concatenate([[0.0], turns]), np.diff(edges)))
+
+
+def places_of_rate(samples: int, smoother: Smoother, delay_s: float = 0.0) -> slice:
+    """The samples at which a derivative of so many angles stands: not the ends, where no whole window fits."""
+    shift = round(delay_s * smoother.sample_rate_hz)
+    first, last = max(smoother.half + shift, 0), min(samples - smoother.half + shift, samples)
+    return slice(first, last) if last > first else slice(0, 0)
 
 
 def derivative_of(
@@ -120,17 +133,42 @@ def derivative_of(
 ) -> tuple[FloatArray, slice]:
     """Derivative (1: °/s, 2: °/s², 3: °/s³) of unwrapped, equidistant angles, `delay_s` before their stamps.
 
-    Returns the values and the slice of samples at which they stand; the ends, where no whole window fits, are left out.
-    A delay beyond half a sample shifts the window by whole samples, so that the place stays at its middle.
+    Returns the values and the slice of samples at which they stand (`places_of_rate`). A delay beyond half a sample
+    shifts the window by whole samples, so that the place stays at its middle.
     """
+    where = places_of_rate(angle_deg.size, smoother, delay_s)
+    if where.stop == 0:
+        return np.empty(0), where
+    weights, shift = _weights(smoother, delay_s, derivative)
+    values = np.convolve(angle_deg - angle_deg[0], weights[::-1], mode="valid")
+    before = smoother.half + shift
+    return np.asarray(values[where.start - before : where.stop - before], dtype=np.float64), where
+
+
+def rates_at(angle_deg: FloatArray, places: IntArray, smoother: Smoother) -> FloatArray:
+    """What `derivative_of` gives, °/s, at some samples only, shape (k,) inside `places_of_rate`; (k,)."""
+    weights, _ = _weights(smoother, 0.0, 1)
+    windows = sliding_window_view(angle_deg - angle_deg[0], weights.size)
+    return np.asarray(windows[places - smoother.half] @ weights)
+
+
+def mean_derivative_of(
+    angle_deg: FloatArray, edges: IntArray, smoother: Smoother, *, delay_s: float = 0.0, derivative: int = 1
+) -> FloatArray:
+    """Means of `derivative_of` over blocks of samples between `edges`, shape (k+1,) inside `places_of_rate`; (k,).
+
+    A filter summed over a block needs only the angles about its ends: what is inside cancels, for the weights of a
+    derivative add up to nothing. So a block costs as much as a sample.
+    """
+    weights, shift = _weights(smoother, delay_s, derivative)
+    summed = np.cumsum(weights[::-1])[-2::-1]
+    windows = sliding_window_view(angle_deg - angle_deg[0], summed.size)
+    return np.asarray(np.diff(windows[edges - shift - smoother.half] @ summed) / np.diff(edges))
+
+
+def _weights(smoother: Smoother, delay_s: float, derivative: int) -> tuple[FloatArray, int]:
+    """Weights of the window, and by how many samples it is shifted."""
     shift = round(delay_s * smoother.sample_rate_hz)
     place = shift - delay_s * smoother.sample_rate_hz
-    weights = derivative_weights(smoother.half, smoother.order, place, derivative) * smoother.sample_rate_hz**derivative
-    n, half = angle_deg.size, smoother.half
-    first, last = max(half + shift, 0), min(n - half + shift, n)
-    if last - first < 1:
-        return np.empty(0), slice(0, 0)
-    reference = angle_deg[0]
-    values = np.convolve(angle_deg - reference, weights[::-1], mode="valid")
-    values = values[first - half - shift : last - half - shift]
-    return np.asarray(values, dtype=np.float64), slice(first, last)
+    rates = smoother.sample_rate_hz**derivative
+    return derivative_weights(smoother.half, smoother.order, place, derivative) * rates, shift

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
-from benchctl.calibration.angle_rate import FloatArray, Smoother, derivative_of
+from benchctl.calibration.angle_rate import (
+    FloatArray,
+    Smoother,
+    derivative_of,
+    mean_derivative_of,
+    places_of_rate,
+)
+
+Numbers = npt.NDArray[Any]
+"""Real or complex."""
 
 MOTION_BLOCK_S = 0.04
 BLOCKS_PER_CYCLE = 32
@@ -20,6 +31,7 @@ ARCSEC_PER_DEG = 3600.0
 _MOVING_DPS = 0.5
 _LARGEST_DELAY_S = 0.1
 _DELAY_SAMPLES = 6000
+_SHORTEST = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,85 +129,84 @@ def _smoothed_alike(span: Span, smoother: Smoother) -> tuple[FloatArray, npt.NDA
     return output, bad
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Rates:
-    """Rate, acceleration and jerk, delayed; the rate at the stamps; all over the samples `where`."""
-
-    where: slice
-    delayed: tuple[FloatArray, ...]
-    at_stamp: FloatArray
-
-
-def _derivatives(angle: FloatArray, smoother: Smoother, delay_s: float, orders: int) -> _Rates:
-    """Derivatives of the angle up to an order, where both the delayed and the undelayed windows fit."""
-    found = [derivative_of(angle, smoother, delay_s=delay_s, derivative=order + 1) for order in range(orders)]
-    now, here = derivative_of(angle, smoother)
-    there = found[0][1]
-    first, last = max(here.start, there.start), min(here.stop, there.stop)
-    return _Rates(
-        where=slice(first, max(first, last)),
-        delayed=tuple(values[first - there.start : last - there.start] for values, _ in found),
-        at_stamp=now[first - here.start : last - here.start],
-    )
-
-
 def block_means(
     span: Span, smoother: Smoother, *, kind: str, frequency_hz: float | None, delay_s: float
 ) -> Blocks | None:
     """Cut a span into blocks and average; None where it is too short. Blocks with a bad sample are dropped."""
     moving = kind not in ("static", "constant_rate")
-    rates = _derivatives(span.angle_deg, smoother, delay_s, 3 if moving else 1)
-    where, rate, at_stamp = rates.where, rates.delayed[0], rates.at_stamp
-    if rate.size < 8:
+    where = places_in(span, smoother, delay_s)
+    samples = where.stop - where.start
+    if samples < _SHORTEST:
         return None
+    rate = np.empty(0) if kind == "static" else _rates(span, smoother, where, delay_s)
     size = samples_in_block(
         kind,
         frequency_hz,
-        float(np.median(np.abs(rate))),
-        rate.size / smoother.sample_rate_hz,
+        float(np.median(np.abs(rate))) if kind == "constant_rate" else 0.0,
+        samples / smoother.sample_rate_hz,
         smoother.sample_rate_hz,
     )
     output, bad = span.output_v, span.bad
     if moving and frequency_hz is None:
         output, bad = _smoothed_alike(span, smoother)
-    edges = np.linspace(0, rate.size, max(1, rate.size // size) + 1).astype(np.int64)
+    edges = np.linspace(0, samples, max(1, samples // size) + 1).astype(np.int64)
     lengths = np.diff(edges)
     keep = ~np.logical_or.reduceat(bad[where], edges[:-1])
     count = lengths.astype(np.float64)
 
-    def mean(values: FloatArray) -> FloatArray:
-        averaged: FloatArray = (np.add.reduceat(values, edges[:-1]) / count)[keep]
+    def mean(values: Numbers) -> Numbers:
+        averaged: Numbers = (np.add.reduceat(values, edges[:-1]) / count)[keep]
         return averaged
 
+    def mean_derivative(derivative: int, delay_s: float) -> FloatArray:
+        found = mean_derivative_of(
+            span.angle_deg, where.start + edges, smoother, delay_s=delay_s, derivative=derivative
+        )
+        return found[keep]
+
+    mean_rate = mean_derivative(1, delay_s)
     still = np.zeros(int(keep.sum()))
     variance, acceleration, jerk = still, still, still
     if moving:
-        block_rate = np.add.reduceat(rate, edges[:-1]) / count
+        acceleration, jerk = mean_derivative(2, delay_s), mean_derivative(3, delay_s)
+    if moving and frequency_hz is not None:
         # Smoothed alike, the output's curvature over a block is mostly the smoother's own; what is left is noise.
-        variance = still if frequency_hz is None else mean((rate - np.repeat(block_rate, lengths)) ** 2)
-        acceleration, jerk = mean(rates.delayed[1]), mean(rates.delayed[2])
-    basis = np.zeros((still.size, 4))
-    if kind != "static":
-        angle = np.deg2rad(span.angle_deg[where] - rate * delay_s)
-        sine, cosine = np.sin(angle), np.cos(angle)
-        turning = np.deg2rad(rate) / ARCSEC_PER_DEG
-        basis = np.stack(
-            [
-                mean(turning * cosine),
-                mean(-turning * sine),
-                mean(2 * turning * (cosine**2 - sine**2)),
-                mean(-4 * turning * sine * cosine),
-            ],
-            axis=1,
-        )
+        block_rate = np.add.reduceat(rate, edges[:-1]) / count
+        variance = mean((rate - np.repeat(block_rate, lengths)) ** 2)
     return Blocks(
         count=count[keep],
         time_s=mean(span.time_s[where]),
         output_v=mean(output[where]),
-        rate_dps=mean(rate),
-        rate_at_stamp_dps=mean(at_stamp),
+        rate_dps=mean_rate,
+        rate_at_stamp_dps=mean_derivative(1, 0.0) if delay_s else mean_rate,
         rate_variance=variance,
         acceleration_dps2=acceleration,
         jerk_dps3=jerk,
-        encoder_basis=basis,
+        encoder_basis=np.zeros((still.size, 4))
+        if kind == "static"
+        else _encoder_basis(span.angle_deg[where], rate, delay_s, mean),
     )
+
+
+def places_in(span: Span, smoother: Smoother, delay_s: float) -> slice:
+    """The samples of a span that its blocks are of: those at which rates stand, both at their stamps and delayed."""
+    here = places_of_rate(span.angle_deg.size, smoother)
+    there = places_of_rate(span.angle_deg.size, smoother, delay_s)
+    first, last = max(here.start, there.start), min(here.stop, there.stop)
+    return slice(first, max(first, last))
+
+
+def _rates(span: Span, smoother: Smoother, where: slice, delay_s: float) -> FloatArray:
+    """The rates, delayed, at these samples of a span."""
+    rate, there = derivative_of(span.angle_deg, smoother, delay_s=delay_s)
+    return rate[where.start - there.start : where.stop - there.start]
+
+
+def _encoder_basis(
+    angle_deg: FloatArray, rate_dps: FloatArray, delay_s: float, mean: Callable[[Numbers], Numbers]
+) -> FloatArray:
+    """See `ReducedStep.encoder_basis`; `mean` makes block means."""
+    around = np.exp(1j * np.deg2rad(angle_deg - rate_dps * delay_s))
+    moving = np.deg2rad(rate_dps) / ARCSEC_PER_DEG * around
+    once, twice = mean(moving), 2 * mean(moving * around)
+    return np.stack([once.real, -once.imag, twice.real, -twice.imag], axis=1)

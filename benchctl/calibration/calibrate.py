@@ -27,8 +27,10 @@ from benchctl.calibration.result import (
 from benchctl.calibration.rows import gather
 from benchctl.calibration.stage_one import StageOne, line_in_motion, mean_points, stage_one
 from benchctl.calibration.stage_two import stage_two
+from benchctl.calibration.step_reduction import CHANNELS
 from benchctl.recordings.model import Meta, Step
 from benchctl.recordings.stated import stated_of
+from benchctl.recordings.stored import StoredStep
 from instruments.errors import UsageError
 
 _MOVING_DPS = 2.0
@@ -37,7 +39,9 @@ _ROOM_C = 20.0
 _NOT_MEASURED = BeforeAfter(before=None, after=None)
 
 
-def calibrate(steps: Iterable[Step], meta: Meta, options: CalibrationOptions | None = None) -> CalibrationResult:
+def calibrate(
+    steps: Iterable[Step | StoredStep], meta: Meta, options: CalibrationOptions | None = None
+) -> CalibrationResult:
     """Calibrate a recording; its steps are read once and only block means are kept.
 
     Raises `UsageError` where nothing can be fitted: no usable step, no motion, no two rates.
@@ -47,7 +51,7 @@ def calibrate(steps: Iterable[Step], meta: Meta, options: CalibrationOptions | N
         return _calibrate(steps, meta, options or CalibrationOptions())
 
 
-def _calibrate(steps: Iterable[Step], meta: Meta, options: CalibrationOptions) -> CalibrationResult:
+def _calibrate(steps: Iterable[Step | StoredStep], meta: Meta, options: CalibrationOptions) -> CalibrationResult:
     warnings: list[str] = []
     notes: list[str] = []
     free: list[FreeMotionFit] = []
@@ -139,14 +143,17 @@ def _in_unit(fit: JointFit, output_unit: str) -> JointFit:
     return replace(fit, parameters=tuple(told))
 
 
-def _looked_at(steps: Iterable[Step], meta: Meta, free: list[FreeMotionFit], warnings: list[str]) -> Iterator[Step]:
+def _looked_at(
+    steps: Iterable[Step | StoredStep], meta: Meta, free: list[FreeMotionFit], warnings: list[str]
+) -> Iterator[Step | StoredStep]:
     """The steps as they come; those in free motion are fitted in angle on the way, while their samples are at hand."""
     digital = meta.output_unit != "V"
     believed = 1.0 if digital else (meta.simulation or {}).get("K0_v_per_dps")
     for step in steps:
         if step.info.kind == "motion" and step.info.role == "fit":
             try:
-                free.append(fit_free_motion_of(step, believed))
+                whole = step if isinstance(step, Step) else step.part(0, step.scans, CHANNELS)
+                free.append(fit_free_motion_of(whole, believed))
             except UsageError as err:
                 warnings.append(f"No fit in angle of '{step.info.name}': {err}.")
         yield step

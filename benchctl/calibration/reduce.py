@@ -9,32 +9,34 @@ are left out with their block, and nothing is smoothed across a gap.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from benchctl.calibration.angle_rate import Smoother, choose_smoother, unwrap_deg
-from benchctl.calibration.blocks import Blocks, Span, block_means, delay_of
-from benchctl.calibration.settling import settled_from, whole_revolutions
-from benchctl.recordings.mapped import FILLED
-from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo, axis_of
+from benchctl.calibration.angle_rate import Smoother
+from benchctl.calibration.blocks import Blocks
+from benchctl.calibration.step_reduction import CHANNELS, QUIET_KINDS, StepReduction
+from benchctl.recordings.model import Meta, Step, StepInfo
+from benchctl.recordings.stored import StoredStep, stored_of
+from benchctl.side_by_side import cores, in_order
 from instruments.errors import UsageError
 
 FloatArray = npt.NDArray[np.float64]
-
-QUIET_BAND_HZ = 5.0
-FREE_MOTION_BAND_HZ = 2.0
-"""Band of the motion where a step in motion states no frequency."""
+Made = TypeVar("Made")
 
 FREE_PIECE_S = 60.0
 """Into pieces of about this length a run in free motion is cut."""
 
-QUIET_KINDS = ("static", "constant_rate")
 UNUSED_KINDS = ("soak", "thermal_ramp", "unassigned", "static_points")
 _SHORTEST = 32
+_FEWEST_BLOCKS = 4
+_MOST_AT_ONCE = 4
+"""Steps: each holds two parts of `SCANS_AT_ONCE`, and as much again in between."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,70 +93,74 @@ class ReducedStep:
         return float(np.mean(self.temperature_c))
 
 
-def reduce_steps(steps: Iterable[Step], meta: Meta) -> Iterator[ReducedStep]:
-    """Reduce every step that a calibration can use; soaks and thermal ramps are passed over.
+def reduce_steps(steps: Iterable[Step | StoredStep], meta: Meta) -> Iterator[ReducedStep]:
+    """Reduce every step that a calibration can use, on all cores; soaks and thermal ramps are passed over.
 
     Raises `UsageError` where a step to be used lacks the encoder or the gyro's output.
     """
-    for step in steps:
-        if step.info.kind in UNUSED_KINDS or step.info.role == "none":
-            continue
-        for number, piece in enumerate(_pieces(step)):
-            reduced = reduce_step(piece, meta)
-            if reduced is not None:
-                yield replace(reduced, piece=number)
+    usable = (step for step in steps if step.info.kind not in UNUSED_KINDS and step.info.role != "none")
+    stored = (stored_of(step) if isinstance(step, Step) else step for step in usable)
+    for reduced in _on_all_cores(partial(_reduced, meta=meta), stored):
+        yield from reduced
 
 
-def _pieces(step: Step) -> Iterator[Step]:
+def reduced_steps(steps: Iterable[StoredStep], meta: Meta) -> Iterator[ReducedStep | None]:
+    """As `reduce_step`, of each, on all cores."""
+    return _on_all_cores(partial(reduce_step, meta=meta), steps)
+
+
+def _on_all_cores(work: Callable[[StoredStep], Made], steps: Iterable[StoredStep]) -> Iterator[Made]:
+    return in_order(work, steps, min(cores(), _MOST_AT_ONCE))
+
+
+def _reduced(step: StoredStep, meta: Meta) -> list[ReducedStep]:
+    """A step, or the pieces that it is cut into."""
+    pieces = (reduce_step(piece, meta) for piece in _pieces(step))
+    return [replace(piece, piece=number) for number, piece in enumerate(pieces) if piece is not None]
+
+
+def _pieces(step: StoredStep) -> Iterator[StoredStep]:
     """A long run in free motion as several, so that some can be kept aside and their scatter be seen; others whole."""
-    time = step.channels.get("time_s")
-    if step.info.kind in QUIET_KINDS or step.info.frequency_hz is not None or time is None or time.size < 2:
+    info = step.info
+    if info.kind in QUIET_KINDS or info.frequency_hz is not None or step.scans < 2:
         yield step
         return
-    number = max(1, int((time[-1] - time[0]) / FREE_PIECE_S))
-    edges = np.linspace(0, time.size, number + 1).astype(np.int64)
+
+    def stamp(scan: int) -> float:
+        return float(step.read("time_s", scan, scan + 1)[0])
+
+    number = max(1, int((stamp(step.scans - 1) - stamp(0)) / FREE_PIECE_S))
+    edges = np.linspace(0, step.scans, number + 1).astype(np.int64)
     for start, stop in pairwise(map(int, edges)):
-        channels = {name: values[start:stop] for name, values in step.channels.items() if axis_of(name) == "time_s"}
-        yield Step(replace(step.info, t_start=float(time[start]), t_end=float(time[stop - 1])), channels)
+        yield step.cut(replace(info, t_start=stamp(start), t_end=stamp(stop - 1)), start, stop)
 
 
-def reduce_step(step: Step, meta: Meta) -> ReducedStep | None:
-    """Reduce one step; None where nothing of it can be used (too short, never settled, all clipped)."""
-    _demand_channels(step)
-    time, info = step["time_s"], step.info
-    if time.size < _SHORTEST:
+def reduce_step(step: Step | StoredStep, meta: Meta) -> ReducedStep | None:
+    """Reduce one step, part by part; None where nothing of it can be used (too short, never settled, all clipped)."""
+    stored = stored_of(step) if isinstance(step, Step) else step
+    _demand_channels(stored)
+    if stored.scans < _SHORTEST:
         return None
-    interval = float(np.median(np.diff(time)))
-    rate_hz = float(f"{1.0 / interval:.9g}")
-    turned = unwrap_deg(step["encoder_deg"][np.isfinite(step["encoder_deg"])])
-    coarse = max(1, int(0.1 * rate_hz))
-    rate_rms = (
-        float(np.std(turned[coarse:] - turned[:-coarse])) * rate_hz / coarse if info.kind not in QUIET_KINDS else 1.0
-    )
-    smoother = choose_smoother(rate_hz, _band_hz(info, rate_hz), _angle_noise_deg(meta.bench) / max(rate_rms, 0.1))
-    spans, masked, unsettled = _usable_spans(step, meta, smoother, interval)
-    if not spans:
+    reduction, taken = None, 0
+    for part in stored.parts(CHANNELS):
+        reduction = reduction or StepReduction(part, meta)
+        taken += part["time_s"].size
+        reduction.take(part, last=taken == stored.scans)
+    if reduction is None or sum(one.count.size for one in reduction.blocks) < _FEWEST_BLOCKS:
         return None
-    delay = 0.0 if info.kind in QUIET_KINDS else delay_of(max(spans, key=lambda span: span.time_s.size), smoother)
-    parts = [
-        blocks
-        for span in spans
-        if (blocks := block_means(span, smoother, kind=info.kind, frequency_hz=info.frequency_hz, delay_s=delay))
-    ]
-    if sum(part.count.size for part in parts) < 4:
-        return None
+    blocks = reduction.blocks
 
     def joined(name: str) -> FloatArray:
-        return np.concatenate([getattr(part, name) for part in parts])
+        return np.concatenate([getattr(one, name) for one in blocks])
 
-    count, stamps = joined("count"), joined("time_s")
-    intercept, slope = _temperature_line(step)
+    info, count, stamps = stored.info, joined("count"), joined("time_s")
+    intercept, slope = reduction.temperature.fitted()
     return ReducedStep(
         info=info,
         kind=info.kind if info.kind in QUIET_KINDS else "motion",
         time_s=stamps,
         count=count,
-        block_s=float(np.median(count)) * interval,
+        block_s=float(np.median(count)) * reduction.interval_s,
         output_v=joined("output_v"),
         rate_dps=joined("rate_dps"),
         rate_at_stamp_dps=joined("rate_at_stamp_dps"),
@@ -163,110 +169,25 @@ def reduce_step(step: Step, meta: Meta) -> ReducedStep | None:
         jerk_dps3=joined("jerk_dps3"),
         temperature_c=intercept + slope * stamps,
         encoder_basis=joined("encoder_basis"),
-        delay_s=delay,
-        duration_s=float(count.sum()) * interval,
-        revolutions=_revolutions(parts, interval),
-        smoother=smoother,
-        masked=masked,
-        unsettled=unsettled,
+        delay_s=reduction.delay_s or 0.0,
+        duration_s=float(count.sum()) * reduction.interval_s,
+        revolutions=_revolutions(blocks, reduction.interval_s),
+        smoother=reduction.smoother,
+        masked=reduction.masked,
+        unsettled=reduction.unsettled,
     )
 
 
-def _demand_channels(step: Step) -> None:
+def _demand_channels(step: StoredStep) -> None:
     """Raise where a channel that a calibration cannot do without is missing."""
     for channel in ("time_s", "encoder_deg", "gyro_v"):
-        if channel not in step.channels:
+        if channel not in step.names:
             raise UsageError(
                 f"step {step.info.index} '{step.info.name}': a calibration needs the channel {channel}, the step has "
-                f"{', '.join(sorted(step.channels)) or 'none'}; import the recording with a map that names it"
+                f"{', '.join(sorted(step.names)) or 'none'}; import the recording with a map that names it"
             )
 
 
-def _usable_spans(step: Step, meta: Meta, smoother: Smoother, interval: float) -> tuple[list[Span], int, int]:
-    """Unbroken, settled spans; how many samples are clipped, filled in or not finite; how many had not settled."""
-    kind, seen = step.info.kind, np.isfinite(step["encoder_deg"])  # an angle that is missing makes a gap
-    time, angle, output = (step[channel][seen] for channel in ("time_s", "encoder_deg", "gyro_v"))
-    bad = ~np.isfinite(output) | clipped(output, meta)
-    if FILLED in step.channels:
-        bad |= step[FILLED][seen] > 0.5
-    spans: list[Span] = []
-    unsettled = 0
-    for part in _unbroken(time, interval):
-        unwrapped = unwrap_deg(angle[part])
-        first, last = 0, unwrapped.size
-        if kind in QUIET_KINDS:
-            settled = settled_from(unwrapped, smoother, _angle_noise_deg(meta.bench))
-            if settled is None or settled > last - _SHORTEST:
-                unsettled += last
-                continue
-            first, unsettled = settled, unsettled + settled
-        if kind == "constant_rate":
-            # The smoother's ends fall off both sides of the span; whole revolutions are counted between them.
-            inside = unwrapped[first + smoother.half : last - smoother.half]
-            if inside.size:
-                last = first + whole_revolutions(inside) + 2 * smoother.half
-        chosen = slice(part.start + first, part.start + last)
-        spans.append(
-            Span(
-                time_s=time[chosen],
-                angle_deg=unwrapped[first:last],
-                output_v=np.nan_to_num(output[chosen]),
-                bad=bad[chosen],
-            )
-        )
-    return spans, int(bad.sum() + (~seen).sum()), unsettled
-
-
-def _band_hz(info: StepInfo, sample_rate_hz: float) -> float:
-    """The band in which the rate must be faithful."""
-    if info.kind in QUIET_KINDS:
-        return min(QUIET_BAND_HZ, sample_rate_hz / 20)
-    if info.frequency_hz is not None:
-        return info.frequency_hz
-    return min(FREE_MOTION_BAND_HZ, sample_rate_hz / 20)
-
-
-def _angle_noise_deg(bench: BenchFacts) -> float:
-    """Quantisation of the encoder as a standard deviation, deg; 1″ where its counts are not known."""
-    if bench.encoder_counts_per_rev > 0:
-        return float(360.0 / bench.encoder_counts_per_rev / np.sqrt(12.0))
-    return 1.0 / 3600.0
-
-
-def clipped(output: FloatArray, meta: Meta) -> npt.NDArray[np.bool_]:
-    """Samples at the converter's ends, or at the output's limit where the lab states one; shape (n,)."""
-    limit = np.inf
-    if meta.bench.adc_range_v > 0:
-        codes = 2.0 ** (meta.bench.adc_bits - 1) if meta.bench.adc_bits else 2.0**15
-        limit = meta.bench.adc_range_v * (1 - 2 / codes)
-    stated = (meta.simulation or {}).get("output_limit_v")
-    if isinstance(stated, int | float) and stated > 0:
-        limit = min(limit, 0.999 * float(stated))
-    return np.asarray(np.abs(output) >= limit)
-
-
-def _unbroken(time: FloatArray, interval: float) -> Iterator[slice]:
-    """Spans without a gap that are long enough to be of use."""
-    breaks = np.flatnonzero(np.abs(np.diff(time) - interval) > 0.5 * interval) + 1
-    for start, stop in zip([0, *breaks], [*breaks, time.size], strict=True):
-        if stop - start >= _SHORTEST:
-            yield slice(int(start), int(stop))
-
-
-def _temperature_line(step: Step) -> tuple[float, float]:
-    """Intercept (at time 0 of the recording) and slope over time of the thermistor; NaN where there is none."""
-    readings = step.channels.get("gyro_temp_c")
-    if readings is None:
-        return np.nan, 0.0
-    good = np.isfinite(readings)
-    if int(good.sum()) < 2:
-        return np.nan, 0.0
-    time = step["time_s"][good]
-    centred = time - time.mean()
-    slope = float(centred @ readings[good] / (centred @ centred))
-    return float(readings[good].mean() - slope * time.mean()), slope
-
-
-def _revolutions(parts: list[Blocks], interval: float) -> float:
+def _revolutions(blocks: list[Blocks], interval_s: float) -> float:
     """Revolutions turned within the blocks, in either sense."""
-    return float(sum(np.sum(np.abs(part.rate_dps) * part.count) for part in parts) * interval / 360.0)
+    return float(sum(np.sum(np.abs(one.rate_dps) * one.count) for one in blocks) * interval_s / 360.0)

@@ -40,13 +40,11 @@ def accept(
     """
     from benchctl.cli.places import report_folder
     from benchctl.metrology.limit_file import read_limits
-    from benchctl.recordings.verify import refuse_changed
     from benchctl.reports.accepting import accept_recording
 
     with result_of("accept", json_to, quiet) as result:
         told = read_limits(limits)
         folder = report_folder(recording, out, json_to, quiet=False, kind="acceptance")  # QA files it, whoever asks
-        refuse_changed(recording, "accepted")
         found = accept_recording(recording, told)
         result.values |= found.values()
         result.say(found.lines(lang))

@@ -23,12 +23,9 @@ def fit(
     Example: `benchctl fit results/20261120-180000_two_stage_SIM-0001`
     """
     from benchctl.recordings.campaign_manifest import add_to_manifest
-    from benchctl.recordings.verify import refuse_changed
     from benchctl.reports.fitting import fit_recordings
 
     with result_of("fit", json_to, quiet) as result:
-        for path in recordings:
-            refuse_changed(path, "fitted")
         fitted = fit_recordings(recordings, out)
         written = [fitted.values["coefficients"], fitted.values["report"]]
         add_to_manifest(written[0].parent, written)

@@ -14,7 +14,8 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from benchctl.calibration.reduce import QUIET_KINDS, ReducedStep, reduce_step
+from benchctl.calibration.reduce import ReducedStep, reduced_steps
+from benchctl.calibration.step_reduction import QUIET_KINDS
 from benchctl.metrology.drift import white_variance
 from benchctl.recordings.model import BenchFacts, StepInfo
 from benchctl.recordings.reader import Recording
@@ -69,24 +70,29 @@ class Stretch:
 
 
 def stretches_of(recording: Recording) -> Iterator[Stretch]:
-    """All stretches with readings, one step in memory at a time; steps that were cut are passed over."""
+    """All stretches with readings; steps that were cut are passed over. Several are reduced at a time, in parts."""
     current = Stretch(setpoint_c=np.nan, before_c=np.nan, power_on=0, across=False)
-    before: StepInfo | None = None
+    wanted = [info.index for before, info in pairwise([None, *recording.infos]) if info and _is_read(before, info)]
+    found = reduced_steps(map(recording.stored_step, wanted), recording.meta)
     for info in recording.infos:
-        warms_up = before is not None and before.kind == "power_cycle" and info.kind == "static"
-        before = info
         if info.kind in BREAKS:
             if current.readings:
                 yield current
             current = _after(current, info)
-        elif info.kind in QUIET_KINDS and info.whole and not warms_up:
+        elif info.index in wanted:
             if not np.isfinite(current.setpoint_c):
                 current = replace(current, setpoint_c=info.chamber_setpoint_c)
-            reduced = reduce_step(recording.step(info.index), recording.meta)
+            reduced = next(found)
             if reduced is not None:
                 current = replace(current, readings=(*current.readings, *_readings(reduced, recording.meta.bench)))
     if current.readings:
         yield current
+
+
+def _is_read(before: StepInfo | None, info: StepInfo) -> bool:
+    """Whether a step gives readings: at rest or at a constant rate, whole, and no warming up."""
+    warms_up = before is not None and before.kind == "power_cycle" and info.kind == "static"
+    return info.kind in QUIET_KINDS and info.whole and not warms_up
 
 
 def _after(before: Stretch, info: StepInfo) -> Stretch:

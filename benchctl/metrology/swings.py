@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,8 @@ from benchctl.recordings.model import Step
 FloatArray = npt.NDArray[np.float64]
 
 _MOST_HARMONICS, _OF_NYQUIST = 40, 0.8
+_STRIP = 4096
+"""Samples whose columns are in memory at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,28 +52,49 @@ def fitted(step: Step, frequency_hz: float) -> Swing | None:
         return None
     frequency_hz = _by_the_stamps(time_s, angle_deg, frequency_hz)
     harmonics = max(1, min(int(highest_hz / frequency_hz), _MOST_HARMONICS, room))
-    omega = 2.0 * np.pi * frequency_hz * np.arange(1.0, harmonics + 1.0)
-    columns = _columns(time_s, omega)
-    both = np.stack([angle_deg, output_v], axis=1)
-    # even columns, many rows: the normal equations are as good and need no copy of them
-    solution = np.linalg.solve(columns.T @ columns, columns.T @ both)
+    omega = 2.0 * np.pi * frequency_hz
+    solution = _solved(time_s, omega, harmonics, np.stack([angle_deg, output_v], axis=1))
     phasors = solution[:harmonics] - 1j * solution[harmonics:-2]
-    rates = 1j * omega * phasors[:, 0]
-    moving = columns[:, :harmonics] @ rates.real - columns[:, harmonics:-2] @ rates.imag
+    rates = 1j * omega * np.arange(1.0, harmonics + 1.0) * phasors[:, 0]
+    moving = np.concatenate([rates.real, -rates.imag, [solution[-1, 0], 0.0]])
+    rate_dps, left_v = np.empty_like(time_s), output_v.copy()
+    for strip in _strips(time_s.size):
+        columns = _columns(time_s[strip], omega, harmonics)
+        rate_dps[strip] = columns @ moving
+        left_v[strip] -= columns @ solution[:, 1]
     return Swing(
         time_s=step["time_s"][good],
-        rate_dps=moving + solution[-1, 0],
+        rate_dps=rate_dps,
         output_v=output_v,
-        left_v=output_v - columns @ solution[:, 1],
+        left_v=left_v,
         rate_phasor=complex(rates[0]),
         output_phasor=complex(phasors[0, 1]),
     )
 
 
-def _columns(time_s: FloatArray, omega: FloatArray) -> FloatArray:
-    """Cosines, sines, 1 and t, shape (n, 2·harmonics + 2)."""
-    phase = np.outer(time_s, omega)
-    return np.concatenate([np.cos(phase), np.sin(phase), np.stack([np.ones_like(time_s), time_s], axis=1)], axis=1)
+def _solved(time_s: FloatArray, omega: float, harmonics: int, values: FloatArray) -> FloatArray:
+    """Least squares of values (n, k) on the columns; (2·harmonics + 2, k).
+
+    Even columns, many rows: the normal equations are as good, and a strip of the columns is enough to gather them.
+    """
+    size = 2 * harmonics + 2
+    gram, moment = np.zeros((size, size)), np.zeros((size, values.shape[1]))
+    for strip in _strips(time_s.size):
+        columns = _columns(time_s[strip], omega, harmonics)
+        gram += columns.T @ columns
+        moment += columns.T @ values[strip]
+    return np.asarray(np.linalg.solve(gram, moment))
+
+
+def _columns(time_s: FloatArray, omega: float, harmonics: int) -> FloatArray:
+    """Cosines, sines, 1 and t, shape (n, 2·harmonics + 2); harmonics are powers of the fundamental."""
+    once = np.exp(1j * omega * time_s)
+    powers = np.cumprod(np.broadcast_to(once[:, None], (time_s.size, harmonics)), axis=1)
+    return np.concatenate([powers.real, powers.imag, np.stack([np.ones_like(time_s), time_s], axis=1)], axis=1)
+
+
+def _strips(samples: int) -> Iterator[slice]:
+    return (slice(start, start + _STRIP) for start in range(0, samples, _STRIP))
 
 
 def _by_the_stamps(time_s: FloatArray, angle_deg: FloatArray, frequency_hz: float) -> float:
@@ -78,12 +102,10 @@ def _by_the_stamps(time_s: FloatArray, angle_deg: FloatArray, frequency_hz: floa
     half = time_s.size // 2
     if time_s[half] * frequency_hz < 1.0:
         return frequency_hz
-    omega = np.array([2.0 * np.pi * frequency_hz])
     phases: list[float] = []
     middles: list[float] = []
     for part in (slice(0, half), slice(half, None)):
-        columns = _columns(time_s[part], omega)
-        solution = np.linalg.solve(columns.T @ columns, columns.T @ angle_deg[part])
+        solution = _solved(time_s[part], 2.0 * np.pi * frequency_hz, 1, angle_deg[part, None])[:, 0]
         phases.append(float(np.angle(solution[0] - 1j * solution[1])))
         middles.append(float(time_s[part].mean()))
     moved = float(np.angle(np.exp(1j * (phases[1] - phases[0]))))

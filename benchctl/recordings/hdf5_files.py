@@ -8,6 +8,7 @@ import re
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import h5py
@@ -26,8 +27,12 @@ from benchctl.recordings.hdf5_guard import (
     plain_errors,
 )
 from benchctl.recordings.hdf5_heaps import check_heaps
-from benchctl.recordings.model import AXES, Axis, Meta, Step, StepInfo, axis_of
+from benchctl.recordings.model import AXES, Axis, FloatArray, Meta, Step, StepInfo, axis_of
+from benchctl.recordings.read_digests import ReadDigests
 from benchctl.recordings.schema import FORMAT, PART_SUFFIX, STEPS, group_name
+from benchctl.recordings.stored import SCANS_AT_ONCE, StoredStep
+from benchctl.recordings.unpacking import fill
+from benchctl.side_by_side import cores, in_order
 from instruments.errors import UsageError, in_line
 
 _FAMILY, _VERSION = FORMAT.split("/")
@@ -36,11 +41,13 @@ _FAMILY, _VERSION = FORMAT.split("/")
 class RecordingFile:
     """One HDF5 file of ours, open for reading: a recording, or a step of a campaign, finished or being written.
 
-    Raises `UsageError` where the file is absent, is no HDF5, is not ours or newer than this program, or was cut short.
+    What is read is digested on the way into `digests`, where given. Raises `UsageError` where the file is absent, is no
+    HDF5, is not ours or newer than this program, or was cut short.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, digests: ReadDigests | None = None) -> None:
         self.path = path
+        self._digests = digests
         self._file = open_ours(path)
         try:
             self.meta: Meta = read_meta(self._file)
@@ -65,6 +72,39 @@ class RecordingFile:
         Of a step being written: those samples that all channels of an axis have. Raises `UsageError` where a channel is
         damaged, lies outside the file, claims more samples than its bytes can hold, or is more than memory holds.
         """
+        found, lengths = self._checked(info)
+        wanted = {name: lengths[axis_of(name)] for name in found if names is None or name in names}
+        require_memory(self.path, 8 * sum(wanted.values()), f"step {info.index} {cut(info.name, 60)!r}")
+        channels = {name: np.empty(length) for name, length in wanted.items()}
+        stretches = [(name, start) for name, length in wanted.items() for start in range(0, length, SCANS_AT_ONCE)]
+
+        def read(stretch: tuple[str, int]) -> None:
+            name, start = stretch
+            with self._reading(info, name):
+                fill(found[name], start, channels[name][start : start + SCANS_AT_ONCE])
+
+        # Threads pay for themselves only where there is something to unpack.
+        workers = cores() if len(stretches) > len(wanted) else 1
+        for _ in in_order(read, stretches, workers):
+            pass
+        if self._digests is not None:
+            for name, samples in channels.items():
+                self._digests.take(info.index, name, len(found[name]), 0, samples)
+        return Step(info, channels)
+
+    def stored(self, info: StepInfo) -> StoredStep:
+        """A step whose samples are read a stretch at a time; what `load` raises of them is raised then."""
+        found, lengths = self._checked(info)
+        return StoredStep(info, tuple(found), lengths.get("time_s", 0), partial(self._fill, info, found))
+
+    def _fill(self, info: StepInfo, found: dict[str, h5py.Dataset], name: str, start: int, samples: FloatArray) -> None:
+        with self._reading(info, name):
+            fill(found[name], start, samples)
+        if self._digests is not None:
+            self._digests.take(info.index, name, len(found[name]), start, samples)
+
+    def _checked(self, info: StepInfo) -> tuple[dict[str, h5py.Dataset], dict[Axis, int]]:
+        """The channels of a step and how many samples all of an axis have."""
         found = self._channels(info.index)
         lengths: dict[Axis, int] = {}
         for name, dataset in found.items():
@@ -72,13 +112,7 @@ class RecordingFile:
             with self._reading(info, name):
                 length = length_of(dataset)
                 lengths[axis] = min(lengths.get(axis, length), length)
-        wanted = {name: lengths[axis_of(name)] for name in found if names is None or name in names}
-        require_memory(self.path, 8 * sum(wanted.values()), f"step {info.index} {cut(info.name, 60)!r}")
-        channels = {}
-        for name, length in wanted.items():
-            with self._reading(info, name), np.errstate(invalid="ignore"):  # of a signalling NaN in another type
-                channels[name] = np.asarray(found[name][:length], dtype=np.float64)
-        return Step(info, channels)
+        return found, lengths
 
     def close(self) -> None:
         """Let go of the file; safe to call twice."""

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from benchctl.recordings.model import AXES, Step, StepInfo
 from benchctl.recordings.reader import Recording
+from benchctl.recordings.stored import StoredStep
 from instruments.errors import UsageError
 
 APART_S = 86400.0
@@ -60,6 +61,10 @@ class _Joined:
         if not shift_s:
             return Step(info, step.channels)
         return Step(info, {n: samples + shift_s if n in AXES else samples for n, samples in step.channels.items()})
+
+    def stored(self, info: StepInfo) -> StoredStep:
+        recording, origin = self._origins[info.index]
+        return recording.stored_step(origin.index).of(info, info.t_start - origin.t_start)
 
     def close(self) -> None:
         """They are closed by who opened them."""

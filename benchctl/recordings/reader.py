@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol, Self
 
 from benchctl.recordings.campaign_state import state_of
 from benchctl.recordings.hdf5_files import RecordingFile
 from benchctl.recordings.import_open import read_open_recording
-from benchctl.recordings.model import Meta, Step, StepInfo
+from benchctl.recordings.model import FloatArray, Meta, Step, StepInfo
+from benchctl.recordings.read_digests import ReadDigests
 from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, PART_SUFFIX, RECORDING, STEPS
+from benchctl.recordings.stored import StoredStep, stored_of
 from instruments.errors import UsageError
 
 OPEN_DESCRIPTION = "recording.json"
@@ -25,6 +28,9 @@ class StepSource(Protocol):
 
     def load(self, info: StepInfo, names: Collection[str] | None = None) -> Step:
         """A step with its samples; of these channels where given."""
+
+    def stored(self, info: StepInfo) -> StoredStep:
+        """A step whose samples stay where they are until a stretch of them is asked for."""
 
     def close(self) -> None:
         """Let go of what is open; safe to call twice."""
@@ -74,6 +80,14 @@ class Recording:
             if (kinds is None or info.kind in kinds) and (roles is None or info.role in roles):
                 yield self._source.load(info)
 
+    def stored_steps(self) -> Iterator[StoredStep]:
+        """The steps in order, none of them loaded: for those that may be larger than memory."""
+        return map(self._source.stored, self.infos)
+
+    def stored_step(self, index: int) -> StoredStep:
+        """One step by its `info.index`, not loaded; `UsageError` where there is none."""
+        return self._source.stored(self._info(index))
+
     def step(self, index: int, channels: Collection[str] | None = None) -> Step:
         """One step by its `info.index`, with these of its channels where given; `UsageError` where there is none."""
         return self._source.load(self._info(index), channels)
@@ -101,8 +115,10 @@ class Recording:
         )
 
 
-def open_recording(path: Path) -> Recording:
+def open_recording(path: Path, digests: ReadDigests | None = None) -> Recording:
     """Open a recording: a file of ours, a campaign's folder (running, dead or finished) or an open recording's folder.
+
+    What is read of a finished recording of ours is digested on the way into `digests`, where given.
 
     Of a campaign that is not finished: its finished steps, and the one being written (`whole=False`) with what has
     reached its file. Its status is `running` only while its program runs; of one that died a note says so.
@@ -111,9 +127,9 @@ def open_recording(path: Path) -> Recording:
     program, or a file that was cut short.
     """
     if not path.is_dir():
-        return _open_file(path)
+        return _open_file(path, digests)
     if (path / RECORDING).exists():
-        return _open_file(path / RECORDING)
+        return _open_file(path / RECORDING, digests)
     if (path / CAMPAIGN).exists():
         return _open_campaign(path)
     if (path / OPEN_DESCRIPTION).exists():
@@ -122,8 +138,8 @@ def open_recording(path: Path) -> Recording:
     raise UsageError(f"{path}: is no recording: expected {RECORDING}, {CAMPAIGN} or {OPEN_DESCRIPTION} in this folder")
 
 
-def _open_file(path: Path) -> Recording:
-    file = RecordingFile(path)
+def _open_file(path: Path, digests: ReadDigests | None) -> Recording:
+    file = RecordingFile(path, digests)
     return Recording(path, file.meta, file.infos, file, digest=file.digest)
 
 
@@ -175,6 +191,16 @@ class _CampaignFiles:
         with closing(_open_step(self._files[info.index])) as file:
             return file.load(file.infos[0], names)
 
+    def stored(self, info: StepInfo) -> StoredStep:
+        path = self._files[info.index]
+
+        def fill(name: str, start: int, samples: FloatArray) -> None:
+            with closing(_open_step(path)) as file:
+                file.stored(info).fill(name, start, samples)
+
+        with closing(_open_step(path)) as file:
+            return replace(file.stored(info), fill=fill)
+
     def close(self) -> None:
         """Nothing stays open."""
 
@@ -193,6 +219,10 @@ class StepsInMemory:
         """See `StepSource`."""
         step = self._steps[info.index]
         return Step(info, {name: samples for name, samples in step.channels.items() if names is None or name in names})
+
+    def stored(self, info: StepInfo) -> StoredStep:
+        """See `StepSource`."""
+        return stored_of(self._steps[info.index])
 
     def close(self) -> None:
         """Nothing is open."""

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from benchctl.recordings.campaign_manifest import MANIFEST, problems_of_folder
-from benchctl.recordings.digests import Problem, problems_of_recording
+from benchctl.recordings.digests import Known, Problem, problems_of_recording
 from benchctl.recordings.hdf5_files import open_ours
-from benchctl.recordings.reader import campaign_files
+from benchctl.recordings.read_digests import ReadDigests
+from benchctl.recordings.reader import Recording, campaign_files, open_recording
 from benchctl.recordings.schema import CAMPAIGN, PART_SUFFIX, RECORDING
 from instruments.errors import UsageError
 
@@ -33,20 +36,48 @@ def verify(path: Path) -> list[Problem]:
         return [Problem("recording", str(err)), *problems]
 
 
-def refuse_changed(path: Path, therefore: str) -> None:
+@contextmanager
+def opened_unchanged(paths: Sequence[Path], therefore: str) -> Iterator[list[Recording]]:
+    """Recordings open for reading, and at the end what `refuse_changed` raises of them.
+
+    What was read meanwhile is not read again for its digest. So nothing may be made of them for good inside the `with`.
+    That one was changed is said before anything else that is wrong with it.
+    """
+    digests = [ReadDigests() for _ in paths]
+    try:
+        with ExitStack() as stack:
+            yield [stack.enter_context(open_recording(*each)) for each in zip(paths, digests, strict=True)]
+    except UsageError:
+        for path in paths:
+            refuse_changed(path, therefore)
+        raise
+    for path, read in zip(paths, digests, strict=True):
+        refuse_changed(path, therefore, read)
+
+
+def refuse_changed(path: Path, therefore: str, read: ReadDigests | None = None) -> None:
     """Raise `UsageError` where a recording no longer has its digest; `therefore` is what is not done with it then.
 
-    A foreign recording, and a campaign that is not finished, has none and passes.
+    A foreign recording, and a campaign that is not finished, has none and passes. Samples that `read` knows are not
+    read again.
     """
     if path.is_dir() and not (path / RECORDING).exists():
         return
-    problems = _problems_of_recording(path)
+    with open_ours(path / RECORDING if path.is_dir() else path) as file:
+        problems = list(problems_of_recording(file, _known_by(read)))
     if problems:
         more = f" (and {len(problems) - 1} more: benchctl verify names them)" if len(problems) > 1 else ""
         raise UsageError(
             f"{path}: changed since it was written, and so not {therefore}: {problems[0]}{more}; "
             "take it from where it was copied"
         )
+
+
+def _known_by(read: ReadDigests | None) -> Known:
+    """What was read, by the names of groups: a step's is its index."""
+    if read is None:
+        return lambda step, channel: None
+    return lambda step, channel: read.of(int(step), channel) if step.isdecimal() and step.isascii() else None
 
 
 def _problems_of_recording(path: Path) -> list[Problem]:

@@ -11,7 +11,7 @@ from benchctl.metrology.acceptance import accepted
 from benchctl.metrology.limit_file import Limits
 from benchctl.metrology.result import Acceptance
 from benchctl.recordings.campaign_manifest import add_to_manifest
-from benchctl.recordings.reader import open_recording
+from benchctl.recordings.verify import opened_unchanged
 from benchctl.reports.acceptance.as_json import values
 from benchctl.reports.acceptance.lines import lines
 from benchctl.reports.acceptance.recording_facts import RecordingFacts, facts_of
@@ -55,7 +55,8 @@ def accept_recording(path: Path, limits: Limits) -> Accepted:
     Raises
     ------
     UsageError
-        Where it cannot be read, or holds no reading at all.
+        Where it cannot be read, was changed, or holds no reading at all.
     """
-    with open_recording(path) as recording:
-        return Accepted(acceptance=accepted(recording, limits), facts=facts_of(recording))
+    with opened_unchanged([path], "accepted") as (recording,):
+        found = Accepted(acceptance=accepted(recording, limits), facts=facts_of(recording))
+    return found

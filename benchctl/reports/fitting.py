@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,11 +13,12 @@ from benchctl.calibration.points_coefficients import points_coefficients
 from benchctl.calibration.result import CalibrationResult
 from benchctl.calibration.static_points_fit import StaticPointsResult, fit_static_points
 from benchctl.recordings.joined import join
-from benchctl.recordings.reader import Recording, open_recording
+from benchctl.recordings.reader import Recording
 from benchctl.recordings.static_points import KIND, StaticPoints
+from benchctl.recordings.verify import opened_unchanged
 from benchctl.reports.calibration_page import write_calibration_report
 from benchctl.reports.points_page import write_static_points_report
-from benchctl.reports.results import make_folder, source_digest
+from benchctl.reports.results import make_folder, may_be_made, source_digest
 from instruments.errors import UsageError
 
 
@@ -62,13 +62,16 @@ def fit_recordings(paths: Sequence[Path], out: Path | None = None) -> Fitted:
     Raises
     ------
     UsageError
-        Where a recording cannot be read or fitted, the recordings are of different units, or nothing can be written.
+        Where a recording cannot be read or fitted or was changed, the recordings are of different units, or nothing can
+        be written.
     """
-    with _opened(paths) as recordings:
+    with opened_unchanged(paths, "fitted") as recordings:
         joined = join(recordings)
         folder = out if out is not None else _beside(paths[0])
-        make_folder(folder)  # before any work
-        return _calibrated(joined, recordings).write(folder)
+        if not may_be_made(folder):
+            make_folder(folder)  # says why, before any work
+        found = _calibrated(joined, recordings)
+    return found.write(folder)
 
 
 def calibrated(paths: Sequence[Path]) -> Calibrated:
@@ -77,16 +80,11 @@ def calibrated(paths: Sequence[Path]) -> Calibrated:
     Raises
     ------
     UsageError
-        Where a recording cannot be read or fitted, or the recordings are of different units.
+        Where a recording cannot be read or fitted or was changed, or the recordings are of different units.
     """
-    with _opened(paths) as recordings:
-        return _calibrated(join(recordings), recordings)
-
-
-@contextmanager
-def _opened(paths: Sequence[Path]) -> Iterator[list[Recording]]:
-    with ExitStack() as stack:
-        yield [stack.enter_context(open_recording(path)) for path in paths]
+    with opened_unchanged(paths, "fitted") as recordings:
+        found = _calibrated(join(recordings), recordings)
+    return found
 
 
 def _calibrated(joined: Recording, recordings: Sequence[Recording]) -> Calibrated:
@@ -96,7 +94,7 @@ def _calibrated(joined: Recording, recordings: Sequence[Recording]) -> Calibrate
 
 
 def _fit_runs(joined: Recording, recordings: Sequence[Recording]) -> Calibrated:
-    result = calibrate(joined.steps(), joined.meta)
+    result = calibrate(joined.stored_steps(), joined.meta)
     meta, infos = joined.meta, joined.infos
     digest = ", ".join(source_digest(recording) for recording in recordings)
     content = coefficients(result, _sources(recordings))

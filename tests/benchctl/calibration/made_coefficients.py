@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from hypothesis import assume
 from hypothesis import strategies as st
 
 from benchctl.calibration.c_header import export_c_header
@@ -111,6 +112,16 @@ def _terms(reach: float, power: int, largest: float) -> st.SearchStrategy[list[f
     )
 
 
+def _reaches(bent: Sequence[float], *warm: Sequence[float]) -> bool:
+    """Whether a correction reaches every valid rate at every valid temperature, and not just before it turns back."""
+    dt, x = np.linspace(TEMPERATURE_C[0] - T0_C, TEMPERATURE_C[1] - T0_C, 101), np.linspace(0.0, 2 * RATE_DPS, 601)
+    k_t = np.prod([np.min(1.0 + sum(a * dt ** (i + 1) for i, a in enumerate(one))) for one in warm])
+    k_omega = 1.0 + sum(b * x ** (2 * i + 2) for i, b in enumerate(bent))
+    beyond = np.append(k_t * x * k_omega > RATE_DPS, False)
+    first = int(np.argmax(beyond))
+    return bool(beyond[first]) and int(np.argmin(beyond[first:])) > 0.15 * first
+
+
 @st.composite
 def contents(draw: st.DrawFn) -> dict[str, Any]:
     """Coefficients of every law, with polynomials of order 0 to 4, either sign of the scale factor."""
@@ -123,12 +134,14 @@ def contents(draw: st.DrawFn) -> dict[str, Any]:
     if law == "sine":
         values |= {"S_rad_per_dps": draw(st.floats(1e-4, 0.008))} | {f"g{i + 1}": g for i, g in enumerate(warm)}
         return made(joint=joint_of(law, values))
+    again = draw(_terms(60.0, 1, 0.1)) if law == "stages" else []
+    assume(law not in ("polynomial", "stages") or _reaches(bent, warm, again))
     if law in ("polynomial", "response"):
         values |= {f"a{i + 1}": a for i, a in enumerate(warm)} | {f"b{2 * i + 2}": b for i, b in enumerate(bent)}
         return made(joint=joint_of(law, values))
     common = {"joint": None, "K0_v_per_dps": size, "U0_v": values["U0_v"]}
     if law == "stages":
-        return made(**common, stages=[stage(warm, bent, bias), stage(draw(_terms(60.0, 1, 0.1)), [], bias)])
+        return made(**common, stages=[stage(warm, bent, bias), stage(again, [], bias)])
     return made(**common, convention="response", argument="true", stages=[stage(warm, bent, bias)])
 
 

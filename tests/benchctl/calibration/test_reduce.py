@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchctl.calibration.reduce import clipped, reduce_step, reduce_steps
+from benchctl.calibration.reduce import reduce_step, reduce_steps
+from benchctl.calibration.step_reduction import clipped
 from benchctl.recordings.model import Step
 from instruments.errors import UsageError
 from tests.benchctl.calibration.synthetic import Ask, Truth, meta_of, steps

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchctl.metrology import swings
 from benchctl.metrology.swings import fitted
 from benchctl.recordings.model import Step, StepInfo
 
@@ -116,3 +117,17 @@ def test_short_and_fast_swings_are_fitted_by_fewer_harmonics(hz: float, cycles: 
     found = fitted(swing(hz=hz, cycles=cycles, lag_s=0.0), hz)
     assert found is not None
     assert abs(found.output_phasor / found.rate_phasor) == pytest.approx(0.05, rel=1e-6)
+
+
+@pytest.mark.parametrize("strip", [1, 100, 1499, 1500])
+def test_the_fit_does_not_depend_on_the_strips_it_is_gathered_in(strip: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    step = swing(cubic=3e-6, drift_dps=1.0, noise_v=1e-4, clock=1e-4)
+    whole = fitted(step, 0.5)
+    monkeypatch.setattr(swings, "_STRIP", strip)
+    found = fitted(step, 0.5)
+    assert found is not None
+    assert whole is not None
+    assert found.rate_phasor == pytest.approx(whole.rate_phasor, rel=1e-12)
+    assert found.output_phasor == pytest.approx(whole.output_phasor, rel=1e-12)
+    assert found.rate_dps == pytest.approx(whole.rate_dps, abs=1e-9)
+    assert found.left_v == pytest.approx(whole.left_v, abs=1e-12)

@@ -1,0 +1,239 @@
+"""One step on its way to block means, taken part by part, so that no step need fit into memory.
+
+A part goes on where the one before ended: what its last blocks left over, and the angles that the smoother needs about
+them, are kept and put before it. Sampling interval, smoother and delay are those of the first part. Where a table that
+keeps its rate has settled is looked for once a span: a disturbance later on stays in the data, where robust fits can
+see it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.calibration.angle_rate import Smoother, choose_smoother, unwrap_deg
+from benchctl.calibration.blocks import Blocks, Span, block_means, delay_of, places_in
+from benchctl.calibration.settling import settled_from, whole_revolutions
+from benchctl.calibration.thermistor import TemperatureLine
+from benchctl.recordings.mapped import FILLED
+from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo
+
+FloatArray = npt.NDArray[np.float64]
+
+QUIET_BAND_HZ = 5.0
+FREE_MOTION_BAND_HZ = 2.0
+"""Band of the motion where a step in motion states no frequency."""
+
+QUIET_KINDS = ("static", "constant_rate")
+CHANNELS = ("time_s", "encoder_deg", "gyro_v", "gyro_temp_c", FILLED)
+"""What a reduction reads, as far as it is there; the first three must be."""
+
+_SHORTEST = 32
+_STAMPS = 1 << 16
+"""By so many the sampling interval is known."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Samples:
+    """Samples whose angle is known, arrays of shape (n,): stamps, angle as it was read, output, which are not good."""
+
+    time_s: FloatArray
+    angle_deg: FloatArray
+    output_v: FloatArray
+    bad: npt.NDArray[np.bool_]
+
+    def begin_at(self, first: int) -> _Samples:
+        """Those from the sample `first` on, copied: what they are of need not be kept for them."""
+        return _Samples(
+            self.time_s[first:].copy(),
+            self.angle_deg[first:].copy(),
+            self.output_v[first:].copy(),
+            self.bad[first:].copy(),
+        )
+
+    def followed_by(self, others: _Samples) -> _Samples:
+        """Both, one after the other."""
+        return _Samples(
+            np.concatenate([self.time_s, others.time_s]),
+            np.concatenate([self.angle_deg, others.angle_deg]),
+            np.concatenate([self.output_v, others.output_v]),
+            np.concatenate([self.bad, others.bad]),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """A span and the place of its first sample; whether it `ends`, and whether that is after `whole` revolutions."""
+
+    begin: int
+    span: Span
+    ends: bool
+    whole: bool
+
+
+class StepReduction:
+    """Takes the parts of a step in order.
+
+    Attributes
+    ----------
+    blocks
+        Of each span, oldest first.
+    interval_s, smoother, delay_s
+        By the first part.
+    masked, unsettled
+        How many samples were clipped, filled in or not finite, and how many had not settled.
+    temperature
+        Of the thermistor.
+    """
+
+    def __init__(self, first: Step, meta: Meta) -> None:
+        self.blocks: list[Blocks] = []
+        self.interval_s = float(np.median(np.diff(first["time_s"][:_STAMPS])))
+        self.smoother = _smoother_for(first, meta, self.interval_s)
+        self.delay_s: float | None = 0.0 if first.info.kind in QUIET_KINDS else None
+        self.masked = self.unsettled = 0
+        self.temperature = TemperatureLine()
+        self._info, self._meta = first.info, meta
+        self._rest: _Samples | None = None
+        self._goes_on = False
+        self._turned_deg = 0.0
+        self._whole = self._begun = 0
+
+    def take(self, part: Step, *, last: bool) -> None:
+        """Take the next part, the first one among them; `last` where no other follows."""
+        self.temperature.take(part["time_s"], part.channels.get("gyro_temp_c"))
+        samples = self._good(part)
+        if self._rest is not None:
+            samples = self._rest.followed_by(samples)
+        found = list(self._spans(samples, last))
+        if self.delay_s is None and found:
+            longest = max((one.span for one in found), key=lambda span: span.time_s.size)
+            self.delay_s = delay_of(longest, self.smoother)
+        for one in found:
+            self._average(one)
+        self._rest = None if last else self._left_over(samples, found)
+
+    def _average(self, found: _Found) -> None:
+        """Blocks of a span; where it ends, none of those after its last whole revolution if it has made one."""
+        blocks = block_means(
+            found.span,
+            self.smoother,
+            kind=self._info.kind,
+            frequency_hz=self._info.frequency_hz,
+            delay_s=self.delay_s or 0.0,
+        )
+        if blocks is not None:
+            self.blocks.append(blocks)
+        if found.whole:
+            self._whole = len(self.blocks)
+        elif found.ends and self._whole > self._begun:
+            del self.blocks[self._whole :]
+        if found.ends:
+            self._whole = self._begun = len(self.blocks)
+
+    def _good(self, part: Step) -> _Samples:
+        """The samples whose angle is known; one that is not makes a gap."""
+        seen = np.isfinite(part["encoder_deg"])
+        time, angle, output = (part[name] for name in ("time_s", "encoder_deg", "gyro_v"))
+        filled = part.channels.get(FILLED)
+        if not seen.all():
+            time, angle, output = time[seen], angle[seen], output[seen]
+            filled = None if filled is None else filled[seen]
+        bad = ~np.isfinite(output)
+        if bad.any():
+            output = np.where(bad, 0.0, output)
+        bad |= clipped(output, self._meta)
+        if filled is not None:
+            bad |= filled > 0.5
+        self.masked += int(np.count_nonzero(bad) + seen.size - np.count_nonzero(seen))
+        return _Samples(time, angle, output, bad)
+
+    def _spans(self, samples: _Samples, last: bool) -> Iterator[_Found]:
+        """Unbroken, settled spans."""
+        kind, half = self._info.kind, self.smoother.half
+        for start, stop in _unbroken(samples.time_s, self.interval_s):
+            goes_on, self._goes_on = self._goes_on and start == 0, False
+            if stop - start < _SHORTEST and not goes_on:
+                continue
+            angle = unwrap_deg(samples.angle_deg[start:stop])
+            first, end, whole = 0, angle.size, kind != "constant_rate"
+            if kind in QUIET_KINDS:
+                settled = 0 if goes_on else settled_from(angle, self.smoother, _angle_noise_deg(self._meta.bench))
+                if settled is None or (settled > end - _SHORTEST and not goes_on):
+                    self.unsettled += end
+                    continue
+                first, self.unsettled = settled, self.unsettled + settled
+            if kind == "constant_rate":
+                # The smoother's ends fall off both sides of the span; whole revolutions are counted between them.
+                inside = angle[first + half : end - half]
+                if not goes_on:
+                    self._turned_deg = 0.0
+                if inside.size:
+                    count, self._turned_deg, whole = whole_revolutions(inside, self._turned_deg)
+                    end = first + count + 2 * half
+            self._goes_on = True
+            chosen = slice(start + first, start + end)
+            span = Span(
+                time_s=samples.time_s[chosen],
+                angle_deg=angle[first:end],
+                output_v=samples.output_v[chosen],
+                bad=samples.bad[chosen],
+            )
+            yield _Found(chosen.start, span, last or stop < samples.time_s.size, whole)
+
+    def _left_over(self, samples: _Samples, found: list[_Found]) -> _Samples | None:
+        """What the next part goes on from: of the last span what no block is of, and the angles about its end."""
+        if self._goes_on:
+            done = places_in(found[-1].span, self.smoother, self.delay_s or 0.0)
+            return samples.begin_at(found[-1].begin + done.stop - done.start)
+        *_, (start, stop) = _unbroken(samples.time_s, self.interval_s)
+        return samples.begin_at(start) if stop - start < _SHORTEST else None
+
+
+def _smoother_for(first: Step, meta: Meta, interval_s: float) -> Smoother:
+    """By the motion in the first part: how much of it there is, how fast it may be, how coarse the angle."""
+    info, rate_hz = first.info, float(f"{1.0 / interval_s:.9g}")
+    rate_rms = 1.0
+    if info.kind not in QUIET_KINDS:
+        turned = unwrap_deg(first["encoder_deg"][np.isfinite(first["encoder_deg"])])
+        coarse = max(1, int(0.1 * rate_hz))
+        rate_rms = float(np.std(turned[coarse:] - turned[:-coarse])) * rate_hz / coarse
+    return choose_smoother(rate_hz, _band_hz(info, rate_hz), _angle_noise_deg(meta.bench) / max(rate_rms, 0.1))
+
+
+def _unbroken(time_s: FloatArray, interval_s: float) -> Iterator[tuple[int, int]]:
+    """Spans without a gap."""
+    breaks = np.flatnonzero(np.abs(np.diff(time_s) - interval_s) > 0.5 * interval_s) + 1
+    return pairwise(map(int, [0, *breaks, time_s.size]))
+
+
+def clipped(output: FloatArray, meta: Meta) -> npt.NDArray[np.bool_]:
+    """Samples at the converter's ends, or at the output's limit where the lab states one; shape (n,)."""
+    limit = np.inf
+    if meta.bench.adc_range_v > 0:
+        codes = 2.0 ** (meta.bench.adc_bits - 1) if meta.bench.adc_bits else 2.0**15
+        limit = meta.bench.adc_range_v * (1 - 2 / codes)
+    stated = (meta.simulation or {}).get("output_limit_v")
+    if isinstance(stated, int | float) and stated > 0:
+        limit = min(limit, 0.999 * float(stated))
+    return np.asarray(np.abs(output) >= limit)
+
+
+def _band_hz(info: StepInfo, sample_rate_hz: float) -> float:
+    """The band in which the rate must be faithful."""
+    if info.kind in QUIET_KINDS:
+        return min(QUIET_BAND_HZ, sample_rate_hz / 20)
+    if info.frequency_hz is not None:
+        return info.frequency_hz
+    return min(FREE_MOTION_BAND_HZ, sample_rate_hz / 20)
+
+
+def _angle_noise_deg(bench: BenchFacts) -> float:
+    """Quantisation of the encoder as a standard deviation, deg; 1″ where its counts are not known."""
+    if bench.encoder_counts_per_rev > 0:
+        return float(360.0 / bench.encoder_counts_per_rev / np.sqrt(12.0))
+    return 1.0 / 3600.0

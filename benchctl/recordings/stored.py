@@ -1,0 +1,107 @@
+"""A step whose samples are still in the file, read a stretch of its scans at a time: memory need not hold a step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator
+from concurrent.futures import ThreadPoolExecutor, wait
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from benchctl.recordings.model import FloatArray, Step, StepInfo, axis_of
+from benchctl.side_by_side import cores
+
+SCANS_AT_ONCE = 1 << 18
+"""Scans that are worked on at once: 2 MiB a channel, whole chunks of a file of ours."""
+_SCANS = "time_s"
+
+
+@dataclass(frozen=True, slots=True)
+class StoredStep:
+    """A step that is not in memory.
+
+    `names` are all its channels; those on the axis `time_s` have `scans` samples, of which `fill` puts as many of a
+    channel into an array as it holds, from a scan on. Read in order: who digests a recording while it is read can then
+    do so.
+    """
+
+    info: StepInfo
+    names: tuple[str, ...]
+    scans: int
+    fill: Callable[[str, int, FloatArray], None]
+
+    def read(self, name: str, start: int, stop: int) -> FloatArray:
+        """The samples `start:stop` of a channel."""
+        samples = np.empty(stop - start)
+        self.fill(name, start, samples)
+        return samples
+
+    def part(self, start: int, stop: int, names: Collection[str] | None = None) -> Step:
+        """The scans `start:stop`, of these channels where given, as a step in memory."""
+        part = self._empty(start, stop, names)
+        for name, samples in part.channels.items():
+            self.fill(name, start, samples)
+        return part
+
+    def parts(self, names: Collection[str] | None = None) -> Iterator[Step]:
+        """The step in parts of about `SCANS_AT_ONCE` scans; the next one is read while one is worked on."""
+        edges = [*range(0, max(self.scans - SCANS_AT_ONCE // 4, 1), SCANS_AT_ONCE), self.scans]
+        if len(edges) == 2:
+            yield self.part(0, self.scans, names)
+            return
+        with ThreadPoolExecutor(cores(), thread_name_prefix="reading") as pool:
+
+            def begun(start: int, stop: int) -> Callable[[], Step]:
+                part = self._empty(start, stop, names)
+                filling = [pool.submit(self.fill, name, start, samples) for name, samples in part.channels.items()]
+
+                def read() -> Step:
+                    for filled in wait(filling).done:
+                        filled.result()
+                    return part
+
+                return read
+
+            stretches = pairwise(edges)
+            coming = begun(*next(stretches))
+            for stretch in stretches:
+                here = coming()
+                coming = begun(*stretch)
+                yield here
+                del here
+            yield coming()
+
+    def cut(self, info: StepInfo, start: int, stop: int) -> StoredStep:
+        """The scans `start:stop` as a step of their own, under their own description."""
+        return replace(
+            self,
+            info=info,
+            scans=stop - start,
+            fill=lambda name, first, samples: self.fill(name, start + first, samples),
+        )
+
+    def of(self, info: StepInfo, shift_s: float = 0.0) -> StoredStep:
+        """The same samples under another description, its stamps moved."""
+
+        def fill(name: str, start: int, samples: FloatArray) -> None:
+            self.fill(name, start, samples)
+            if name == _SCANS:
+                samples += shift_s
+
+        return replace(self, info=info, fill=fill)
+
+    def _empty(self, start: int, stop: int, names: Collection[str] | None) -> Step:
+        """A part that is not filled yet; one block holds all channels, large enough for the system's large pages."""
+        wanted = [name for name in self.names if axis_of(name) == _SCANS and (names is None or name in names)]
+        return Step(self.info, dict(zip(wanted, np.empty((len(wanted), stop - start)), strict=True)))
+
+
+def stored_of(step: Step) -> StoredStep:
+    """A step that is in memory, as one that need not be."""
+    scans = len(step.channels[_SCANS]) if _SCANS in step.channels else 0
+
+    def fill(name: str, start: int, samples: FloatArray) -> None:
+        samples[:] = step.channels[name][start : start + samples.size]
+
+    return StoredStep(step.info, tuple(step.channels), scans, fill)
