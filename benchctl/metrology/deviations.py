@@ -1,7 +1,7 @@
 """The Allan deviation and its relatives, of a rate that is sampled evenly.
 
-All are statistics of the integrated rate x, which NIST calls phase: x has one point more than there are samples, and
-begins at 0. Each takes the sum of rates only once, whatever the averaging time, and costs a pass a time.
+All are mean squares of differences of the integrated rate x, which NIST calls phase: x has one point more than there
+are samples, and begins at 0. What takes the time is in `kernels`.
 
 Source: W. J. Riley, Handbook of Frequency Stability Analysis, NIST Special Publication 1065 (2008), section 5.2. The
 tests hold them against the numbers that it prints.
@@ -9,112 +9,90 @@ tests hold them against the numbers that it prints.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
+from functools import partial
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
+from threadpoolctl import threadpool_limits
 
+from benchctl.metrology.differences import sums_of_squares
+from benchctl.metrology.kernels import FloatArray, IntArray, Kernels, kernels_for
+from benchctl.metrology.moving import sums_of_squared_averages
+from benchctl.metrology.phase import integrated
 from instruments.errors import UsageError
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-
 Kind = Literal["adev", "oadev", "mdev", "tdev", "hdev", "ohdev", "totdev"]
+
+_ALONE = np.array([1])
+_MANY = 10_000
+"""From so many terms on BLAS adds squares up on several threads, which only wait for one another, and for ours."""
 
 
 def deviation(rates: FloatArray, factors: IntArray, interval_s: float, kind: Kind = "oadev") -> FloatArray:
     """The deviations of rates of shape (n,), sampled every `interval_s`, over `factors` samples each, shape (k,).
 
-    In the unit of the rates; `tdev` in that unit times seconds. NaN where the record is too short for a factor.
+    In the unit of the rates; `tdev` in that unit times seconds. NaN where the record is too short for a factor. It
+    works on all cores, and in as much memory again as the rates take.
 
     Raises
     ------
     UsageError
         For rates that are not finite, fewer than three of them, or factors below 1.
     """
-    if rates.ndim != 1 or rates.size < 3 or not np.isfinite(rates).all():
-        raise UsageError(f"expected at least 3 finite rates in a row, got {rates.size} of shape {rates.shape}")
     if factors.size and int(factors.min()) < 1:
         raise UsageError(f"expected averaging factors of at least 1, got {int(factors.min())}")
-    phase = _phase(rates)
-    variance = _VARIANCES[kind]
-    found = np.array([variance(phase, m) for m in factors.tolist()])
-    if kind == "tdev":
-        found *= (factors * interval_s) ** 2 / 3.0
-    return np.asarray(np.sqrt(found))
+    kernels = kernels_for(rates.size * factors.size)
+    phase = integrated(rates, kernels)
+    with threadpool_limits(limits=1, user_api="blas") if phase.size > _MANY else nullcontext():
+        variance = _VARIANCES[kind](phase, factors, kernels)
+    found = np.asarray(np.sqrt(variance))
+    return found * factors * (interval_s / np.sqrt(3.0)) if kind == "tdev" else found
 
 
-def _phase(rates: FloatArray) -> FloatArray:
-    """The integrated rate in units of the sampling interval, shape (n + 1,).
-
-    The mean, which no difference of rates knows, is left out, so that the sum of 10⁸ samples keeps its digits.
-    """
-    phase = np.empty(rates.size + 1)
-    phase[0] = 0.0
-    np.cumsum(rates - rates.mean(), out=phase[1:])
-    return phase
-
-
-def _mean_square(values: FloatArray) -> float:
-    return float(values @ values) / values.size if values.size else math.nan
-
-
-def _allan(phase: FloatArray, m: int) -> float:
-    """Non-overlapping."""
-    averages = np.diff(phase[::m]) / m
-    return 0.5 * _mean_square(np.diff(averages))
-
-
-def _overlapping_allan(phase: FloatArray, m: int) -> float:
+def _overlapping(phase: FloatArray, factors: IntArray, kernels: Kernels, order: int) -> FloatArray:
     """Of all differences, each beginning one sample after the other."""
-    if phase.size <= 2 * m:
-        return math.nan
-    second = phase[2 * m :] - 2.0 * phase[m:-m] + phase[: -2 * m]
-    return _mean_square(second) / (2.0 * m * m)
+    return _mean(sums_of_squares(phase, factors, order, kernels), phase.size - order * factors, factors, order)
 
 
-def _modified_allan(phase: FloatArray, m: int) -> float:
-    """The second differences are averaged over the averaging time too."""
-    if phase.size < 3 * m:
-        return math.nan
-    second = phase[2 * m :] - 2.0 * phase[m:-m] + phase[: -2 * m]
-    sums = np.concatenate([np.zeros(1), np.cumsum(second)])
-    return _mean_square((sums[m:] - sums[:-m]) / m) / (2.0 * m * m)
+def _apart(phase: FloatArray, factors: IntArray, kernels: Kernels, order: int) -> FloatArray:
+    """Of differences that begin an averaging time after each other."""
+    ends = (np.ascontiguousarray(phase[::m]) for m in factors.tolist())
+    sums = [sums_of_squares(each, _ALONE, order, kernels)[0] for each in ends]
+    return _mean(np.array(sums), (phase.size - 1) // factors + 1 - order, factors, order)
 
 
-def _hadamard(phase: FloatArray, m: int) -> float:
-    """Non-overlapping."""
-    averages = np.diff(phase[::m]) / m
-    return _mean_square(np.diff(averages, n=2)) / 6.0
+def _modified(phase: FloatArray, factors: IntArray, _: Kernels) -> FloatArray:
+    """The differences are averaged over the averaging time too."""
+    return _mean(sums_of_squared_averages(phase, factors), phase.size - 3 * factors + 1, factors, 2)
 
 
-def _overlapping_hadamard(phase: FloatArray, m: int) -> float:
-    """Of all differences, each beginning one sample after the other."""
-    if phase.size <= 3 * m:
-        return math.nan
-    third = phase[3 * m :] - 3.0 * phase[2 * m : -m] + 3.0 * phase[m : -2 * m] - phase[: -3 * m]
-    return _mean_square(third) / (6.0 * m * m)
-
-
-def _total(phase: FloatArray, m: int) -> float:
+def _total(phase: FloatArray, factors: IntArray, kernels: Kernels) -> FloatArray:
     """The phase is continued by its own reflection about either end."""
-    if not m < phase.size - 1:
-        return math.nan
-    before = 2.0 * phase[0] - phase[m:0:-1]
-    behind = 2.0 * phase[-1] - phase[-2 : -m - 2 : -1]
-    longer = np.concatenate([before, phase, behind])
-    second = longer[2 * m :] - 2.0 * longer[m:-m] + longer[: -2 * m]
-    return _mean_square(second[1:-1]) / (2.0 * m * m)
+    sums = [sums_of_squares(_reflected(phase, m), np.array([m]), 2, kernels)[0] for m in factors.tolist()]
+    return _mean(np.array(sums), np.where(factors < phase.size - 1, phase.size - 2, 0), factors, 2)
 
 
-_VARIANCES: Mapping[Kind, Callable[[FloatArray, int], float]] = {
-    "adev": _allan,
-    "oadev": _overlapping_allan,
-    "mdev": _modified_allan,
-    "tdev": _modified_allan,
-    "hdev": _hadamard,
-    "ohdev": _overlapping_hadamard,
+def _reflected(phase: FloatArray, m: int) -> FloatArray:
+    """As many points longer at either end as have a difference that reaches into the phase."""
+    before = 2.0 * phase[0] - phase[m - 1 : 0 : -1]
+    behind = 2.0 * phase[-1] - phase[-2 : -m - 1 : -1]
+    return np.concatenate([before, phase, behind])
+
+
+def _mean(sums: FloatArray, terms: IntArray, factors: IntArray, order: int) -> FloatArray:
+    """Of squared differences of averages of white noise, of which one has 2 or 6 variances; NaN of no terms."""
+    size = {2: 2.0, 3: 6.0}[order]
+    return np.where(terms > 0, sums, np.nan) / (size * np.maximum(terms, 1) * factors**2.0)
+
+
+_VARIANCES: Mapping[Kind, Callable[[FloatArray, IntArray, Kernels], FloatArray]] = {
+    "adev": partial(_apart, order=2),
+    "oadev": partial(_overlapping, order=2),
+    "mdev": _modified,
+    "tdev": _modified,
+    "hdev": partial(_apart, order=3),
+    "ohdev": partial(_overlapping, order=3),
     "totdev": _total,
 }

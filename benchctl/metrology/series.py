@@ -14,6 +14,7 @@ from benchctl.limits import shown
 from benchctl.recordings.delimited import Layout, header_names, read_columns
 from benchctl.recordings.model import FRAME_CHANNELS, UNITS, StepInfo, axis_of
 from benchctl.recordings.reader import Recording
+from benchctl.recordings.stored import StoredStep
 from benchctl.recordings.text_file import read_bytes
 from instruments.errors import UsageError
 
@@ -59,24 +60,19 @@ def series_of_step(
         there = [one for one in names if one != axis_of(one)]
         hint = meant(name, there, f"it has {', '.join(there)}")
         raise UsageError(f"{recording.path}, step {shown(info.name)}: has no channel {shown(name)}; {hint}")
-    held = recording.step(info.index, (name, axis))
-    values, interval_s, part = _unbroken(held[axis], held[name], f"{recording.path}, step {shown(info.name)}")
     stated = recording.meta.output_unit if name == _GYRO_OUTPUT else UNITS.get(name, "1")
     unit = _UNITS.get(stated, stated)
-    words = f"{name} of step {info.name!r}{part}"
     if unit == "V" and name == _GYRO_OUTPUT:
         scale_v_per_dps = scale_v_per_dps or (recording.meta.simulation or {}).get("K0_v_per_dps")
     elif scale_v_per_dps is not None:
         raise UsageError(
             f"{recording.path}: {shown(name)} is in {unit}, a scale factor is for {_GYRO_OUTPUT} in V; leave it out"
         )
+    values, interval_s, part = _even_samples(recording, info, name, abs(scale_v_per_dps or 1.0))
+    words = f"{name} of step {info.name!r}{part}"
     if scale_v_per_dps:
-        return Series(
-            values=values / abs(scale_v_per_dps),
-            interval_s=interval_s,
-            unit=DEG_PER_S,
-            source=f"{words}, as a rate by {abs(scale_v_per_dps):.6g} V/(deg/s)",
-        )
+        words += f", as a rate by {abs(scale_v_per_dps):.6g} V/(deg/s)"
+        unit = DEG_PER_S
     return Series(values=values, interval_s=interval_s, unit=unit, source=words)
 
 
@@ -131,13 +127,44 @@ def _step(recording: Recording, name: str | None) -> StepInfo:
     return max(static, key=lambda info: info.t_end - info.t_start)
 
 
+def _even_samples(recording: Recording, info: StepInfo, name: str, over: float) -> tuple[FloatArray, float, str]:
+    """As `_unbroken`, over a scale; of scans without a gap nothing but the samples themselves is held."""
+    axis, where = axis_of(name), f"{recording.path}, step {shown(info.name)}"
+    step = recording.stored_step(info.index)
+    interval_s = _interval_without_gaps(step) if axis == "time_s" else None
+    if interval_s is None:
+        held = recording.step(info.index, (name, axis))
+        values, interval_s, words = _unbroken(held[axis], held[name], where)
+        return values / over, interval_s, words
+    values = np.empty(step.scans)
+    done = 0
+    for part in step.parts((name,)):
+        np.divide(part[name], over, out=values[done : done + part[name].size])
+        done += part[name].size
+    return values, interval_s, ""
+
+
+def _interval_without_gaps(step: StoredStep) -> float | None:
+    """The sampling interval of scans that are surely without a gap; None where one must look closer."""
+    if step.scans < 3:
+        return None
+    first_s = last_s = float(step.read("time_s", 0, 1)[0])
+    spread_s: list[float] = []
+    begins = True
+    for part in step.parts(("time_s",)):
+        steps_s = np.diff(part["time_s"], prepend=[] if begins else last_s)
+        spread_s += [float(steps_s.min()), float(steps_s.max())]
+        last_s, begins = float(part["time_s"][-1]), False
+    least_s, most_s = np.min(spread_s), np.max(spread_s)  # NaN where a stamp is
+    return (last_s - first_s) / (step.scans - 1) if 0.0 < least_s <= most_s <= (1.0 + _UNEVEN) * least_s else None
+
+
 def _unbroken(time_s: FloatArray, values: FloatArray, where: str) -> tuple[FloatArray, float, str]:
     """The longest stretch without a gap, its sampling interval, and words where it is not the whole."""
     steps_s = np.diff(time_s)
-    if steps_s.size < 2 or not (steps_s > 0.0).all():
+    if steps_s.size < 2 or not steps_s.min() > 0.0:
         raise UsageError(f"{where}: expected at least 3 samples, at times that grow; correct its stamps")
-    interval_s = float(np.median(steps_s))
-    gaps = np.flatnonzero(steps_s > (1.0 + _UNEVEN) * interval_s) + 1
+    gaps = _gaps(steps_s)
     starts, ends = np.concatenate([[0], gaps]), np.concatenate([gaps, [time_s.size]])
     longest = int(np.argmax(ends - starts))
     part = slice(int(starts[longest]), int(ends[longest]))
@@ -145,6 +172,13 @@ def _unbroken(time_s: FloatArray, values: FloatArray, where: str) -> tuple[Float
         raise UsageError(f"{where}: {gaps.size} gaps leave no 3 samples in a row; record it without gaps")
     even_s = float(time_s[part.stop - 1] - time_s[part.start]) / (part.stop - part.start - 1)
     return values[part], even_s, f", the longest stretch between {gaps.size} gaps" if gaps.size else ""
+
+
+def _gaps(steps_s: FloatArray) -> npt.NDArray[np.intp]:
+    """Where a stretch begins behind a gap."""
+    if steps_s.max() <= (1.0 + _UNEVEN) * steps_s.min():
+        return np.empty(0, dtype=np.intp)  # whatever their median is, which takes long to find
+    return np.flatnonzero(steps_s > (1.0 + _UNEVEN) * np.median(steps_s)) + 1
 
 
 def _named_unit(name: str) -> str:

@@ -67,6 +67,22 @@ def test_every_kind_of_noise_gives_what_allantools_gives(kind: Kind, noise: str)
         assert ours == pytest.approx(theirs, rel=1e-8)
 
 
+@pytest.mark.parametrize("grid", ["octave", "decade"])
+@pytest.mark.parametrize("noise", ["n", "k", "q"])
+def test_a_million_samples_give_the_digits_of_allantools_on_its_grids(grid: str, noise: str) -> None:
+    rates = 0.3 + record(np.random.default_rng(6), 1_000_000, 0.01, **{noise: 1.0})
+    tau_s, theirs, _, _ = allantools.oadev(rates, rate=100.0, data_type="freq", taus=grid)
+    ours = deviation(rates, np.round(tau_s / 0.01).astype(np.int64), 0.01)
+    assert ours == pytest.approx(theirs, rel=1e-10, abs=0.0)
+
+
+@pytest.mark.parametrize("kind", sorted({*KINDS} - {"totdev", "oadev"}))
+def test_the_relatives_too_give_the_digits_of_allantools_of_many_samples(kind: Kind) -> None:
+    rates, factors = 0.3 + record(np.random.default_rng(7), 300_000, 1.0, n=1.0), np.array([1, 7, 500, 40_000, 90_000])
+    tau_s, theirs, _, _ = getattr(allantools, kind)(rates, rate=1.0, data_type="freq", taus=factors.astype(float))
+    assert deviation(rates, np.round(tau_s).astype(np.int64), 1.0, kind) == pytest.approx(theirs, rel=1e-9, abs=0.0)
+
+
 def test_white_noise_falls_with_the_root_of_the_averaging_time() -> None:
     rates = 0.5 * np.random.default_rng(1).standard_normal(400_000)
     factors = np.array([1, 4, 16, 64, 256])

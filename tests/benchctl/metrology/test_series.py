@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from benchctl.metrology.series import series_of_step, series_of_text
+from benchctl.recordings import stored
 from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo, Unit
 from benchctl.recordings.reader import Recording, StepsInMemory
 from instruments.errors import UsageError
@@ -139,3 +140,27 @@ def test_a_step_or_channel_that_is_not_there_is_said(channel: str | None, name: 
 def test_a_recording_without_a_static_step_asks_for_one() -> None:
     with pytest.raises(UsageError, match="has no whole static step; name a step with --step"):
         series_of_step(recording(step(1, "sine", 3.0)), None, None)
+
+
+@pytest.mark.parametrize("scans_at_once", [40, 128, 1 << 18])
+@pytest.mark.parametrize(("gap_at", "kept"), [(None, slice(None)), (127, slice(127, None)), (128, slice(128, None))])
+def test_a_step_is_the_same_series_however_it_is_read(
+    scans_at_once: int, gap_at: int | None, kept: slice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stored, "SCANS_AT_ONCE", scans_at_once)
+    made = step(1, "static", 3.0)
+    if gap_at is not None:
+        made["time_s"][gap_at:] += 0.02
+    series = series_of_step(recording(made), None, None, 0.1)
+    assert np.array_equal(series.values, made["gyro_v"][kept] / 0.1)
+    assert series.interval_s == pytest.approx(0.01)
+    assert ("gaps" in series.source) == (gap_at is not None)
+
+
+@pytest.mark.parametrize("stamp", [0, 63, 64, 65, 299])
+def test_a_stamp_that_is_no_number_is_found_in_any_part(stamp: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stored, "SCANS_AT_ONCE", 64)
+    made = step(1, "static", 3.0)
+    made["time_s"][stamp] = np.nan
+    with pytest.raises(UsageError, match="at times that grow; correct its stamps"):
+        series_of_step(recording(made), None, None)

@@ -1,0 +1,60 @@
+"""The loops that Allan deviations spend their time in: by numpy, or compiled by numba where that is there and pays.
+
+Both give the same digits but the last one or two. numba is no dependency: nothing asks for it, nothing misses it.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+SHORT = 1 << 14
+"""The longest of the short lags."""
+RUN = 1 << 15
+"""Points that are worked on at a time, which stay in a core's cache."""
+_PAYS = 2_000_000_000
+"""From so many differences on numba is quicker although it must be loaded first, which takes half a second."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Kernels:
+    """Each lets other threads work meanwhile.
+
+    `running_sum(values, before, sums)` fills `sums` with those of values, from `before` on, and returns the last one.
+    `over_short(phase, lags, order, begin, end)` are the sums of squares of the differences that begin there, over lags
+    of shape (k,) up to `SHORT`; shape (k,). `over_long(phase, lag, order)` is that of all differences over a longer
+    one. The order is 2 or 3; a difference that would end behind the phase does not count.
+    """
+
+    running_sum: Callable[[FloatArray, float, FloatArray], float]
+    over_short: Callable[[FloatArray, IntArray, int, int, int], FloatArray]
+    over_long: Callable[[FloatArray, int, int], float]
+
+
+def kernels_for(differences: int) -> Kernels:
+    """Those that are quicker for so many differences, all lags together."""
+    loaded = sys.modules.get("numba") is not None
+    return compiled() if loaded or differences >= _PAYS else by_numpy()
+
+
+def by_numpy() -> Kernels:
+    """Those that are always there."""
+    from benchctl.metrology import kernels_numpy as made
+
+    return Kernels(running_sum=made.running_sum, over_short=made.over_short, over_long=made.over_long)
+
+
+def compiled() -> Kernels:
+    """Those of numba, compiled once and kept on the disk; where there is no numba or no place to keep them, numpy's."""
+    try:
+        from benchctl.metrology import kernels_numba as made
+    except (ImportError, RuntimeError):
+        return by_numpy()
+    return Kernels(running_sum=made.running_sum, over_short=made.over_short, over_long=made.over_long)
