@@ -31,6 +31,7 @@ GROUPS: dict[str, dict[str, str]] = {
     "For programs and CI": {
         "simulate": "a recording by the simulated bench, without its wires",
         "sim": "the simulated instruments as servers on real sockets",
+        "fleet": "fit, diagnose or accept many recordings, on a cluster or all cores",
         "import": "a recording from another bench into a file of ours",
         "export": "a recording, or a compensation, for other programs",
         "prove": "sealed trials of the diagnosis, scored",

@@ -6,9 +6,7 @@ campaigns has thousands of them. Whatever comes from a file is escaped; a point 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 
 from markupsafe import Markup
@@ -18,47 +16,15 @@ from benchctl.history.series import Point, Series
 from benchctl.history.siblings import Siblings
 from benchctl.reports import text
 from benchctl.reports.figures import GREY, INK
+from benchctl.reports.svg_axis import Axis, padded, power, svg_of, text_at
 
 _CONTROL, _LIMIT, _FLAGGED = "#0072B2", "#B3261E", "#D55E00"
 _WIDTH, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM = 280.0, 138.0, 52.0, 8.0, 15.0, 18.0
 _ROW, _WIDE, _NAMES = 19.0, 850.0, 170.0
-_ROOM = 0.08
 _FAR = 2.0
 """Limits further away than so many spans of all else are told in words and not drawn, unless a value is beyond."""
-_TICKS = 5
 _LONGEST_NAME, _LONGEST_LABEL = 24, 9
 _DIGITS = 4
-
-
-@dataclass(frozen=True, slots=True)
-class _Axis:
-    """From values to places on a line; `exponent` is the power of ten that its labels leave out."""
-
-    low: float
-    high: float
-    start: float
-    end: float
-
-    def place(self, value: float) -> float:
-        return self.start + (self.end - self.start) * (value - self.low) / (self.high - self.low)
-
-    @property
-    def step(self) -> float:
-        rough = (self.high - self.low) / _TICKS
-        size = 10.0 ** math.floor(math.log10(rough))
-        return next(size * factor for factor in (1.0, 2.0, 5.0, 10.0) if size * factor >= rough * (1 - 1e-9))
-
-    @property
-    def exponent(self) -> int:
-        largest = max(abs(self.low), abs(self.high))
-        return 0 if 0.01 <= largest < 1e5 else 3 * math.floor(math.log10(largest) / 3)
-
-    def ticks(self) -> list[tuple[float, str]]:
-        """Values and their labels."""
-        step, unit = self.step, 10.0**self.exponent
-        decimals = max(0, -math.floor(math.log10(step / unit) + 1e-9))
-        counts = range(math.ceil(self.low / step), math.floor(self.high / step) + 1)
-        return [(n * step, f"{n * step / unit:.{decimals}f}".replace("-", "−")) for n in counts]
 
 
 def time_chart(charted: Charted) -> Markup:
@@ -66,7 +32,7 @@ def time_chart(charted: Charted) -> Markup:
     points = charted.series.points
     moments = [datetime.fromisoformat(point.started_utc).timestamp() for point in points]
     day = 43_200.0 if moments[0] == moments[-1] else 0.0
-    across = _Axis(moments[0] - day, moments[-1] + day, _LEFT + 6.0, _WIDTH - _RIGHT - 6.0)
+    across = Axis(moments[0] - day, moments[-1] + day, _LEFT + 6.0, _WIDTH - _RIGHT - 6.0)
     low, high = _span(points, [] if charted.control is None else [charted.control.low, charted.control.high])
     latest = charted.series.latest
     limits = [
@@ -91,7 +57,7 @@ def time_chart(charted: Charted) -> Markup:
         error = None if point.uncertainty is None else abs(up.place(point.uncertainty) - up.place(0.0))
         title = Markup("<title>{}</title>").format(told(charted.series, point))
         parts.append(_mark(x, y, point, error, title, ring=point.campaign in flagged, upright=True))
-    return _svg(_WIDTH, _HEIGHT, 9.5, parts)
+    return svg_of(_WIDTH, _HEIGHT, 9.5, parts)
 
 
 def units_chart(series: Sequence[Series], siblings: Siblings | None) -> Markup:
@@ -100,7 +66,7 @@ def units_chart(series: Sequence[Series], siblings: Siblings | None) -> Markup:
     band = [] if siblings is None else [siblings.median - siblings.half_width, siblings.median + siblings.half_width]
     low, high = _span(points, [])
     near = [edge for edge in band if low - _FAR * (high - low) <= edge <= high + _FAR * (high - low)]
-    across = _padded([low, high, *near], _NAMES, _WIDE - 14.0)
+    across = padded([low, high, *near], _NAMES, _WIDE - 14.0)
     height = _ROW * len(points) + 2.0
     parts = [
         Markup(
@@ -110,7 +76,7 @@ def units_chart(series: Sequence[Series], siblings: Siblings | None) -> Markup:
         for value, label in across.ticks()
     ]
     if across.exponent:
-        parts.append(_text(_WIDE, height + 22.0, _power(across), "end"))
+        parts.append(text_at(_WIDE, height + 22.0, power(across), "end"))
     if siblings is not None:
         for edge, dashes in ((siblings.median, ""), *((edge, "4 3") for edge in near)):
             parts.append(
@@ -120,12 +86,12 @@ def units_chart(series: Sequence[Series], siblings: Siblings | None) -> Markup:
             )
     for row, (one, point) in enumerate(zip(series, points, strict=True)):
         y = _ROW * (row + 0.5) + 1.0
-        parts.append(_text(_NAMES - 10.0, y + 3.0, _short(one.serial), "end"))
+        parts.append(text_at(_NAMES - 10.0, y + 3.0, _short(one.serial), "end"))
         error = None if point.uncertainty is None else across.place(point.uncertainty) - across.place(0.0)
         apart = siblings is not None and not point.bound and siblings.is_apart(point.value, point.uncertainty)
         title = Markup("<title>{}: {}</title>").format(one.serial, told(one, point))
         parts.append(_mark(across.place(point.value), y, point, error, title, ring=apart, upright=False))
-    return _svg(_WIDE, height + (26.0 if across.exponent else 15.0), 11.0, parts)
+    return svg_of(_WIDE, height + (26.0 if across.exponent else 15.0), 11.0, parts)
 
 
 def told(series: Series, point: Point) -> str:
@@ -153,22 +119,11 @@ def _span(points: Sequence[Point], more: Sequence[float]) -> tuple[float, float]
     return min([*ends, *more]), max([*ends, *more])
 
 
-def _padded(values: Sequence[float], start: float, end: float) -> _Axis:
-    """An axis that shows all values with some room; of equal ones, a little to both sides."""
-    low, high = min(values), max(values)
-    room, largest = _ROOM * (high - low), max(abs(low), abs(high))
-    if largest == 0.0:
-        room = 1.0
-    elif room <= 1e-9 * largest:  # equal, or not to be told apart
-        room = 0.05 * largest
-    return _Axis(low - room, high + room, start, end)
+def _up(values: Sequence[float]) -> Axis:
+    return padded(values, _HEIGHT - _BOTTOM, _TOP)
 
 
-def _up(values: Sequence[float]) -> _Axis:
-    return _padded(values, _HEIGHT - _BOTTOM, _TOP)
-
-
-def _scale(up: _Axis) -> Markup:
+def _scale(up: Axis) -> Markup:
     lines = [
         Markup(
             '<line x1="{1}" x2="{2}" y1="{0:.1f}" y2="{0:.1f}" stroke="#e6e6e6"/>'
@@ -176,7 +131,7 @@ def _scale(up: _Axis) -> Markup:
         ).format(up.place(value), _LEFT, _WIDTH - _RIGHT, _LEFT - 4.0, up.place(value) + 3.0, label, _narrow(label))
         for value, label in up.ticks()
     ]
-    return Markup("").join([*lines, _text(2.0, 8.0, _power(up), "start") if up.exponent else Markup("")])
+    return Markup("").join([*lines, text_at(2.0, 8.0, power(up), "start") if up.exponent else Markup("")])
 
 
 def _narrow(label: str) -> Markup:
@@ -185,17 +140,13 @@ def _narrow(label: str) -> Markup:
     return Markup(' textLength="{}" lengthAdjust="spacingAndGlyphs"').format(_LEFT - 6.0) if long else Markup("")
 
 
-def _power(axis: _Axis) -> str:
-    return text.raised(f"× 10^{axis.exponent}")
-
-
 def _dates(points: Sequence[Point]) -> list[Markup]:
     """The dates of the first and of the last point, at the ends of the axis."""
     first, last = points[0].started_utc[:10], points[-1].started_utc[:10]
     y = _HEIGHT - 4.0
     if first == last:
-        return [_text((_LEFT + _WIDTH - _RIGHT) / 2, y, first, "middle")]
-    return [_text(_LEFT, y, first, "start"), _text(_WIDTH - _RIGHT, y, last, "end")]
+        return [text_at((_LEFT + _WIDTH - _RIGHT) / 2, y, first, "middle")]
+    return [text_at(_LEFT, y, first, "start"), text_at(_WIDTH - _RIGHT, y, last, "end")]
 
 
 def _mark(x: float, y: float, point: Point, error: float | None, title: Markup, *, ring: bool, upright: bool) -> Markup:
@@ -238,15 +189,5 @@ def _line(y: float, colour: str, width: float, dashes: str) -> Markup:
     ).format(_LEFT, _WIDTH - _RIGHT, y, y, colour, width, dashes)
 
 
-def _text(x: float, y: float, words: str, anchor: str) -> Markup:
-    return Markup('<text x="{:.1f}" y="{:.1f}" text-anchor="{}">{}</text>').format(x, y, anchor, words)
-
-
 def _short(name: str) -> str:
     return name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…"
-
-
-def _svg(width: float, height: float, font_size: float, parts: Sequence[Markup]) -> Markup:
-    return Markup('<svg viewBox="0 0 {:.0f} {:.0f}" font-size="{}" fill="#444">{}</svg>').format(
-        width, height, font_size, Markup("").join(parts)
-    )

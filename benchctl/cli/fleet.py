@@ -1,0 +1,216 @@
+"""`benchctl fleet`: many recordings fitted, diagnosed or accepted, on a cluster or on this machine's cores."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from benchctl.cli.accept import LanguageOption
+from benchctl.cli.candidates import recordings, toml_files
+from benchctl.cli.output import JsonOption, QuietOption, Result, result_of
+from benchctl.cli.saying import tell
+
+if TYPE_CHECKING:
+    from benchctl.fleet.job import Job, Options, Outcome
+    from benchctl.reports.fleet_facts import Fleet
+    from benchctl.reports.fleet_stated import FleetVerb
+
+_STOPPED = 130
+
+
+def fleet(
+    verb: Annotated[
+        Literal["fit", "diagnose", "accept"],
+        typer.Argument(metavar="VERB", help="What to do with each recording: fit, diagnose or accept."),
+    ],
+    globs: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="GLOB",
+            autocompletion=recordings,
+            help="Paths of recordings, patterns in quotes such as 'results/**', or URLs such as s3://lab/SN-*.h5.",
+        ),
+    ],
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler", metavar="ADDRESS", help="A Dask scheduler's, tcp://host:8786; default: this machine's cores."
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", metavar="N", min=1, help="Processes on this machine; default: its cores.")
+    ] = None,
+    out: Annotated[
+        str | None,
+        typer.Option("--out", metavar="DIR", help="For all results, a folder or URL; default: beside each recording."),
+    ] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option("--report", metavar="DIR", help="For fleet.html and fleet.json; default: --out, or here."),
+    ] = None,
+    limits: Annotated[
+        Path | None,
+        typer.Option("--limits", metavar="FILE", autocompletion=toml_files, help="accept: the limits, as TOML."),
+    ] = None,
+    lang: LanguageOption = "en",
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            "--model",
+            metavar="FILE",
+            autocompletion=toml_files,
+            help="diagnose: the lab's model of the part; default: each recording's own.",
+        ),
+    ] = None,
+    part: Annotated[
+        Literal["gyro", "drive", "chamber"], typer.Option(help="diagnose: the part of the bench.")
+    ] = "gyro",
+    seed: Annotated[
+        int, typer.Option("--seed", metavar="N", min=0, help="diagnose: draws the recordings with nothing missing.")
+    ] = 0,
+    again: Annotated[bool, typer.Option("--again", help="Also what is done already and has not changed.")] = False,
+    json_to: JsonOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Fit, diagnose or accept many recordings, on a Dask cluster or on this machine's cores, and compare the units.
+
+    Results land where those of the single verb do: in a campaign's folder; of any other recording in NAME.fit,
+    NAME.diagnosis or NAME.acceptance beside it. A recording that fails is reported and does not stop the others. The
+    same command again does only what is missing or has changed. Workers that are killed lose nothing; Ctrl-C keeps
+    what is done. Writes `fleet.html` and `fleet.json`: how figures are spread over the units, who stands apart, which
+    physics recurs, which tests fail. Exit status 0 if all were done (and, of accept, all pass), 1 if some failed or the
+    scheduler is gone, 2 for usage, 130 if stopped. Needs `pip install 'benchctl[cluster]'`.
+
+    Example: `benchctl fleet fit 'results/**'`,
+    `benchctl fleet accept results/* --limits lab/limits.toml --scheduler tcp://lab-server:8786`
+    """
+    from benchctl.campaign.stop import stop_on_signals
+    from benchctl.fleet.fleet import Settings, run_fleet
+    from benchctl.fleet.located import located
+    from benchctl.reports.fleet_lines import lines
+    from benchctl.reports.fleet_page import write_fleet_page
+    from benchctl.reports.fleet_values import fleet_values, write_fleet_file
+    from benchctl.reports.results import make_folder
+    from instruments.errors import UsageError
+
+    def say(text: str) -> None:
+        tell(f"benchctl: {text}", err=True)
+
+    with result_of("fleet", json_to, quiet) as result:
+        options = _options(verb, limits, lang, model, part, seed)
+        if scheduler is not None and workers is not None:
+            raise UsageError("--workers: is for this machine; the workers at --scheduler are started there")
+        place = _folder(out)
+        folder = report or (Path(place) if place and "://" not in place else Path())
+        make_folder(folder)  # before any work
+        found, others = located(globs)
+        if others:
+            result.say(f"no recordings, left out: {_some(others)}")
+        settings = Settings(scheduler=scheduler, workers=workers, out=place, again=again)
+        with stop_on_signals() as stop, _told(verb, len(found), quiet) as told:
+            ended = run_fleet(verb, found, options, settings, told, say, stop)
+        written = {"report": write_fleet_page(ended, folder), "summary": folder / "fleet.json"}
+        write_fleet_file(written["summary"], ended)
+        result.values |= {**fleet_values(ended), **written}
+        for line in lines(ended):
+            result.say(line)
+        for name, path in written.items():
+            result.say(f"{name}: {path}")
+        _judge(ended, bool(stop.reason), result)
+
+
+def _options(
+    verb: FleetVerb,
+    limits: Path | None,
+    language: str,
+    model: Path | None,
+    part: Literal["gyro", "drive", "chamber"],
+    seed: int,
+) -> Options:
+    """What the verb takes; `UsageError` for what it does not, and for files that cannot be used."""
+    from benchctl.fleet.job import Options
+    from benchctl.metrology.limit_file import read_limits
+    from benchctl.model_file import read_model
+    from instruments.errors import UsageError
+
+    owners: dict[str, tuple[FleetVerb, bool]] = {
+        "--limits": ("accept", limits is not None),
+        "--lang": ("accept", language != "en"),
+        "--model": ("diagnose", model is not None),
+        "--part": ("diagnose", part != "gyro"),
+        "--seed": ("diagnose", seed != 0),
+    }
+    for name, (owner, given) in owners.items():
+        if given and owner != verb:
+            raise UsageError(f"{name}: is for fleet {owner}; leave it out of fleet {verb}")
+    if verb == "accept" and limits is None:
+        raise UsageError(
+            "--limits is needed: fleet accept judges by a file of limits; `benchctl init` writes an example"
+        )
+    if model is not None:
+        read_model(model)  # refused here rather than by each recording
+    return Options(
+        limits=None if limits is None else read_limits(limits),
+        language=language,
+        model=None if model is None else (model.name, model.read_text(encoding="utf-8")),
+        part=part,
+        seed=seed,
+    )
+
+
+def _folder(out: str | None) -> str | None:
+    """`--out` as workers need it, whose current folder is another; made, where it is local."""
+    from benchctl.fleet.located import is_url
+    from benchctl.reports.results import make_folder
+
+    if out is None or is_url(out):
+        return out
+    make_folder(Path(out))
+    return str(Path(out).absolute())
+
+
+def _some(names: list[str]) -> str:
+    return ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
+
+
+def _judge(ended: Fleet, stopped: bool, result: Result) -> None:
+    """The exit status, where it is not 0; something is left where it was stopped, or the scheduler is gone."""
+    failed, rejected = len(ended.ended("failed")), len(ended.rejected)
+    if ended.left:
+        why = "stopped" if stopped else "the scheduler is gone,"
+        result.ok, result.error = False, f"{why} with {ended.left} left; the same command goes on"
+        raise typer.Exit(_STOPPED if stopped else 1)
+    if failed or rejected:
+        parts = [f"{failed} failed" if failed else "", f"{rejected} do not pass" if rejected else ""]
+        result.ok, result.error = False, f"of {len(ended.members)} recordings {', '.join(filter(None, parts))}"
+        raise typer.Exit(1)
+
+
+@contextmanager
+def _told(verb: str, total: int, quiet: bool) -> Iterator[Callable[[Job, Outcome], None]]:
+    """A bar where there is a terminal: what is done, what failed, what is left and for how long."""
+    import time
+
+    from benchctl.cli.terminal import progress_bar
+    from benchctl.cli.words import duration
+
+    counts = {"done": 0, "kept": 0, "failed": 0}
+    with progress_bar(f"fleet {verb}", quiet) as draw:
+        begun_s = time.monotonic()
+
+        def tell_of(_: Job, outcome: Outcome) -> None:
+            counts[outcome.state] += 1
+            if draw is None:
+                return
+            left = total - sum(counts.values())
+            worked = counts["done"] + counts["failed"]
+            rest_s = (time.monotonic() - begun_s) * left / worked if worked else 0.0
+            rest = f", {duration(rest_s)} to go" if worked and left else ""
+            told = f"{counts['done'] + counts['kept']} done, {counts['failed']} failed, {left} left{rest}"
+            draw(f"fleet {verb}", 1.0 - left / total, told)
+
+        yield tell_of

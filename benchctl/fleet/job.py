@@ -1,0 +1,136 @@
+"""A job: one verb on one recording; and what is kept of it beside its results, so that it is not done twice."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Literal
+
+from pydantic import TypeAdapter, ValidationError
+
+import benchctl
+from benchctl.fleet.located import Located
+from benchctl.fleet.places import Place
+from benchctl.reports.fleet_stated import DOCUMENTS, FleetVerb, Stated
+from instruments.errors import BenchError
+
+if TYPE_CHECKING:  # whoever hands jobs out does no arithmetic
+    from benchctl.diagnosis.parts import Part
+    from benchctl.metrology.limit_file import Limits
+
+Schema = Literal["benchctl-fleet-job/1"]
+SCHEMA: Schema = "benchctl-fleet-job/1"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """What a verb is told beside the recording; `model` is a model file's name and text."""
+
+    limits: Limits | None = None
+    language: str = "en"
+    model: tuple[str, str] | None = None
+    part: Part = "gyro"
+    seed: int = 0
+
+    def told(self, verb: FleetVerb) -> dict[str, str]:
+        """What of it makes a difference to a verb's results; files by their digest."""
+        match verb:
+            case "fit":
+                return {}
+            case "accept":
+                return {"limits": self.limits.sha256 if self.limits else "", "language": self.language}
+            case "diagnose":
+                name, text = self.model or ("", "")
+                digest = hashlib.sha256(text.encode()).hexdigest() if name else ""
+                return {"model": f"{name} {digest}".strip(), "part": self.part, "seed": str(self.seed)}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """One verb on one recording. `run` names the run of the fleet that it is part of; `again`: whatever was done."""
+
+    verb: FleetVerb
+    recording: Located
+    place: Place
+    options: Options
+    run: str
+    again: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JobRecord:
+    """What lies beside the results: what was asked, of what, by which version and run of a fleet, what came of it.
+
+    `sha256` is over the recording's files, `files` are the results' names and `document_sha256` is of the one for
+    programs: results that were replaced since are not this job's any more.
+    """
+
+    schema: Schema
+    verb: FleetVerb
+    options: Mapping[str, str]
+    version: str
+    run: str
+    recording: str
+    stamp: tuple[str, ...]
+    sha256: str
+    serial: str
+    model: str
+    files: tuple[str, ...]
+    document_sha256: str
+    stated: Stated
+
+    def as_bytes(self) -> bytes:
+        """The file's content."""
+        return (json.dumps(asdict(self), indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """How a job ended: `done`, `kept` (done before, and nothing changed) or `failed`, and then why, in one line."""
+
+    state: Literal["done", "kept", "failed"]
+    record: JobRecord | None = None
+    says: str = ""
+
+
+def record_name(verb: FleetVerb) -> str:
+    """The name of a job's record; hidden, so that a campaign's manifest does not count it."""
+    return f".benchctl-fleet-{verb}.json"
+
+
+def record_at(place: Place, verb: FleetVerb) -> JobRecord | None:
+    """The record at a place whose results are still there as they were written; None where there is none."""
+    content = place.read(record_name(verb))
+    if content is None:
+        return None
+    try:
+        record = _ADAPTER.validate_json(content)
+    except ValidationError:
+        return None
+    if record.verb != verb or not set(record.files) <= place.names():
+        return None
+    document = place.read(DOCUMENTS[verb])
+    return record if hashlib.sha256(document or b"").hexdigest() == record.document_sha256 else None
+
+
+def earlier(job: Job) -> JobRecord | None:
+    """The record of the same job by the same version, whatever became of the recording since."""
+    record = None if job.again else record_at(job.place, job.verb)
+    if record is None or record.version != benchctl.__version__ or record.options != job.options.told(job.verb):
+        return None
+    return record if record.recording == job.recording.where else None
+
+
+def kept(job: Job) -> Outcome | None:
+    """The outcome of a job that need not be done, as far as the recording's stamp tells; None where it may have to."""
+    try:
+        record = earlier(job)
+    except BenchError:  # whoever does the job is refused, too, and says why
+        return None
+    unchanged = record is not None and record.stamp == job.recording.stamp != ()
+    return Outcome(state="kept", record=record) if unchanged else None
+
+
+_ADAPTER = TypeAdapter(JobRecord)

@@ -1,0 +1,235 @@
+"""Where the results on a recording land, whole: in a folder, local or at a URL.
+
+A folder that is not there yet is filled under another name and renamed. In one that is there (a campaign's own, or that
+of earlier results, in which people may keep notes) the files are renamed into place one by one: the job's record is
+taken away first and comes last, so that a half is never taken for a whole.
+"""
+
+from __future__ import annotations
+
+import glob
+import hashlib
+import shutil
+import time
+import uuid
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from benchctl.atomic import disk_errors, sync_file, sync_folder, whole_file
+from benchctl.fleet.located import Located, is_url
+from benchctl.fleet.remote import filesystem, remote_errors
+from benchctl.recordings.campaign_manifest import add_to_manifest
+from benchctl.reports.fleet_stated import FleetVerb
+from instruments.errors import UsageError
+
+KINDS: Mapping[FleetVerb, str] = {"fit": "fit", "diagnose": "diagnosis", "accept": "acceptance"}
+"""What the folders of results are called by, as those of the single verbs are."""
+
+
+class Place(Protocol):
+    """A folder of results that may not be there yet.
+
+    A note, `begun`, says who works on it, as long as it is worked on. All methods raise `UsageError` where the disk, or
+    the filesystem of a URL, refuses.
+    """
+
+    @property
+    def where(self) -> str:
+        """Its path or URL."""
+
+    def read(self, name: str) -> bytes | None:
+        """A file's content; None where it is not there."""
+
+    def names(self) -> set[str]:
+        """The files that are there."""
+
+    def put(self, name: str, content: bytes) -> None:
+        """Write one file, whole, into the folder, which is there."""
+
+    def land(self, folder: Path, record: str, stale: set[str]) -> None:
+        """Take all files of a local folder over, `record` last; `stale` are earlier ones to be removed."""
+
+    def begun(self) -> str:
+        """The note; empty where there is none."""
+
+    def begin(self, note: str) -> None:
+        """Leave the note."""
+
+    def end(self) -> None:
+        """Take the note away."""
+
+
+@dataclass(frozen=True, slots=True)
+class LocalPlace:
+    """A folder on a disk that all workers share; `note` is the path of the note."""
+
+    where: str
+    note: str
+
+    def read(self, name: str) -> bytes | None:
+        """See `Place`."""
+        path = Path(self.where) / name
+        with disk_errors(path):
+            return path.read_bytes() if path.is_file() else None
+
+    def names(self) -> set[str]:
+        """See `Place`."""
+        folder = Path(self.where)
+        with disk_errors(folder):
+            return {path.name for path in folder.iterdir()} if folder.is_dir() else set()
+
+    def put(self, name: str, content: bytes) -> None:
+        """See `Place`."""
+        with whole_file(Path(self.where) / name) as temporary:
+            temporary.write_bytes(content)
+
+    def land(self, folder: Path, record: str, stale: set[str]) -> None:
+        """See `Place`; also into the manifest, where the folder is a campaign's."""
+        place = Path(self.where)
+        with disk_errors(place):
+            if not place.exists() and _renamed_into_place(folder, place):
+                return
+            (place / record).unlink(missing_ok=True)
+            names = sorted((path.name for path in folder.iterdir()), key=lambda name: name == record)
+            for name in names:
+                with whole_file(place / name) as temporary:
+                    shutil.copyfile(folder / name, temporary)
+            for name in stale - set(names):
+                (place / name).unlink(missing_ok=True)
+        add_to_manifest(place, [place / name for name in names])
+
+    def begun(self) -> str:
+        """See `Place`."""
+        with disk_errors(Path(self.note)):
+            return Path(self.note).read_text(encoding="utf-8") if Path(self.note).is_file() else ""
+
+    def begin(self, note: str) -> None:
+        """See `Place`."""
+        path = Path(self.note)
+        with disk_errors(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(note, encoding="utf-8")
+
+    def end(self) -> None:
+        """See `Place`."""
+        with suppress(OSError):  # a note that stays does no harm: it names a run that has ended
+            Path(self.note).unlink()
+
+
+@dataclass(frozen=True, slots=True)
+class RemotePlace:
+    """A folder at a URL. Its files are put one by one, the record last."""
+
+    where: str
+
+    def read(self, name: str) -> bytes | None:
+        """See `Place`."""
+        with remote_errors(self.where):
+            system, path = filesystem(f"{self.where}/{name}")
+            content: bytes | None = system.cat_file(path) if system.exists(path) else None
+            return content
+
+    def names(self) -> set[str]:
+        """See `Place`."""
+        with remote_errors(self.where):
+            system, path = filesystem(self.where)
+            found = system.ls(path, detail=False) if system.exists(path) else []
+            return {entry.rstrip("/").rpartition("/")[2] for entry in found}
+
+    def put(self, name: str, content: bytes) -> None:
+        """See `Place`."""
+        with remote_errors(self.where):
+            system, path = filesystem(self.where)
+            system.makedirs(path, exist_ok=True)
+            system.pipe_file(f"{path}/{name}", content)
+
+    def land(self, folder: Path, record: str, stale: set[str]) -> None:
+        """See `Place`."""
+        names = sorted((path.name for path in folder.iterdir()), key=lambda name: name == record)
+        self._remove({record})
+        for name in names:
+            self.put(name, (folder / name).read_bytes())
+        self._remove(stale - set(names))
+
+    def begun(self) -> str:
+        """See `Place`."""
+        return (self.read(_NOTE) or b"").decode("utf-8", "replace")
+
+    def begin(self, note: str) -> None:
+        """See `Place`."""
+        self.put(_NOTE, note.encode())
+
+    def end(self) -> None:
+        """See `Place`."""
+        self._remove({_NOTE})
+
+    def _remove(self, names: set[str]) -> None:
+        with remote_errors(self.where):
+            system, path = filesystem(self.where)
+            for name in names:
+                if system.exists(f"{path}/{name}"):
+                    system.rm_file(f"{path}/{name}")
+
+
+_NOTE = ".begun"
+_ABANDONED_S = 600.0
+
+
+def place_of(recording: Located, verb: FleetVerb, out: str | None) -> Place:
+    """Where the results of a verb on a recording land.
+
+    Those on a local campaign in its folder, as by the single verb; on any other recording, and whatever is fetched, in
+    a folder of its own beside it: NAME.fit, NAME.diagnosis or NAME.acceptance. Of an open recording NAME.open.fit, as
+    the file that it was imported into may well lie beside it. With `out`, a folder or a URL, there, each in a folder of
+    its own, named also by a digest of where the recording is, so that two of one name do not meet.
+    """
+    name = f"{recording.name}.open" if recording.kind == "open" else recording.name
+    if out is not None:
+        name = f"{name}-{hashlib.sha256(recording.where.encode()).hexdigest()[:8]}"
+        return _own(f"{out.rstrip('/')}/{name}.{KINDS[verb]}")
+    if recording.kind == "campaign" and not recording.remote:
+        return LocalPlace(recording.where, f"{recording.where}/.benchctl-fleet-{verb}.begun")
+    if "::" in recording.where or recording.where.startswith(("http://", "https://")):
+        raise UsageError(
+            f"{recording.where}: nothing can be written beside it; give --out, a folder or URL for all results"
+        )
+    return _own(f"{recording.where.rpartition('/')[0]}/{name}.{KINDS[verb]}")
+
+
+def _own(where: str) -> Place:
+    if is_url(where):
+        return RemotePlace(where)
+    path = Path(where)
+    return LocalPlace(where, str(path.with_name(f".{path.name}.begun")))
+
+
+def _renamed_into_place(folder: Path, place: Path) -> bool:
+    """Copy a folder to another disk, maybe, and rename it there; False where another fleet's came there first."""
+    place.parent.mkdir(parents=True, exist_ok=True)
+    _clear_left(place)
+    temporary = place.with_name(f".{place.name}.{uuid.uuid4().hex}.tmp")
+    try:
+        shutil.copytree(folder, temporary)
+        for file in temporary.iterdir():
+            sync_file(file)
+        try:
+            temporary.rename(place)
+        except OSError:
+            if place.is_dir():
+                return False
+            raise
+        sync_folder(place.parent)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+    return True
+
+
+def _clear_left(place: Path) -> None:
+    """Clear away what workers that were killed left half-copied, so long ago that none can be at it still."""
+    for path in place.parent.glob(f".{glob.escape(place.name)}.*.tmp"):
+        with suppress(OSError):
+            if time.time() - path.stat().st_mtime > _ABANDONED_S:
+                shutil.rmtree(path, ignore_errors=True)

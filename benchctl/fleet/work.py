@@ -1,0 +1,137 @@
+"""What a worker does: one job, from its recording to results in their place; what goes wrong is told in one line."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import socket
+import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import benchctl
+from benchctl.fleet.job import SCHEMA, Job, JobRecord, Outcome, earlier, record_at, record_name
+from benchctl.fleet.located import files_of
+from benchctl.fleet.remote import fetch
+from benchctl.reports.fleet_stated import DOCUMENTS, stated_in
+from instruments.errors import BenchError, in_line, reason
+
+MOST_STARTS = 2
+"""Workers that a job may kill before it is taken for what kills them."""
+
+_one_at_a_time = threading.Lock()
+"""HDF5 and the drawing of figures are not for several threads; workers are processes."""
+
+
+def work(job: Job, version: str) -> Outcome:
+    """Do a job of a fleet that `version` of benchctl runs, unless it is found to be done."""
+    with _one_at_a_time:
+        try:
+            if version != benchctl.__version__:
+                return _failed(f"worker on {socket.gethostname()} has benchctl {benchctl.__version__}, not {version}")
+            if not job.recording.remote and not os.path.exists(job.recording.where):
+                return _failed(
+                    f"{job.recording.where}: is not there, as {socket.gethostname()} sees it; recordings must lie "
+                    "where all workers have them under the same path, or at a URL"
+                )
+            return _unless_done(job)
+        except BenchError as err:
+            return _failed(str(err))
+        except OSError as err:
+            return _failed(f"{err.filename or job.recording.where}: {reason(err)}")
+        except Exception as err:  # one recording must not end a fleet
+            return _failed(f"{job.recording.where}: {type(err).__name__}: {in_line(str(err))}")
+
+
+def _failed(says: str) -> Outcome:
+    return Outcome(state="failed", says=" ".join(says.split()))
+
+
+def _unless_done(job: Job) -> Outcome:
+    there = record_at(job.place, job.verb)
+    if there is not None and there.run == job.run:  # its worker died before it could say so
+        return Outcome(state="done", record=there)
+    before = starts_of(job)
+    if len(before) >= MOST_STARTS:
+        job.place.end()
+        return _failed(
+            f"{job.recording.where}: {len(before)} workers died of it: killed, out of memory, or by a fault of HDF5's "
+            f"library; try it alone: benchctl {job.verb}"
+        )
+    with _noted(job), tempfile.TemporaryDirectory(dir=_scratch()) as scratch:
+        path = fetch(job.recording, Path(scratch)) if job.recording.remote else Path(job.recording.where)
+        digest = _digest(path, job)
+        record = earlier(job)
+        if record is not None and record.sha256 == digest:  # only touched or copied: remembered for the next time
+            record = replace(record, stamp=job.recording.stamp)
+            job.place.put(record_name(job.verb), record.as_bytes())
+            return Outcome(state="kept", record=record)
+        return _done(job, path, digest, Path(scratch) / "results", set(there.files) if there else set())
+
+
+def _done(job: Job, path: Path, digest: str, folder: Path, stale: set[str]) -> Outcome:
+    """The results, made in a folder and landed; `stale` are files of earlier ones."""
+    from benchctl.fleet.verbs import do_verb
+
+    folder.mkdir()
+    unit = do_verb(job.verb, job.recording, path, job.options, folder)
+    record = JobRecord(
+        schema=SCHEMA,
+        verb=job.verb,
+        options=job.options.told(job.verb),
+        version=benchctl.__version__,
+        run=job.run,
+        recording=job.recording.where,
+        stamp=job.recording.stamp,
+        sha256=digest,
+        serial=unit.serial,
+        model=unit.model,
+        files=tuple(sorted(file.name for file in folder.iterdir())),
+        document_sha256=hashlib.sha256((folder / DOCUMENTS[job.verb]).read_bytes()).hexdigest(),
+        stated=stated_in(job.verb, folder),
+    )
+    (folder / record_name(job.verb)).write_bytes(record.as_bytes())
+    job.place.land(folder, record_name(job.verb), stale)
+    return Outcome(state="done", record=record)
+
+
+def starts_of(job: Job) -> list[str]:
+    """A line for each worker of this run that began a job and did not end it: run, host and process.
+
+    A worker that is killed leaves its line behind: so the next one knows, whatever the cluster's scheduler counts.
+    Raises `UsageError` where the job's place cannot be read.
+    """
+    return [line for line in job.place.begun().splitlines() if line.startswith(f"{job.run} ")]
+
+
+@contextmanager
+def _noted(job: Job) -> Iterator[None]:
+    """Leave a line as long as a job is worked on, below those that another fleet may have there."""
+    job.place.begin("\n".join([*job.place.begun().splitlines(), f"{job.run} {socket.gethostname()} {os.getpid()}"]))
+    try:
+        yield
+    finally:
+        job.place.end()
+
+
+def _digest(path: Path, job: Job) -> str:
+    """SHA-256 over the files of a recording: names and contents."""
+    told = hashlib.sha256()
+    for file in files_of(path, job.recording.kind):
+        with file.open("rb") as content:
+            told.update(f"{file.name} {hashlib.file_digest(content, 'sha256').hexdigest()}\n".encode())
+    return told.hexdigest()
+
+
+def _scratch() -> str | None:
+    """The worker's own folder, which its cluster clears away even after a kill; None for the system's."""
+    from distributed import get_worker
+
+    try:
+        folder: str = get_worker().local_directory
+    except ValueError:
+        return None
+    return folder
