@@ -52,7 +52,18 @@ class TcpClient(ModbusTcpClient):
 
     def recv(self, size: int | None) -> bytes:
         """The bytes that have come, waiting for the first; none after the time-out."""
-        data = super().recv(size)
+        if self.socket is None:
+            raise ConnectionException("the connection is closed")
+        try:
+            data = bytes(self.socket.recv(MOST_BYTES))
+        except TimeoutError:
+            return b""
+        except OSError as err:
+            self.close()
+            raise ConnectionException(str(err)) from err
+        if not data:
+            self.close()
+            raise ConnectionException("the other side closed the connection")
         self.heard += data
         self.wire_log.received(data)
         return data

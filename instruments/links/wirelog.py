@@ -44,7 +44,7 @@ class WireLog:
     def __init__(
         self, *, size: int = 64, entry_bytes: int = 256, sink: Callable[[WireEntry], None] | None = None
     ) -> None:
-        self._entries: deque[WireEntry] = deque(maxlen=size)
+        self._entries: deque[tuple[float, Direction, bytes, int]] = deque(maxlen=size)
         self._entry_bytes = entry_bytes
         self._sink = sink
         self._lock = threading.Lock()
@@ -64,7 +64,8 @@ class WireLog:
     def last(self, count: int) -> list[WireEntry]:
         """The last `count` entries at most, oldest first."""
         with self._lock:
-            return list(self._entries)[-count:] if count > 0 else []
+            found = list(self._entries)[-count:] if count > 0 else []
+        return [_entry(*written) for written in found]
 
     def tail(self, count: int = 4) -> str:
         """The last entries in one line, for an error message."""
@@ -72,8 +73,12 @@ class WireLog:
 
     def _write(self, direction: Direction, data: bytes) -> None:
         kept = data if direction == "note" else bytes(data[: self._entry_bytes])
-        entry = WireEntry(time_s=time.time(), direction=direction, data=kept, length=len(data))
+        written = (time.time(), direction, kept, len(data))  # an entry is made of it when somebody looks
         with self._lock:
-            self._entries.append(entry)
+            self._entries.append(written)
             if self._sink is not None:
-                self._sink(entry)
+                self._sink(_entry(*written))
+
+
+def _entry(time_s: float, direction: Direction, data: bytes, length: int) -> WireEntry:
+    return WireEntry(time_s=time_s, direction=direction, data=data, length=length)

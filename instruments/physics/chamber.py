@@ -11,6 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from instruments.errors import UsageError
 
@@ -71,18 +72,58 @@ def switched(state: ChamberState, on: bool) -> ChamberState:
 
 def advance(parameters: ChamberParameters, room_c: float, state: ChamberState, seconds: float) -> ChamberState:
     """The state `seconds` later under an unchanged set point."""
-    if not state.running:
-        return _relaxed(parameters, state, parameters.drift_lag_s, room_c, 0.0, seconds)
-    distance_c = state.setpoint_c - state.profile_c
-    slope = math.copysign(parameters.ramp_c_per_min / 60.0, distance_c)
-    ramping_s = min(distance_c / slope, seconds)
-    if ramping_s > 0.0:
-        state = _relaxed(parameters, state, parameters.air_lag_s, state.profile_c, slope, ramping_s)
-        state = replace(state, profile_c=state.profile_c + slope * ramping_s)
-    if seconds > ramping_s:
-        state = replace(state, profile_c=state.setpoint_c)
-        state = _relaxed(parameters, state, parameters.air_lag_s, state.setpoint_c, 0.0, seconds - ramping_s)
-    return state
+    return Forecast(parameters, room_c, state).after(seconds)
+
+
+class Forecast:
+    """What becomes of a state under an unchanged set point; for whoever asks for many instants of it.
+
+    There is a ramp, where it conditions and is not there yet, and what follows: each is solved once.
+    """
+
+    def __init__(self, parameters: ChamberParameters, room_c: float, state: ChamberState) -> None:
+        self._parameters = parameters
+        self._start = state
+        self._target_c = state.setpoint_c if state.running else room_c
+        self._lag_s = parameters.air_lag_s if state.running else parameters.drift_lag_s
+        distance_c = state.setpoint_c - state.profile_c
+        self._slope = math.copysign(parameters.ramp_c_per_min / 60.0, distance_c)
+        self._ramp_s = distance_c / self._slope if state.running else 0.0
+
+    def after(self, seconds: float) -> ChamberState:
+        """The state `seconds` later."""
+        if seconds <= 0.0:
+            return self._start
+        if self._start.running and seconds <= self._ramp_s:
+            return self._ramping(seconds)
+        start, courses = self._settling
+        return self._state(courses, seconds - self._ramp_s, start.profile_c)
+
+    def _ramping(self, seconds: float) -> ChamberState:
+        return self._state(self._ramp, seconds, self._start.profile_c + self._slope * seconds)
+
+    @cached_property
+    def _ramp(self) -> _Courses:
+        return _courses(self._parameters, self._start, self._lag_s, self._start.profile_c, self._slope)
+
+    @cached_property
+    def _settling(self) -> tuple[ChamberState, _Courses]:
+        """The state in which nothing moves the air's target any more, and what follows it."""
+        start = self._ramping(self._ramp_s) if self._ramp_s > 0.0 else self._start
+        if start.running:
+            start = replace(start, profile_c=start.setpoint_c)
+        return start, _courses(self._parameters, start, self._lag_s, self._target_c, 0.0)
+
+    def _state(self, courses: _Courses, seconds: float, profile_c: float) -> ChamberState:
+        air, housing, coil = courses
+        return ChamberState(
+            air_c=air.at(seconds),
+            housing_c=housing.at(seconds),
+            coil_c=coil.at(seconds),
+            profile_c=profile_c,
+            setpoint_c=self._start.setpoint_c,
+            running=self._start.running,
+        )
 
 
 def power_percent(parameters: ChamberParameters, room_c: float, state: ChamberState) -> float:
@@ -114,11 +155,14 @@ class _Course:
         return self.level + self.slope * t + sum(amplitude * math.exp(-t / tau_s) for amplitude, tau_s in self.decays)
 
 
-def _relaxed(
-    parameters: ChamberParameters, state: ChamberState, air_lag_s: float, drive_c: float, slope: float, seconds: float
-) -> ChamberState:
+_Courses = tuple[_Course, _Course, _Course]
+"""Of air, housing and coil."""
+
+
+def _courses(
+    parameters: ChamberParameters, state: ChamberState, air_lag_s: float, drive_c: float, slope: float
+) -> _Courses:
     air = _Course(drive_c, slope).behind(air_lag_s, state.air_c)
     warmed = replace(air, level=air.level + parameters.self_heating_c)
     housing = warmed.behind(parameters.housing_lag_s, state.housing_c)
-    coil = housing.behind(parameters.coil_lag_s, state.coil_c)
-    return replace(state, air_c=air.at(seconds), housing_c=housing.at(seconds), coil_c=coil.at(seconds))
+    return air, housing, housing.behind(parameters.coil_lag_s, state.coil_c)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy  # which loads signal when it is first used
@@ -94,7 +95,7 @@ def white_deviation_v(parameters: GyroParameters, sample_rate_hz: float) -> floa
     return parameters.K0_v_per_dps * parameters.arw_deg_per_sqrt_h / 60.0 * math.sqrt(sample_rate_hz)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)  # no slots: what is worked out once is kept
 class LowPass:
     """A Butterworth low-pass as a difference equation, exact for an input that runs straight from sample to sample."""
 
@@ -103,7 +104,12 @@ class LowPass:
 
     def at_rest(self, level: float) -> FloatArray:
         """The state, shape (order,), of a filter whose input has long been at a level."""
-        state: FloatArray = scipy.signal.lfilter_zi(self.numerator, self.denominator) * level
+        state: FloatArray = self._at_rest_at_one * level
+        return state
+
+    @cached_property
+    def _at_rest_at_one(self) -> FloatArray:
+        state: FloatArray = scipy.signal.lfilter_zi(self.numerator, self.denominator)
         return state
 
     def __call__(self, x: FloatArray, state: FloatArray) -> tuple[FloatArray, FloatArray]:

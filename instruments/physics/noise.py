@@ -36,7 +36,9 @@ class RandomWalk:
 
     def at(self, times_s: FloatArray) -> FloatArray:
         """The walk at instants [s] of shape (n,), n ≥ 1, increasing and none before the last one asked for."""
-        waits_s = np.diff(times_s, prepend=self.last_s)
+        waits_s = np.empty_like(times_s)
+        waits_s[0] = times_s[0] - self.last_s
+        np.subtract(times_s[1:], times_s[:-1], out=waits_s[1:])
         if waits_s.min() < 0.0:
             raise UsageError(
                 f"a random walk was asked for at {times_s[waits_s.argmin()]:.6f} s after {self.last_s:.6f} s;"

@@ -28,6 +28,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 from instruments.errors import InstrumentError, UsageError
 from instruments.protocols.lines import LineCutter
@@ -119,19 +120,25 @@ def parse_commands(line: str) -> Iterator[Command]:
     """The commands of one line, names in full; `UsageError` on reaching one that the language does not have."""
     subtree = ""
     for item in line.split(";"):
-        text = item.strip()
-        names, _, arguments = text.partition(" ")
-        query = names.endswith("?")
-        names = names.removesuffix("?").lower()
-        if names.startswith("*"):
-            path = _common(names, text)
-        elif subtree and not names.startswith(":"):
-            path = (subtree, _full(names, TREE[subtree], text))
-        else:
-            path = _from_root(names.removeprefix(":"), text)
-            subtree = path[0]
-        words = tuple(word.strip() for word in arguments.split(",")) if arguments.strip() else ()
-        yield _usual_spelling(Command(path=path, query=query or path[0] == "read", arguments=words), text)
+        command, subtree = _parse(item.strip(), subtree)
+        yield command
+
+
+@lru_cache(maxsize=256)  # a host asks the same few things all day
+def _parse(text: str, subtree: str) -> tuple[Command, str]:
+    """One command, where the one before it left off in `subtree`; and where this one leaves off."""
+    names, _, arguments = text.partition(" ")
+    query = names.endswith("?")
+    names = names.removesuffix("?").lower()
+    if names.startswith("*"):
+        path = _common(names, text)
+    elif subtree and not names.startswith(":"):
+        path = (subtree, _full(names, TREE[subtree], text))
+    else:
+        path = _from_root(names.removeprefix(":"), text)
+        subtree = path[0]
+    words = tuple(word.strip() for word in arguments.split(",")) if arguments.strip() else ()
+    return _usual_spelling(Command(path=path, query=query or path[0] == "read", arguments=words), text), subtree
 
 
 def _common(names: str, text: str) -> tuple[str, ...]:

@@ -26,16 +26,15 @@ class TableAxis:
         self._acceleration_limit_dps2 = parameters.acceleration_limit_dps2
         self._closed = False
         self._segments = [coast(Piece(angle_deg=parameters.start_angle_deg), _LONG_AGO_S)]
+        self._last_look: tuple[float, TableMotion] | None = None  # of this plan
 
     def motion(self) -> TableMotion:
-        """The true motion now."""
+        """The true motion now; a controller looks several times for one answer, often at one instant."""
         with self._timebase.lock:
-            motion = self.at(np.array([self._timebase.now()]))
-        return TableMotion(
-            angle_deg=float(motion.angle_deg[0]),
-            rate_dps=float(motion.rate_dps[0]),
-            acceleration_dps2=float(motion.acceleration_dps2[0]),
-        )
+            now = self._timebase.now()
+            if self._last_look is None or self._last_look[0] != now:
+                self._last_look = now, self._motion_at(now)
+            return self._last_look[1]
 
     def at(self, times_s: FloatArray) -> Motion:
         """The true motion at instants of shape (n,), in increasing order, as far back as is remembered."""
@@ -124,7 +123,15 @@ class TableAxis:
             else:
                 segments.append(coast(piece, at_s))
             at_s += piece.duration_s
-        self._segments = segments
+        self._segments, self._last_look = segments, None
+
+    def _motion_at(self, time_s: float) -> TableMotion:
+        motion = self.at(np.array([time_s]))
+        return TableMotion(
+            angle_deg=float(motion.angle_deg[0]),
+            rate_dps=float(motion.rate_dps[0]),
+            acceleration_dps2=float(motion.acceleration_dps2[0]),
+        )
 
     def _unrippled(self, times_s: FloatArray) -> Motion:
         if times_s[0] < self._segments[0].start_s:

@@ -13,7 +13,7 @@ from instruments.interfaces import FloatArray
 from instruments.physics.chamber import (
     ChamberParameters,
     ChamberState,
-    advance,
+    Forecast,
     power_percent,
     settled,
     switched,
@@ -32,6 +32,15 @@ class GyroTemperatures:
     coil_rate_c_per_s: FloatArray
 
 
+@dataclass(frozen=True, slots=True)
+class _Change:
+    """A command that acts from `start_s` on: the state right after it, and what becomes of that."""
+
+    start_s: float
+    state: ChamberState
+    then: Forecast
+
+
 class ClimateChamber:
     """A `ChamberMachine`. Commands are acknowledged at once and act from the next whole second on.
 
@@ -46,7 +55,8 @@ class ClimateChamber:
         self._parameters = parameters
         self._room_c = room_c
         self._coil_is_housing = coil_is_housing
-        self._changes = [(_LONG_AGO_S, settled(parameters, room_c))]
+        self._changes = [self._from(_LONG_AGO_S, settled(parameters, room_c))]
+        self._seconds: dict[float, ChamberState] = {}  # the latest whole seconds: each is asked for several times
 
     def air_c(self) -> float:
         """Air temperature now."""
@@ -54,7 +64,7 @@ class ClimateChamber:
 
     def setpoint_c(self) -> float:
         """The set point as last commanded."""
-        return self._changes[-1][1].setpoint_c
+        return self._changes[-1].state.setpoint_c
 
     def set_setpoint(self, setpoint_c: float) -> None:
         """A new set point."""
@@ -66,7 +76,7 @@ class ClimateChamber:
 
     def running(self) -> bool:
         """Whether it conditions, as last commanded."""
-        return self._changes[-1][1].running
+        return self._changes[-1].state.running
 
     def run(self, on: bool) -> None:
         """Conditioning on or off."""
@@ -77,7 +87,7 @@ class ClimateChamber:
         with self._timebase.lock:
             first, last = math.floor(times_s[0]), math.ceil(times_s[-1])
             seconds = np.arange(first, max(last, first + 1) + 1, dtype=np.float64)
-            states = [self._at(second) for second in seconds.tolist()]
+            states = self._states(seconds.tolist())
         housing = np.array([state.housing_c for state in states])
         housing_c = np.interp(times_s, seconds, housing)
         if self._coil_is_housing:
@@ -93,20 +103,30 @@ class ClimateChamber:
         with self._timebase.lock:
             return self._at(self._timebase.now())
 
+    def _states(self, seconds: list[float]) -> list[ChamberState]:
+        """The states at whole seconds, which are kept for the next call."""
+        known = self._seconds
+        self._seconds = {second: known.get(second) or self._at(second) for second in seconds}
+        return list(self._seconds.values())
+
     def _at(self, time_s: float) -> ChamberState:
-        known_s = self._changes[0][0]
+        known_s = self._changes[0].start_s
         if time_s < known_s:
             raise UsageError(
                 f"temperatures at {time_s:.3f} s are forgotten, they are known since {known_s:.3f} s;"
                 " hold the history before the next command"
             )
-        start_s, state = next(change for change in reversed(self._changes) if change[0] <= time_s)
-        return advance(self._parameters, self._room_c, state, time_s - start_s)
+        change = next(change for change in reversed(self._changes) if change.start_s <= time_s)
+        return change.then.after(time_s - change.start_s)
+
+    def _from(self, start_s: float, state: ChamberState) -> _Change:
+        return _Change(start_s, state, Forecast(self._parameters, self._room_c, state))
 
     def _change(self, change: Callable[[ChamberState], ChamberState]) -> None:
         with self._timebase.lock:
             at_s = float(math.ceil(self._timebase.now()))
             changed = change(self._at(at_s))
-            past = sum(start_s <= self._timebase.forgettable_s() - 1.0 for start_s, _ in self._changes)
-            kept = [entry for entry in self._changes[max(past - 1, 0) :] if entry[0] < at_s]
-            self._changes = [*kept, (at_s, changed)]
+            past = sum(entry.start_s <= self._timebase.forgettable_s() - 1.0 for entry in self._changes)
+            kept = [entry for entry in self._changes[max(past - 1, 0) :] if entry.start_s < at_s]
+            self._changes = [*kept, self._from(at_s, changed)]
+            self._seconds = {}

@@ -113,7 +113,7 @@ class DigitalGyro(ABC):
         if samples < 1:
             return b""
         interval_s = 1.0 / self._rate_hz
-        _, gyro_v, thermistor_v = self._inputs.sample(self._first_s + self._made * interval_s, interval_s, samples)
+        _, gyro_v, thermistor_v = self._inputs.sample(self._first_s, interval_s, samples, start=self._made)
         self._batch_s = self._first_s + np.arange(self._made, self._made + samples, dtype=np.float64) * interval_s
         self._made += samples
         self.sent += samples

@@ -223,8 +223,7 @@ class DirectDigitizer(_Direct):
         due = math.floor((self._inputs.now() - first_s + 1e-9) * self._stream.rate_hz) + 1 - self._scanned
         if not came:
             raise LinkError(f"{scans} scans were asked for, {due} came within {timeout_s} s")
-        from_s = first_s + self._scanned * interval_s
-        counts, gyro_v, thermistor_v = self._inputs.sample(from_s, interval_s, due)
+        counts, gyro_v, thermistor_v = self._inputs.sample(first_s, interval_s, due, start=self._scanned)
         block = ScanBlock(
             first_index=self._scanned,
             encoder_count=counts,
@@ -232,7 +231,7 @@ class DirectDigitizer(_Direct):
             thermistor_v=self._converted(thermistor_v),
         )
         self._scanned += due
-        self._inputs.hold_history(from_s + due * interval_s)
+        self._inputs.hold_history(first_s + self._scanned * interval_s)
         return block
 
     def stop_stream(self) -> None:

@@ -223,7 +223,9 @@ class SimulatedLabJackT7:
                     scan_length=len(scan_list),
                     samples_per_packet=int(self._settings[PACKET]),
                     buffer_bytes=int(self._settings.get(BUFFER, 0)) or DEFAULT_BUFFER_BYTES,
-                    sample=lambda first, interval, scans: self._terminals.scans(scan_list, first, interval, scans),
+                    sample=lambda start, scans: self._terminals.scans(
+                        scan_list, first_s, 1.0 / rate_hz, scans, start=start
+                    ),
                 )
             )
         )

@@ -86,9 +86,13 @@ class AnalogInputs(Protocol):
     def hold_history(self, since_s: float | None) -> None:
         """Keep the motion since an instant, so that it can be sampled later; None: no more needed."""
 
-    def sample(self, first_s: float, interval_s: float, scans: int) -> tuple[IntArray, FloatArray, FloatArray]:
+    def sample(
+        self, first_s: float, interval_s: float, scans: int, *, start: int = 0
+    ) -> tuple[IntArray, FloatArray, FloatArray]:
         """Quadrature count (unwrapped), gyro volts and thermistor volts at evenly spaced instants, none in the future.
 
+        These are scans `start`, `start` + 1, … of those that begin at `first_s`: a stream that is taken in pieces is to
+        the last bit the same whatever the pieces.
         Instants must not go back from one call to the next while a stream runs; volts are analog, before any converter,
         with the sensor's own noise. Each of shape (scans,).
         """

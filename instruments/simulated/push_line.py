@@ -105,13 +105,25 @@ class PushLine:
 
     def _serve(self) -> None:
         while not self._stopping.is_set():
-            self._send(self._device.feed(self._end.receive(0.0)))
-            if data := self._device.due():
-                if not self._send(data):
-                    self._device.lose()
+            self._hear(self._end.receive(0.0))
+            if self._send_due():
                 time.sleep(PIECE_S)
             elif not self._device.wait(PATIENCE_S):
-                self._send(self._device.feed(self._end.receive(PATIENCE_S)))
+                self._hear(self._end.receive(PATIENCE_S))
+
+    def _hear(self, said: bytes) -> None:
+        """Answer the client; what was due before it spoke leaves before the answer, however late this thread is."""
+        give_up_s = time.monotonic() + FULL_LINE_S  # by the wall more may fall due all the time
+        while said and time.monotonic() < give_up_s and self._send_due():
+            pass
+        self._send(self._device.feed(said))
+
+    def _send_due(self) -> bool:
+        """Send what is due, a batch at most; whether there was anything."""
+        data = self._device.due()
+        if data and not self._send(data):
+            self._device.lose()
+        return bool(data)
 
     def _send(self, data: bytes) -> bool:
         """Whether the client took all of it."""

@@ -33,7 +33,7 @@ Samples = npt.NDArray[np.uint16]
 class StreamSettings:
     """What a stream was asked to be.
 
-    `sample` gives (first_s, interval_s, scans) -> samples of shape (scans, `scan_length`).
+    `sample` gives (start, scans) -> samples of that many scans from scan `start` on, shape (scans, `scan_length`).
     """
 
     first_s: float
@@ -41,7 +41,7 @@ class StreamSettings:
     scan_length: int
     samples_per_packet: int
     buffer_bytes: int
-    sample: Callable[[float, float, int], Samples]
+    sample: Callable[[int, int], Samples]
 
 
 class StreamBuffer:
@@ -117,7 +117,7 @@ class StreamBuffer:
         batch = LARGEST_BATCH if most is None else min(self._scans_for(most), LARGEST_BATCH)
         scans = min((due if self._kept_until is None else self._kept_until) - self._taken, batch)
         if scans > 0:
-            samples = self._settings.sample(self.next_scan_s, 1.0 / self._settings.rate_hz, scans)
+            samples = self._settings.sample(self._taken, scans)
             self._rest = np.concatenate((self._rest, samples.reshape(-1)))
             self._taken += scans
         return self._full_packets(due)

@@ -76,9 +76,11 @@ class T7Terminals:
         known = analog | counts | {DATA_CAPTURE_16}
         return bool(scan_list) and scan_list[0] != DATA_CAPTURE_16 and all(address in known for address in scan_list)
 
-    def scans(self, scan_list: Sequence[int], first_s: float, interval_s: float, scans: int) -> npt.NDArray[np.uint16]:
-        """Samples of each address at evenly spaced instants, shape (scans, addresses)."""
-        count, gyro_v, thermistor_v = self.inputs.sample(first_s, interval_s, scans)
+    def scans(
+        self, scan_list: Sequence[int], first_s: float, interval_s: float, scans: int, *, start: int = 0
+    ) -> npt.NDArray[np.uint16]:
+        """Samples of each address at evenly spaced instants from scan `start` on, shape (scans, addresses)."""
+        count, gyro_v, thermistor_v = self.inputs.sample(first_s, interval_s, scans, start=start)
         samples = np.empty((scans, len(scan_list)), np.uint16)
         upper: IntArray | int = 0  # what DATA_CAPTURE_16 gives: the upper half of the number before it
         for place, address in enumerate(scan_list):

@@ -85,6 +85,7 @@ class Terminals:
         self._walk = RandomWalk(walk, sensor.walk_v_per_sqrt_s)
         self._thermistor = WhiteNoise(thermistor)
         self._grid: _Stretch | None = None
+        self._last_instant: tuple[tuple[float, float], Signals] | None = None
         self._scanned = 0
         self._memory: Mapping[str, FloatArray] = {}
 
@@ -101,19 +102,21 @@ class Terminals:
         with self._timebase.lock:
             self._timebase.held_since_s = since_s
 
-    def sample(self, first_s: float, interval_s: float, scans: int) -> tuple[IntArray, FloatArray, FloatArray]:
-        """Quadrature count, gyro volts, thermistor volts at first + i·interval, i < scans; each of shape (scans,)."""
+    def sample(
+        self, first_s: float, interval_s: float, scans: int, *, start: int = 0
+    ) -> tuple[IntArray, FloatArray, FloatArray]:
+        """Quadrature count, gyro volts, thermistor volts at first + (start + i)·interval, i < scans: shape (scans,)."""
         counts = np.empty(scans, np.int64)
         gyro_v, thermistor_v = np.empty(scans), np.empty(scans)
         sampling: Baseline = {"sampling": self._with_noise}
         with self._timebase.lock:
-            self._refuse(first_s, interval_s, scans)
-            self._timebase.reach_s = self._reach_s(first_s)
+            self._refuse(first_s + start * interval_s, interval_s, scans)
+            self._timebase.reach_s = self._reach_s(first_s + start * interval_s)
             block = max(1, int(_BLOCK / (interval_s * self._timebase.grid_hz)))
             for low in range(0, scans, block):
                 part = slice(low, min(low + block, scans))
-                times_s = first_s + np.arange(part.start, part.stop, dtype=np.float64) * interval_s
-                signals = run_chain(self._at_scans(times_s, interval_s), sampling, self._effects, ("sampling",))
+                times_s = first_s + np.arange(start + part.start, start + part.stop, dtype=np.float64) * interval_s
+                signals = run_chain(self._before_sampling(times_s, interval_s), sampling, self._effects, ("sampling",))
                 self._scanned += times_s.size
                 self._memory = signals.memory
                 counts[part] = quadrature_count(self._settings.encoder, signals.encoder_deg)
@@ -138,18 +141,27 @@ class Terminals:
         """How much further back than the horizon of memory the gyro's instants and the filters' start may lie."""
         return self._warm_up_s + (0.0 if self._clocks is None else self._clocks.reach_s(stamp_s))
 
+    def _before_sampling(self, times_s: FloatArray, interval_s: float) -> Signals:
+        """As `_at_scans`; who reads one input after the other asks for one instant several times."""
+        if times_s.size > 1 or self._clocks is not None:
+            return self._at_scans(times_s, interval_s)
+        instant = float(times_s[0]), interval_s
+        if self._last_instant is None or self._last_instant[0] != instant:
+            self._last_instant = instant, self._at_scans(times_s, interval_s)
+        return replace(self._last_instant[1], first_index=self._scanned, memory=self._memory)
+
     def _at_scans(self, times_s: FloatArray, interval_s: float) -> Signals:
         """The chain up to the electronics, interpolated to the instants of scans."""
         encoder_s = gyro_s = times_s
         if self._clocks is not None:
             encoder_s, gyro_s = self._clocks.instants(times_s, interval_s)
         position = gyro_s * self._timebase.grid_hz
-        last = math.ceil(position[-1] - _ROUNDING)
-        grid = self._computed(min(math.floor(position[0]), last - 1), last)
-        low = np.minimum(np.floor(position).astype(np.int64), last - 1)
+        # the cell that ends at or after each: the one behind an instant may not be known yet
+        low = np.ceil(position - _ROUNDING).astype(np.int64) - 1
+        grid = self._computed(int(low[0]), int(low[-1]) + 1)
         share = position - low
         low -= grid.first
-        left, right = grid.columns[:, low], grid.columns[:, low + 1]
+        left, right = grid.columns.take(low, axis=1), grid.columns.take(low + 1, axis=1)
         straight = left + (right - left) * share
         gyro = self._climate.gyro(encoder_s)
         if self._clocks is None:

@@ -58,10 +58,10 @@ class FaultyInputs:
         """Keep the motion since an instant by the digitizer's crystal."""
         self._inputs.hold_history(None if since_s is None else since_s / self._pace)
 
-    def sample(self, first_s: float, interval_s: float, scans: int) -> Samples:
+    def sample(self, first_s: float, interval_s: float, scans: int, *, start: int = 0) -> Samples:
         """Count, gyro volts and thermistor volts, each of shape (scans,)."""
-        samples = self._inputs.sample(first_s / self._pace, interval_s / self._pace, scans)
-        times_s = first_s + interval_s * np.arange(scans, dtype=np.float64)
+        samples = self._inputs.sample(first_s / self._pace, interval_s / self._pace, scans, start=start)
+        times_s = first_s + interval_s * np.arange(start, start + scans, dtype=np.float64)
         self._jump(samples, times_s)
         self._go_over_range(samples, times_s)
         self._stick(samples, times_s)

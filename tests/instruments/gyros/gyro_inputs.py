@@ -30,11 +30,13 @@ class RampInputs:
     def hold_history(self, since_s: float | None) -> None:
         self.held_since_s = since_s
 
-    def sample(self, first_s: float, interval_s: float, scans: int) -> tuple[IntArray, FloatArray, FloatArray]:
-        times_s = first_s + np.arange(scans) * interval_s
+    def sample(
+        self, first_s: float, interval_s: float, scans: int, *, start: int = 0
+    ) -> tuple[IntArray, FloatArray, FloatArray]:
+        times_s = first_s + np.arange(start, start + scans, dtype=np.float64) * interval_s
         assert times_s[-1] <= self.now() + 2e-9, "sampled in the future"
         if self.first_sampled_s is None:
-            self.first_sampled_s = first_s
+            self.first_sampled_s = first_s + start * interval_s
         rate_dps = self.rate_dps + self.ramp_dps2 * times_s
         volts = SETTINGS.gyro.U0_v + SETTINGS.gyro.K0_v_per_dps * rate_dps
         thermistor_v = np.full(scans, SETTINGS.thermistor_offset_v + SETTINGS.thermistor_v_per_c * 21.75)

@@ -29,10 +29,12 @@ class FakeInputs:
     def hold_history(self, since_s: float | None) -> None:
         self.held_since_s = since_s
 
-    def sample(self, first_s: float, interval_s: float, scans: int) -> tuple[IntArray, FloatArray, FloatArray]:
+    def sample(
+        self, first_s: float, interval_s: float, scans: int, *, start: int = 0
+    ) -> tuple[IntArray, FloatArray, FloatArray]:
         with self._lock:
-            self.calls.append((first_s, interval_s, scans))
-        times_s = first_s + np.arange(scans, dtype=np.float64) * interval_s
+            self.calls.append((first_s + start * interval_s, interval_s, scans))
+        times_s = first_s + np.arange(start, start + scans, dtype=np.float64) * interval_s
         assert times_s[-1] <= self.now() + 2e-9, "sampled in the future"
         return self.counts(times_s), self.gyro_v(times_s), np.full(scans, 0.25)
 

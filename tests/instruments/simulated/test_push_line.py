@@ -75,6 +75,31 @@ def test_a_device_is_heard_from_its_first_byte_and_answers_meanwhile(over_tcp: b
         link.close()
 
 
+class Late(Counting):
+    """Has not come to send three pieces that were due some time ago."""
+
+    left = 3
+
+    def due(self) -> bytes:
+        if not self.may.is_set() or not self.left:
+            return b""
+        self.left -= 1
+        return super().due()
+
+
+@pytest.mark.parametrize("over_tcp", LINES)
+def test_what_was_due_before_a_question_is_sent_before_its_answer(over_tcp: bool) -> None:
+    device = Late(5)
+    with PushLine(device, baud=9600, over_tcp=over_tcp) as line:
+        link = opened(line)
+        link.send(b"a")
+        assert heard(link, 2) == b"aa"
+        device.may.set()
+        link.send(b"b")
+        assert heard(link, 17) == bytes(range(15)) + b"bb"
+        link.close()
+
+
 @pytest.mark.parametrize("over_tcp", LINES)
 def test_what_nobody_takes_is_dropped_and_counted_and_does_not_block_the_device(over_tcp: bool) -> None:
     device = Counting(100_000)

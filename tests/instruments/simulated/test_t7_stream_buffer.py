@@ -15,9 +15,9 @@ ROOM = 512  # scans of 4 samples in a buffer of 4096 bytes
 def buffer(*, samples_per_packet: int = 40, rate_hz: float = RATE_HZ) -> StreamBuffer:
     """A stream from 2 s on, whose scans carry their own index (modulo 65536)."""
 
-    def sample(first_s: float, interval_s: float, scans: int) -> npt.NDArray[np.uint16]:
+    def sample(start: int, scans: int) -> npt.NDArray[np.uint16]:
         samples = np.zeros((scans, 4), np.uint16)
-        samples[:, 0] = (np.round((first_s - 2.0) * rate_hz).astype(np.int64) + np.arange(scans)) & 0xFFFF
+        samples[:, 0] = np.arange(start, start + scans) & 0xFFFF
         return samples
 
     settings = StreamSettings(
