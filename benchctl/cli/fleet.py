@@ -82,8 +82,8 @@ def fleet(
     NAME.diagnosis or NAME.acceptance beside it. A recording that fails is reported and does not stop the others. The
     same command again does only what is missing or has changed. Workers that are killed lose nothing; Ctrl-C keeps
     what is done. Writes `fleet.html` and `fleet.json`: how figures are spread over the units, who stands apart, which
-    physics recurs, which tests fail. Exit status 0 if all were done (and, of accept, all pass), 1 if some failed or the
-    scheduler is gone, 2 for usage, 130 if stopped. Needs `pip install 'benchctl[cluster]'`.
+    physics recurs, which tests fail. Exit status 0 if all were done (and, of accept, all pass), 1 if some do not
+    pass, 2 if some could not be done, 130 if stopped. Needs `pip install 'benchctl[cluster]'`.
 
     Example: `benchctl fleet fit 'results/**'`,
     `benchctl fleet accept results/* --limits lab/limits.toml --scheduler tcp://lab-server:8786`
@@ -179,14 +179,18 @@ def _some(names: list[str]) -> str:
 
 def _judge(ended: Fleet, stopped: bool, result: Result) -> None:
     """The exit status, where it is not 0; something is left where it was stopped, or the scheduler is gone."""
-    failed, rejected = len(ended.ended("failed")), len(ended.rejected)
+    from instruments.errors import UsageError
+
+    failed, rejected = ended.ended("failed"), len(ended.rejected)
     if ended.left:
         why = "stopped" if stopped else "the scheduler is gone,"
         result.ok, result.error = False, f"{why} with {ended.left} left; the same command goes on"
-        raise typer.Exit(_STOPPED if stopped else 1)
-    if failed or rejected:
-        parts = [f"{failed} failed" if failed else "", f"{rejected} do not pass" if rejected else ""]
-        result.ok, result.error = False, f"of {len(ended.members)} recordings {', '.join(filter(None, parts))}"
+        raise typer.Exit(_STOPPED if stopped else UsageError.exit_status)
+    told = f"of {len(ended.members)} recordings"
+    if failed:
+        raise UsageError(f"{told} {len(failed)} could not be done, the first: {failed[0].says}")
+    if rejected:
+        result.ok, result.error = False, f"{told} {rejected} do not pass"
         raise typer.Exit(1)
 
 

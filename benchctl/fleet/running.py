@@ -6,6 +6,7 @@ import time
 import uuid
 from collections import deque
 from collections.abc import Iterator, Sequence
+from concurrent.futures import CancelledError
 from typing import Any
 
 import benchctl
@@ -48,30 +49,35 @@ def outcomes(client: Any, jobs: Sequence[Job], stop: StopRequest) -> Iterator[tu
                 time.sleep(_LOOK_S)
                 continue
             for future in ended.next_batch(block=False):
-                if future.status not in ("finished", "error"):
-                    futures.clear()  # there is nobody to call them off
-                    raise LinkError(
-                        f"scheduler {client.scheduler.address}: is gone, or was restarted; the same command goes on"
-                    )
+                outcome = _outcome_of(future, given[future.key])
                 del futures[future.key]
                 job = given.pop(future.key)
-                outcome = _outcome_of(future, job)
                 if outcome is None:
                     waiting.append(job)
                 else:
                     yield job, outcome
+    except (OSError, CancelledError) as err:
+        futures.clear()  # there is nobody to call them off
+        raise LinkError(
+            f"scheduler {client.scheduler.address}: is gone, or was restarted; the same command goes on"
+        ) from err
     finally:
         if futures:
             client.cancel(list(futures.values()), force=True)
 
 
 def _outcome_of(future: Any, job: Job) -> Outcome | None:
-    """How a job ended; None where a scheduler has given it up whose workers died, but not of it."""
+    """How a job ended; None where a scheduler has given it up whose workers died, but not of it.
+
+    Raises `OSError` or `CancelledError` where the scheduler is gone.
+    """
     from distributed.scheduler import KilledWorker
 
     if future.status == "finished":
         outcome: Outcome = future.result()
         return outcome
+    if future.status != "error":
+        raise CancelledError
     error = future.exception()
     if isinstance(error, KilledWorker) and _starts(job) < MOST_STARTS:
         return None

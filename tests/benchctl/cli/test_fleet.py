@@ -41,8 +41,12 @@ def test_a_fleet_of_good_and_bad_recordings_is_reported_and_the_next_run_does_on
     (tmp_path / "README.md").write_text("hello")
     ways = ("fleet", "fit", f"{tmp_path}/**", "--report", tmp_path / "page", "--workers", "2")
     ran = benchctl(*ways, "--json", tmp_path / "fleet.json", timeout_s=120.0)
-    assert ran.returncode == 1
-    assert ran.stderr == ""
+    assert ran.returncode == 2
+    says = (
+        f"of 3 recordings 1 could not be done, the first: {tmp_path}/bad.h5: is not an HDF5 file (4 bytes); expected a "
+        "recording; import other files (benchctl import)"
+    )
+    assert ran.stderr == f"benchctl: {says}\n"
     assert ran.stdout.splitlines() == [
         "fit of 3 recordings: 2 done, 0 unchanged since they were done, 1 failed",
         f"failed: {tmp_path}/bad.h5: is not an HDF5 file (4 bytes); expected a recording; import other files "
@@ -52,7 +56,7 @@ def test_a_fleet_of_good_and_bad_recordings_is_reported_and_the_next_run_does_on
     ]
     told = told_by(tmp_path / "fleet.json")
     assert (told["schema"], told["ok"]) == ("benchctl-fleet/1", False)
-    assert told["error"] == "of 3 recordings 1 failed"
+    assert told["error"] == says
     assert told["recordings"] == {"total": 3, "done": 2, "kept": 0, "failed": 1, "left": 0}
     assert told_by(tmp_path / "page" / "fleet.json").items() <= told.items()
 
