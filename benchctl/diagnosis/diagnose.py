@@ -22,9 +22,9 @@ from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.rest.named import named
 from benchctl.diagnosis.result import Diagnosis, FitFigures
 from benchctl.diagnosis.rounded import unrounded, without_the_steps_own
-from benchctl.diagnosis.search.select import select
+from benchctl.diagnosis.search.select import select, select_between
 from benchctl.diagnosis.search.selection import Selection
-from benchctl.diagnosis.unstated import other_answer
+from benchctl.diagnosis.unstated import other_answer, plainly_better
 from benchctl.recordings.reader import Recording
 
 BoolArray = npt.NDArray[np.bool_]
@@ -53,7 +53,9 @@ def diagnose(
     problem, faults = cleaned(problem_of(recording, part, model=model, without=without))
     step_v = coarse_step_of(problem, faults)
     rounding_v2 = step_v**2 / 12.0
-    chosen = select(problem, seed=seed, progress=told, rounding_v2=rounding_v2)
+    stated = problem
+    problem, chosen = select_between(problem, plainly_better, seed=seed, progress=told, rounding_v2=rounding_v2)
+    settled = problem is not stated
     for _ in range(_MOST_UNROUNDED):
         smooth = unrounded(problem, chosen, step_v)
         if smooth is None:
@@ -61,7 +63,7 @@ def diagnose(
         problem, rounding_v2 = smooth, 0.0
         chosen = select(problem, seed=seed, progress=told)
     chosen = without_the_steps_own(problem, chosen, step_v)
-    if (other := other_answer(problem, chosen)) is not None:
+    if not settled and (other := other_answer(problem, chosen)) is not None:
         problem = other
         chosen = select(problem, seed=seed, progress=told, rounding_v2=rounding_v2)
     told("what is left", 0.95)

@@ -10,10 +10,14 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
-from benchctl.diagnosis.fitting.fit import Point, fit
+from benchctl.diagnosis.fitting.fit import Fit, Point, fit, solve
+from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.selection import Selection
+
+FloatArray = npt.NDArray[np.float64]
 
 BEYOND_CHANCE = 6.0
 """Twice the log likelihood that the less natural answer must gain: odds of twenty to one."""
@@ -38,6 +42,25 @@ def other_answer(problem: Problem, chosen: Selection) -> Problem | None:
         if fit(other, white, point, everything).squares < whole.squares + allowed * variance:
             return other
     return None
+
+
+def plainly_better(problem: Problem, fitted: Fit, white: Whitener) -> Problem | None:
+    """The problem under the other answer, where that explains the recording better with a model as it is; or None.
+
+    All steps are asked, and the numbers refitted to them by one step: the two answers are so near to each other.
+    """
+    other = problem.otherwise()
+    if other is None:
+        return None
+    moved = white(other.predict(fitted.point.baseline, fitted.point.effects) - fitted.predicted)
+    information, gradient, squares, _ = fitted.products.of(np.ones_like(fitted.fitted))
+
+    def left(gradient: FloatArray, squares: float) -> float:
+        return squares - float(gradient @ solve(information, gradient))
+
+    of_other = squares - 2.0 * float(moved @ fitted.white) + float(moved @ moved)
+    less = left(gradient, squares) - left(gradient - fitted.derivatives.T @ moved, of_other)
+    return other if less > BEYOND_CHANCE * fitted.deviation**2 else None
 
 
 def _simpler(chosen: Selection, reach: float) -> Iterator[tuple[Point, float]]:

@@ -6,8 +6,8 @@ the residual. What it leaves on steps that it was not fitted to then costs no lo
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,9 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from benchctl.diagnosis.fitting.noise import Whitener
+from benchctl.diagnosis.fitting.point import Free as Free
+from benchctl.diagnosis.fitting.point import Point as Point
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.signals.blocks import block_starts
-from instruments.physics.effects.effect import DescribedEffect, Parameter
+from benchctl.diagnosis.signals.threads import cores, do_all, parts_of
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -29,71 +31,6 @@ _CLOSE = 0.02
 """Rounds end when twice the log likelihood is expected to gain less."""
 _RIDGE = 1e-10
 _NUDGE = 1e-4
-_SMALLEST = 1e-300
-"""Below it a number that is moved in its logarithm does not go."""
-
-
-@dataclass(frozen=True, slots=True)
-class Free:
-    """One number that is fitted: a parameter of the baseline (`effect` is None) or of the effect at a place."""
-
-    name: str
-    effect: int | None
-    parameter: Parameter | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Point:
-    """A model: the baseline's parameters, shape (p,), and effects."""
-
-    baseline: FloatArray
-    effects: tuple[DescribedEffect, ...] = ()
-
-    def free(self, names: Sequence[str]) -> list[Free]:
-        """Everything that can be fitted at this point; `names` are those of the baseline."""
-        numbers = [Free(name, None, None) for name in names]
-        for place, effect in enumerate(self.effects):
-            numbers += [
-                Free(name, place, parameter)
-                for name, parameter in effect.parameters.items()
-                if parameter.role != "choice"
-            ]
-        return numbers
-
-    def value(self, number: Free, index: int) -> float:
-        """The present value of a free number, in the scale in which it is moved."""
-        if number.effect is None:
-            return float(self.baseline[index])
-        value = float(getattr(self.effects[number.effect], number.name))
-        return math.log(max(value, _SMALLEST)) if _in_logarithms(number) else value
-
-    def moved(self, numbers: Sequence[Free], values: FloatArray) -> Point:
-        """The model with its free numbers at other values, each kept within its bounds."""
-        baseline = self.baseline.copy()
-        effects = list(self.effects)
-        for index, (number, value) in enumerate(zip(numbers, values.tolist(), strict=True)):
-            if number.effect is None:
-                baseline[index] = value
-            else:
-                effects[number.effect] = replace(  # type: ignore[type-var]  # every effect is a dataclass
-                    effects[number.effect], **{number.name: _bounded(number, value)}
-                )
-        return Point(baseline=baseline, effects=tuple(effects))
-
-
-def _in_logarithms(number: Free) -> bool:
-    return number.parameter is not None and number.parameter.logarithmic
-
-
-def _bounded(number: Free, value: float) -> float:
-    parameter = number.parameter
-    if parameter is None:
-        return value
-    if parameter.role == "phase":
-        return value % 360.0
-    if parameter.logarithmic:
-        value = max(math.exp(min(value, 700.0)), _SMALLEST)
-    return min(max(value, parameter.low), parameter.high)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,8 +72,8 @@ def inverse(information: FloatArray) -> FloatArray:
 class Fit:
     """A fitted model. `residual` (n,) is measured less predicted; `white` the same, whitened.
 
-    `raw_derivatives` (n, p) are those of the prediction by `numbers`, in the scale in which these are moved;
-    `derivatives` the same, whitened.
+    `derivatives` (n, p) are those of the prediction by `numbers`, whitened, in the scale in which these are moved;
+    `unwhitened` the same before the filter of `whitener`, where it has one.
     """
 
     point: Point
@@ -144,10 +81,25 @@ class Fit:
     predicted: FloatArray
     residual: FloatArray
     white: FloatArray
-    raw_derivatives: FloatArray
+    whitener: Whitener
+    unwhitened: FloatArray | None
     derivatives: FloatArray
     products: Products
     fitted: BoolArray
+
+    @property
+    def raw_derivatives(self) -> FloatArray:
+        """The derivatives before they were whitened, an array of its own, (n, p); zero in rows that do not count."""
+        if self.unwhitened is not None:
+            return self.unwhitened.copy(order="K")
+        weight = self.whitener.weight
+        inverse_weight = np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0.0)
+        return np.asarray(self.derivatives * inverse_weight[:, None])
+
+    @property
+    def light(self) -> Fit:
+        """The fit without its derivatives, which take most of the memory."""
+        return replace(self, unwhitened=None, derivatives=np.zeros((0, len(self.numbers))))
 
     @cached_property
     def squares(self) -> float:
@@ -182,9 +134,8 @@ class Fit:
         """
         inverse_information = self.inverse_information
         usual = self.covariance
-        rows = self.fitted[step]
-        products = self.derivatives * (self.white * rows)[:, None]
-        sums = np.add.reduceat(products, block_starts(rows.size), axis=0)
+        white, starts = self.white * self.fitted[step], block_starts(self.white.size)
+        sums = np.stack([np.add.reduceat(column * white, starts) for column in self.derivatives.T], axis=1)
         scattered = np.diag(inverse_information @ (sums.T @ sums) @ inverse_information)
         usual_variance = np.diag(usual)
         ratio = np.where(usual_variance > 0.0, scattered / np.where(usual_variance > 0.0, usual_variance, 1.0), 1.0)
@@ -192,24 +143,30 @@ class Fit:
         return np.asarray(usual * np.outer(wider, wider))
 
 
-def fit(problem: Problem, whitener: Whitener, start: Point, fitted: BoolArray, *, rounds: int = _MOST_ROUNDS) -> Fit:
+def fit(
+    problem: Problem, whitener: Whitener, start: Point | Fit, fitted: BoolArray, *, rounds: int = _MOST_ROUNDS
+) -> Fit:
     """Fit a model's numbers, from where they are, to some steps (a mask of shape (m,) over the problem's steps).
 
+    Where it starts from another fit of the same rows, whatever its whitener, derivatives are not taken there anew.
     Levenberg and Marquardt's damping only where a whole step does not go down.
     """
-    numbers = tuple(start.free(problem.baseline_names))
-    point = start
-    predicted = problem.predict(point.baseline, point.effects)
+    point = start.point if isinstance(start, Fit) else start
+    numbers = tuple(point.free(problem.baseline_names))
+    predicted = start.predicted if isinstance(start, Fit) else problem.predict(point.baseline, point.effects)
     white = whitener(problem.measured - predicted)
     squares = _squares(problem, white, fitted)
+    taken = start.raw_derivatives if isinstance(start, Fit) else _derivatives(problem, point, numbers, predicted)
+    raw, derivatives = _whitened(whitener, taken)
+    products = products_of(problem, derivatives, white, whitener)
     damping = 0.0
-    linear = _linearised(problem, whitener, point, numbers, predicted, white)
     for _ in range(rounds):
-        information, gradient, total, rows = linear[2].of(fitted)
+        information, gradient, total, rows = products.of(fitted)
         values = np.array([point.value(number, i) for i, number in enumerate(numbers)])
         damped = information + damping * np.diag(np.diag(information))
         step = _inside(point, numbers, values, damped, gradient)
         variance = max(total / max(rows, 1.0), 1e-300)
+        expected = float(step @ gradient) / variance
         trial = point.moved(numbers, values + step)
         trial_predicted = problem.predict(trial.baseline, trial.effects)
         trial_white = whitener(problem.measured - trial_predicted)
@@ -221,8 +178,14 @@ def fit(problem: Problem, whitener: Whitener, start: Point, fitted: BoolArray, *
             continue
         gained = (squares - trial_squares) / variance
         point, predicted, white, squares = trial, trial_predicted, trial_white, trial_squares
+        if damping == 0.0 and expected < _CLOSE:  # so near, the derivatives are what they were
+            products = _with_residual(problem, products, derivatives, white)
+            break
         damping = damping / 10.0 if damping > 1e-3 else 0.0
-        linear = _linearised(problem, whitener, point, numbers, predicted, white)
+        del taken, raw, derivatives  # each as large as what takes its place
+        taken = _derivatives(problem, point, numbers, predicted)
+        raw, derivatives = _whitened(whitener, taken)
+        products = products_of(problem, derivatives, white, whitener)
         if gained < _CLOSE:
             break
     return Fit(
@@ -231,9 +194,10 @@ def fit(problem: Problem, whitener: Whitener, start: Point, fitted: BoolArray, *
         predicted=predicted,
         residual=problem.measured - predicted,
         white=white,
-        raw_derivatives=linear[0],
-        derivatives=linear[1],
-        products=linear[2],
+        whitener=whitener,
+        unwhitened=raw,
+        derivatives=derivatives,
+        products=products,
         fitted=fitted,
     )
 
@@ -301,18 +265,13 @@ def _per_step(problem: Problem, values: FloatArray) -> FloatArray:
     return sums.astype(np.float64)
 
 
-def _linearised(
-    problem: Problem,
-    whitener: Whitener,
-    point: Point,
-    numbers: tuple[Free, ...],
-    predicted: FloatArray,
-    white: FloatArray,
-) -> tuple[FloatArray, FloatArray, Products]:
-    """Derivatives by all numbers, shape (n, p), the same whitened, and their products per step."""
+def _derivatives(problem: Problem, point: Point, numbers: tuple[Free, ...], predicted: FloatArray) -> FloatArray:
+    """Derivatives of the prediction by all numbers, shape (n, p)."""
     derivatives = np.empty((predicted.size, len(numbers)), order="F")
     values = np.array([point.value(number, i) for i, number in enumerate(numbers)])
-    for i, number in enumerate(numbers):
+
+    def fill(i: int) -> None:
+        number = numbers[i]
         nudge = _nudge(problem, number, float(values[i]), i)
         moved = values.copy()
         moved[i] += nudge
@@ -321,36 +280,62 @@ def _linearised(
             moved[i] -= 2 * nudge
             nudge = -nudge
             other = point.moved(numbers, moved)
-        derivatives[:, i] = (problem.predict(other.baseline, other.effects) - predicted) / nudge
-    whitened = whitened_columns(whitener, derivatives)
-    return derivatives, whitened, products_of(problem, whitened, white, whitener)
+        column = derivatives[:, i]
+        np.subtract(problem.predict(other.baseline, other.effects), predicted, out=column)
+        column /= nudge
+
+    do_all(fill, range(len(numbers)))
+    return derivatives
+
+
+def _whitened(whitener: Whitener, raw: FloatArray) -> tuple[FloatArray | None, FloatArray]:
+    """Derivatives (n, p), where a filter changes them, and the whitened ones; those given are used up."""
+    if whitener.slow:
+        return raw, whitened_columns(whitener, raw)
+    raw *= whitener.weight[:, None]
+    return None, raw
 
 
 def whitened_columns(whitener: Whitener, columns: FloatArray) -> FloatArray:
     """Every column of (n, p), whitened."""
     white = np.empty_like(columns, order="F")
-    for i in range(columns.shape[1]):
-        white[:, i] = whitener(columns[:, i])
+
+    def fill(some: slice) -> None:
+        white[:, some] = whitener(columns[:, some].T).T
+
+    do_all(fill, parts_of(columns.shape[1], cores()))
     return white
 
 
 def products_of(problem: Problem, derivatives: FloatArray, white: FloatArray, whitener: Whitener) -> Products:
     """The products per step of whitened derivatives (n, p) and residuals (n,)."""
-    steps = len(problem.step_names)
-    bounds = np.searchsorted(problem.step, np.arange(steps + 1))
     count = derivatives.shape[1]
-    information, gradient = np.zeros((steps, count, count)), np.zeros((steps, count))
-    for step in range(steps):
-        rows = slice(bounds[step], bounds[step + 1])
-        block = derivatives[rows]
+    information = np.zeros((len(problem.step_names), count, count))
+    rows_of = _rows_of_steps(problem)
+
+    def fill(step: int) -> None:
+        block = derivatives[rows_of[step]]
         information[step] = block.T @ block
-        gradient[step] = block.T @ white[rows]
-    return Products(
+
+    do_all(fill, range(len(rows_of)))
+    empty = Products(
         information=information,
-        gradient=gradient,
-        squares=_per_step(problem, white * white),
+        gradient=np.zeros((0, count)),
+        squares=np.zeros(0),
         rows=_per_step(problem, (whitener.weight > 0.0).astype(np.float64)),
     )
+    return _with_residual(problem, empty, derivatives, white)
+
+
+def _with_residual(problem: Problem, products: Products, derivatives: FloatArray, white: FloatArray) -> Products:
+    """The products with another residual (n,) of the same derivatives."""
+    gradient = np.stack([white[rows] @ derivatives[rows] for rows in _rows_of_steps(problem)])
+    return replace(products, gradient=gradient, squares=_per_step(problem, white * white))
+
+
+def _rows_of_steps(problem: Problem) -> list[slice]:
+    bounds = np.searchsorted(problem.step, np.arange(len(problem.step_names) + 1)).tolist()
+    return [slice(first, last) for first, last in itertools.pairwise(bounds)]
 
 
 def _nudge(problem: Problem, number: Free, value: float, index: int) -> float:

@@ -78,7 +78,7 @@ def _fastest() -> tuple[float, ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class Whitener:
-    """Turns a column of data or of a prediction, shape (n,), into one whose noise is white and of one size.
+    """Turns columns of data or of predictions, shape (n,) or (k, n), into ones whose noise is white and of one size.
 
     `slow` are the processes beside the white noise; `weight` (n,) is the inverse of a row's relative deviation, 0 where
     it does not count; `time_s` (n,) says where rows are missing, and may be left away where none are.
@@ -91,7 +91,9 @@ class Whitener:
 
     def beside(self, slow: tuple[Slow, ...]) -> Whitener:
         """The same rows with other slow processes."""
-        return replace(self, slow=slow)
+        other = replace(self, slow=slow)
+        other.__dict__["_rows"] = self._rows  # what follows from the rows alone is found once
+        return other
 
     @cached_property
     def zeros(self) -> tuple[float, ...]:
@@ -110,40 +112,90 @@ class Whitener:
     def log_determinant(self) -> float:
         """Logarithm of the determinant of the noise's covariance, but for the variance of the innovations."""
         jumps = sum(math.log(power) for _, _, power in self._jumps)
-        return float(jumps - 2.0 * np.log(self.weight[self._counted]).sum())
+        return float(jumps - 2.0 * np.log(self.weight[self._rows.counted]).sum())
 
     def __call__(self, column: FloatArray) -> FloatArray:
-        """The whitened column, shape (n,)."""
+        """The whitened column, shape (n,), or several, shape (k, n)."""
         if not self.slow:
             return column * self.weight
-        values = column.copy()
-        spoilt, before, after, share = self._bridges
-        values[spoilt] = (1.0 - share) * values[before] + share * values[after]
+        values = np.atleast_2d(column).copy()
+        spoilt, before, after, share = self._rows.bridges
+        values[:, spoilt] = (1.0 - share) * values[:, before] + share * values[:, after]
         white = np.zeros_like(values)
-        state = np.zeros((len(self._sections), 2))
-        for (rows, _), carried in zip(self._runs, self._carried, strict=True):
-            state = (carried @ state.ravel()).reshape(state.shape)
-            white[rows], state = scipy.signal.sosfilt(self._sections, values[rows], zi=state)
+        state = np.zeros((len(self._sections), len(values), 2))
+        for (rows, _), carried in zip(self._rows.runs, self._carried, strict=True):
+            state = _carried_on(carried, state)
+            white[:, rows], state = scipy.signal.sosfilt(self._sections, values[:, rows], zi=state)
         white *= self.weight
         for rows, response, power in self._jumps:
-            part = white[rows]
-            norm = float(response @ response)
-            part -= ((1.0 - 1.0 / math.sqrt(power)) / norm * float(response @ part)) * response
-        return white
+            part = white[:, rows]
+            known = (1.0 - 1.0 / math.sqrt(power)) / float(response @ response)
+            part -= np.multiply.outer(known * (part @ response), response)
+        return white.reshape(column.shape)
+
+    @cached_property
+    def _rows(self) -> _Rows:
+        return _Rows(self.interval_s, self.weight, self.time_s)
 
     @cached_property
     def _sections(self) -> FloatArray:
         return _sections([one.remembers for one in self.slow], self.zeros)
 
     @cached_property
-    def _counted(self) -> IntArray:
+    def _carried(self) -> list[FloatArray]:
+        """What becomes of the filter's state in the pause before each run, shape (2·sections, 2·sections).
+
+        It goes on as the processes do without a push: so nothing is taken for seen.
+        """
+        free = _free(self._sections)
+        after: dict[int, FloatArray] = {}
+        for _, missing in self._rows.runs:
+            if missing not in after:
+                after[missing] = np.linalg.matrix_power(free, missing)
+        return [after[missing] for _, missing in self._rows.runs]
+
+    @cached_property
+    def _jumps(self) -> list[tuple[slice, FloatArray, float]]:
+        """What a jump of the level in a pause does to the rows after it: those, the whitened jump, 1 + its power.
+
+        The level after a pause is known as far as the processes let it be. A jump of variance V, in units of that of an
+        innovation, with the whitened form r adds V·r·rᵀ to the covariance; the root of its inverse is applied.
+        """
+        runs = self._rows.runs
+        if not self.slow or len(runs) < 2:
+            return []
+        longest = max(rows.stop - rows.start for rows, _ in runs)
+        step: FloatArray = scipy.signal.sosfilt(self._sections, np.ones(longest))
+        small = np.flatnonzero(np.abs(step) < _FORGOTTEN)
+        reach = int(small[0]) if small.size else longest
+        jumps = []
+        for whole, missing in runs[1:]:
+            rows = slice(whole.start, min(whole.stop, whole.start + reach))
+            response = step[: rows.stop - rows.start] * self.weight[rows]
+            variance = sum(_wandered(one, missing) for one in self.slow) / self.innovation**2
+            power = 1.0 + variance * float(response @ response)
+            if power > 1.0:
+                jumps.append((rows, response, power))
+        return jumps
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """What of the rows that count a filter must know, whatever its processes."""
+
+    interval_s: float
+    weight: FloatArray
+    time_s: FloatArray
+
+    @cached_property
+    def counted(self) -> IntArray:
         """The rows that count."""
         return np.flatnonzero(self.weight > 0.0)
 
     @cached_property
-    def _bridges(self) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
+    def bridges(self) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
         """Rows that do not count, and those between which a line takes their place, for the filter remembers them."""
-        good, spoilt = self._counted, np.flatnonzero(self.weight <= 0.0)
+        good, spoilt = self.counted, np.flatnonzero(self.weight <= 0.0)
         if good.size == 0:
             return spoilt[:0], good, good, np.zeros(0)
         place = np.searchsorted(good, spoilt)
@@ -152,9 +204,9 @@ class Whitener:
         return spoilt, before, after, np.clip(share, 0.0, 1.0)
 
     @cached_property
-    def _runs(self) -> list[tuple[slice, int]]:
+    def runs(self) -> list[tuple[slice, int]]:
         """Rows between pauses, with the samples that are missing before them."""
-        good = self._counted
+        good = self.counted
         if good.size == 0:
             return []
         before, after = good[:-1], good[1:]
@@ -167,37 +219,12 @@ class Whitener:
         rows = [slice(first, stop) for first, stop in zip(starts, stops, strict=True)]
         return list(zip(rows, [0, *missing[long].tolist()], strict=True))
 
-    @cached_property
-    def _carried(self) -> list[FloatArray]:
-        """What becomes of the filter's state in the pause before each run, shape (2·sections, 2·sections).
 
-        It goes on as the processes do without a push: so nothing is taken for seen.
-        """
-        free = _free(self._sections)
-        return [np.linalg.matrix_power(free, missing) for _, missing in self._runs]
-
-    @cached_property
-    def _jumps(self) -> list[tuple[slice, FloatArray, float]]:
-        """What a jump of the level in a pause does to the rows after it: those, the whitened jump, 1 + its power.
-
-        The level after a pause is known as far as the processes let it be. A jump of variance V, in units of that of an
-        innovation, with the whitened form r adds V·r·rᵀ to the covariance; the root of its inverse is applied.
-        """
-        if not self.slow or len(self._runs) < 2:
-            return []
-        longest = max(rows.stop - rows.start for rows, _ in self._runs)
-        step: FloatArray = scipy.signal.sosfilt(self._sections, np.ones(longest))
-        small = np.flatnonzero(np.abs(step) < _FORGOTTEN)
-        reach = int(small[0]) if small.size else longest
-        jumps = []
-        for whole, missing in self._runs[1:]:
-            rows = slice(whole.start, min(whole.stop, whole.start + reach))
-            response = step[: rows.stop - rows.start] * self.weight[rows]
-            variance = sum(_wandered(one, missing) for one in self.slow) / self.innovation**2
-            power = 1.0 + variance * float(response @ response)
-            if power > 1.0:
-                jumps.append((rows, response, power))
-        return jumps
+def _carried_on(carried: FloatArray, state: FloatArray) -> FloatArray:
+    """The states of a chain of sections, shape (sections, k, 2), after a pause."""
+    sections, columns, _ = state.shape
+    after = carried @ state.transpose(0, 2, 1).reshape(2 * sections, columns)
+    return after.reshape(sections, 2, columns).transpose(0, 2, 1)
 
 
 def _free(sections: FloatArray) -> FloatArray:
@@ -224,33 +251,33 @@ def _wandered(process: Slow, samples: int) -> float:
     return float(process.drive * (1.0 - process.remembers ** (2 * samples)) / (1.0 - process.remembers**2))
 
 
-def _zeros(slow: Sequence[Slow]) -> tuple[float, ...]:
+@lru_cache(maxsize=256)
+def _zeros(slow: tuple[Slow, ...]) -> tuple[float, ...]:
     """The ψ of the innovations' filter: by bisection, in the logarithm of −u, between the poles and beyond the last."""
     poles = np.array([(1.0 - one.remembers) ** 2 / one.remembers for one in slow])
     drives = np.array([one.drive / one.remembers for one in slow])
     order = np.argsort(poles)
     poles, drives = poles[order], drives[order]
-    found = []
-    for i in range(poles.size):
-        low = poles[i]
-        high = poles[i + 1] if i + 1 < poles.size else poles[i] + drives.sum() + 1e-300
-        for _ in range(200):
-            middle = 0.5 * (low + high) if low <= 0.0 and high < 1e-300 else _between(low, high)
-            # just beyond a pole the sum is −∞, and it grows towards the next
-            if 1.0 + float(np.sum(drives / (poles - middle))) < 0.0:
-                low = middle
-            else:
-                high = middle
-        found.append(0.5 * (low + high))
-    zeros = [1.0 + a / 2.0 - math.sqrt(a + a * a / 4.0) for a in found]
-    ordered = np.empty(len(zeros))
+    low, high = poles.copy(), np.append(poles[1:], poles[-1:] + drives.sum() + 1e-300)
+    for _ in range(200):
+        middle = _between(low, high)
+        # just beyond a pole the sum is −∞, and it grows towards the next
+        below = 1.0 + np.sum(drives / (poles - middle[:, None]), axis=1) < 0.0
+        closer = np.where(below, low < middle, high > middle)
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+        if not closer.any():
+            break
+    found = 0.5 * (low + high)
+    zeros = 1.0 + found / 2.0 - np.sqrt(found + found * found / 4.0)
+    ordered = np.empty_like(zeros)
     ordered[order] = zeros
     return tuple(ordered.tolist())
 
 
-def _between(low: float, high: float) -> float:
+def _between(low: FloatArray, high: FloatArray) -> FloatArray:
     """Half way, in ratios where there are any."""
-    return math.sqrt(low * high) if low > 0.0 else (high * 1e-3 if high > 1e-24 else high / 2)
+    below = np.where(high > 1e-24, high * 1e-3, high / 2)
+    return np.where(low > 0.0, np.sqrt(low * high), below)
 
 
 def _sections(poles: Sequence[float], zeros: Sequence[float]) -> FloatArray:

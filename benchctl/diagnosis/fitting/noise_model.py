@@ -75,11 +75,14 @@ class NoiseModel:
         whitener = replace(self.plain, weight=weight, slow=slow)
         return replace(self, whitener=whitener, found={one.effect: one for one in kept})
 
-    def best(self, problem: Problem, fitted: Fit, *, least_gain: float) -> Noisy | None:
-        """What would gain most of what has not been found yet, where it gains enough."""
+    def best(self, problem: Problem, fitted: Fit, *, least_gain: float, rival: float = -math.inf) -> Noisy | None:
+        """What would gain most of what has not been found yet, where it gains enough.
+
+        Slow processes that are sure to gain less than a `rival` are left alone.
+        """
         tried: list[Noisy] = []
         if not set(PROCESSES) & self.found.keys():
-            tried += [one for one in [self.wandering(problem, fitted, least_gain)] if one is not None]
+            tried += [one for one in [self.wandering(problem, fitted, least_gain, rival)] if one is not None]
         if GROWING in problem.noises - self.found.keys():
             tried += [one for one in [self._growing(problem, fitted)] if one.gain > least_gain]
         return max(tried, key=lambda one: one.gain, default=None)
@@ -96,9 +99,9 @@ class NoiseModel:
             model = model.with_(best) if best is not None else model
         return model
 
-    def wandering(self, problem: Problem, fitted: Fit, least_gain: float) -> Noisy | None:
-        """The slow process that gains most, where one gains enough."""
-        tried = wandering(problem, self.whitener, fitted, least_gain=least_gain)
+    def wandering(self, problem: Problem, fitted: Fit, least_gain: float, rival: float = -math.inf) -> Noisy | None:
+        """The slow process that gains most, where one gains enough and not surely less than a rival."""
+        tried = wandering(problem, self.whitener, fitted, least_gain=least_gain, rival=rival)
         best = max(tried, key=lambda one: one.gain, default=None)
         if best is None:
             return None

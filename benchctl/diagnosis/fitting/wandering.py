@@ -30,6 +30,8 @@ PROCESSES: Mapping[str, Process] = {
 """From a size over the deviation of the white noise, the time between samples and the length of the recording."""
 
 _BLOCK_S = 0.2
+_MOST_ROWS = 1_500_000
+"""Of more samples, means of a few are taken: what is slow beside some hundredths of a second is in these as it is."""
 _SIZES = np.geomspace(1e-4, 10.0, 16)
 _NEAR = math.log(1.15)
 _TOLERANCE = 0.02
@@ -42,40 +44,63 @@ _BELIED = 10.0
 A step's own level is fitted to it and a process foretells it: that alone is worth a few."""
 
 
-def wandering(problem: Problem, whitener: Whitener, fitted: Fit, *, least_gain: float) -> list[Noisy]:
-    """The processes that gain more than `least_gain` over white noise on the steps that a model was fitted to."""
+def wandering(
+    problem: Problem, whitener: Whitener, fitted: Fit, *, least_gain: float, rival: float = -math.inf
+) -> list[Noisy]:
+    """The processes that gain more than `least_gain` over white noise on the steps that a model was fitted to.
+
+    Those that are sure to gain less than a `rival` are not measured to the end, and not told if all are such.
+    """
     kinds = [name for name in PROCESSES if name in problem.noises]
     if not kinds:
         return []
-    columns = np.column_stack([fitted.residual, fitted.raw_derivatives])
-    blocks = _Blocks(problem, whitener, columns, fitted.fitted)
-    found = []
-    for name in kinds:
-        gain, size = blocks.best(PROCESSES[name], least_gain)
-        if gain > least_gain:
-            found.append(_measured(problem, whitener, fitted, columns, name, size))
+    columns = np.vstack([fitted.residual, fitted.raw_derivatives.T]).T
+    usable = np.asarray(whitener.weight > 0.0, np.float64)
+    blocks = _Blocks(problem, usable, columns, fitted.fitted, max(1, round(_BLOCK_S / problem.interval_s)))
+    sized = {name: blocks.best(PROCESSES[name], least_gain) for name in kinds}
+    found = [
+        _measured(problem, whitener, fitted, columns, name, size, rival)
+        for name, (gain, size) in sized.items()
+        if gain > least_gain
+    ]
+    if all(one.gain <= rival for one in found):
+        return []
     return [one for one in found if one.gain > least_gain]
 
 
-def _measured(problem: Problem, whitener: Whitener, fitted: Fit, columns: FloatArray, name: str, size: float) -> Noisy:
+def _measured(
+    problem: Problem,
+    whitener: Whitener,
+    fitted: Fit,
+    columns: FloatArray,
+    name: str,
+    size: float,
+    rival: float,
+) -> Noisy:
     """The gain and the size on the samples themselves, by parabolas through three sizes."""
     lasts_s = float(problem.time_s[-1] - problem.time_s[0])
     rows = fitted.fitted[problem.step]
+    together = -(-rows.size // _MOST_ROWS)
+    means = _Means(problem, whitener.weight, columns, fitted.fitted, together) if together > 1 else None
 
-    def at(log_size: float) -> tuple[float, Whitener]:
-        other = whitener.beside(PROCESSES[name](math.exp(log_size), problem.interval_s, lasts_s))
-        return _deviance(other, columns, rows), other
+    def beside(log_size: float) -> Whitener:
+        return whitener.beside(PROCESSES[name](math.exp(log_size), problem.interval_s, lasts_s))
 
-    without = _deviance(whitener.beside(()), columns, rows)
+    def at(log_size: float) -> float:
+        if means is not None:
+            return means.deviance(PROCESSES[name], math.exp(log_size))
+        return _deviance(beside(log_size), columns, rows)
+
+    without = _deviance(whitener.beside(()), columns, rows) if means is None else means.deviance(PROCESSES[name], 0.0)
     middle = math.log(size)
     for _ in range(_STEPS):
-        low, here, high = (at(middle + k * _NEAR)[0] for k in (-1, 0, 1))
+        low, here, high = (at(middle + k * _NEAR) for k in (-1, 0, 1))
         curvature = max((low - 2.0 * here + high) / _NEAR**2, 1e-6)
         step = min(max(0.5 * (low - high) / (curvature * _NEAR), -2.0 * _NEAR), 2.0 * _NEAR)
         middle += step
-        if abs(step) < _NEAR:
+        if abs(step) < _NEAR or without - here + _STEPS * 2.0 * abs(low - high) < rival:
             break
-    best, other = at(middle)
+    best, other = at(middle), beside(middle)
     resting = sum(kind == "static" for kind in problem.step_kinds)
     belied = _gain_at_rest(problem, other, fitted) < -_BELIED * (1 + resting)
     return Noisy(
@@ -99,9 +124,9 @@ def _gain_at_rest(problem: Problem, whitener: Whitener, fitted: Fit) -> float:
         if kind != "static" or not fitted.fitted[number]:
             continue
         # what came before the step still works in the filter at its start
-        whole = np.flatnonzero(problem.step == number)
-        inside = whole[whole.size // 4 :]
-        inside = inside[whitener.weight[inside] > 0.0]
+        first, last = np.searchsorted(problem.step, [number, number + 1]).tolist()
+        first += (last - first) // 4
+        inside = first + np.flatnonzero(whitener.weight[first:last] > 0.0)
         if inside.size < _FEWEST:
             continue
         alone = fitted.residual[inside]
@@ -114,7 +139,9 @@ def _gain_at_rest(problem: Problem, whitener: Whitener, fitted: Fit) -> float:
 def _deviance(whitener: Whitener, columns: FloatArray, rows: BoolArray) -> float:
     """Minus twice the log likelihood of a residual, the first column, with the others refitted to it, on some rows."""
     count = float((whitener.weight[rows] > 0.0).sum())
-    return count * math.log(_left(whitened_columns(whitener, columns)[rows])) + whitener.log_determinant
+    white = whitened_columns(whitener, columns)
+    white *= rows[:, None]
+    return count * math.log(_left(white)) + whitener.log_determinant
 
 
 def _left(columns: FloatArray) -> float:
@@ -125,10 +152,15 @@ def _left(columns: FloatArray) -> float:
 
 
 class _Blocks:
-    """Residual and derivatives as means over many samples."""
+    """Residual and derivatives as means over many samples, each of a `weight` (n,): likelihoods are those of the means.
 
-    def __init__(self, problem: Problem, whitener: Whitener, columns: FloatArray, fitted: BoolArray) -> None:
-        self._samples = max(1, round(_BLOCK_S / problem.interval_s))
+    The weights are the inverse of the deviations of the samples' white noise, relative to each other.
+    """
+
+    def __init__(
+        self, problem: Problem, weight: FloatArray, columns: FloatArray, fitted: BoolArray, samples: int
+    ) -> None:
+        self._samples = samples
         self._interval_s = self._samples * problem.interval_s
         self._lasts_s = float(problem.time_s[-1] - problem.time_s[0])
         starts = [
@@ -136,19 +168,24 @@ class _Blocks:
             for part in problem.stretches
             if part.stop - part.start >= self._samples
         ]
-        first = np.concatenate(starts) if starts else np.zeros(0, np.int64)
-        rows = first[:, None] + np.arange(self._samples)
-        usable = whitener.weight > 0.0
-        counted = usable[rows].sum(axis=1)
-        self._columns = np.stack(
-            [np.where(usable, one, 0.0)[rows].sum(axis=1) / np.maximum(counted, 1) for one in columns.T], axis=1
-        )
-        self._fitted = fitted[problem.step[first]] if first.size else np.zeros(0, np.bool_)
+        self._first = np.concatenate(starts) if starts else np.zeros(0, np.int64)
+        self._power = self._summed(weight**2)
+        means = [self._summed(np.where(weight > 0.0, one * weight**2, 0.0)) for one in columns.T]
+        self._columns = (np.stack(means) / np.where(self._power > 0.0, self._power, 1.0)).T
+        self._fitted = fitted[problem.step[self._first]]
         self._whitener = Whitener(
             interval_s=self._interval_s,
-            weight=np.sqrt(counted / self._samples),
-            time_s=problem.time_s[first],
+            weight=np.sqrt(self._power / self._samples),
+            time_s=problem.time_s[self._first],
         )
+
+    def _summed(self, values: FloatArray) -> FloatArray:
+        """Sums over the samples of each mean."""
+        if not self._first.size:
+            return np.zeros(0)
+        ends = np.stack([self._first, self._first + self._samples], axis=1).ravel()
+        sums: FloatArray = np.add.reduceat(np.append(values, 0.0), ends)[::2]
+        return sums
 
     def best(self, process: Process, least_gain: float) -> tuple[float, float]:
         """The largest gain and the size, over the deviation of a sample's white noise, where it lies.
@@ -157,24 +194,45 @@ class _Blocks:
         """
         if not self._fitted.any():
             return 0.0, float(_SIZES[0])
-        deviances = [self._deviance(process, size) for size in _SIZES.tolist()]
+        deviances = [self.deviance(process, size) for size in _SIZES.tolist()]
         place = int(np.argmin(deviances))
-        without = self._deviance(process, 0.0)
+        without = self.deviance(process, 0.0)
         if without - deviances[place] < 0.5 * least_gain:
             return 0.0, float(_SIZES[place])
         around = np.log(_SIZES[[max(place - 1, 0), min(place + 1, _SIZES.size - 1)]])
         found = minimize_scalar(
-            lambda log_size: self._deviance(process, math.exp(log_size)),
+            lambda log_size: self.deviance(process, math.exp(log_size)),
             bounds=tuple(around.tolist()),
             method="bounded",
             options={"xatol": _TOLERANCE},
         )
         return without - float(found.fun), math.exp(float(found.x))
 
-    def _deviance(self, process: Process, size: float) -> float:
+    def deviance(self, process: Process, size: float) -> float:
+        """Minus twice the log likelihood with a process of a size; 0 for none."""
         # the white noise of a mean is smaller by the root of the samples, so the process beside it is larger
         relative = size * math.sqrt(self._samples)
         slow = process(relative, self._interval_s, self._lasts_s) if size > 0.0 else ()
         whitener = self._whitener.beside(slow)
-        columns = whitened_columns(whitener, self._columns)[self._fitted]
-        return float(self._fitted.sum()) * math.log(_left(columns)) + whitener.log_determinant
+        white = whitened_columns(whitener, self._columns)
+        white *= self._fitted[:, None]
+        return self._likelihood(_left(white)) + whitener.log_determinant
+
+    def _likelihood(self, left: float) -> float:
+        """Minus twice its logarithm, by the sum of squares that is left of the whitened means."""
+        return float(self._fitted.sum()) * math.log(left)
+
+
+class _Means(_Blocks):
+    """Means over so few samples that a process stands still in each: likelihoods are those of the samples."""
+
+    def __init__(
+        self, problem: Problem, weight: FloatArray, columns: FloatArray, fitted: BoolArray, samples: int
+    ) -> None:
+        super().__init__(problem, weight, columns, fitted, samples)
+        squares = self._summed((columns[:, 0] * weight) ** 2) - self._power * self._columns[:, 0] ** 2
+        self._within = float(squares[self._fitted].sum())
+        self._rows = float(self._summed(np.asarray(weight > 0.0, np.float64))[self._fitted].sum())
+
+    def _likelihood(self, left: float) -> float:
+        return self._rows * math.log(self._within + self._samples * left)

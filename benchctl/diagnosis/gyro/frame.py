@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchctl.diagnosis.signals.free_band import goes_beyond, wide_motion
-from benchctl.diagnosis.signals.motion import Motion, motion_of
+from benchctl.diagnosis.signals.motion import Motion, motions_of
 from benchctl.diagnosis.signals.ripple import ripple_of
 from benchctl.diagnosis.signals.temperature import Pause, Thermistor, thermistor_of
 from benchctl.recordings.model import Step, StepInfo, axis_of
@@ -132,7 +132,7 @@ def _motions(unwrapped: Sequence[FloatArray], sample_rate_hz: float, beyond: boo
     if beyond:
         return tuple(wide_motion(angle, sample_rate_hz) for angle in unwrapped)
     ripple = ripple_of(unwrapped, sample_rate_hz)
-    return tuple(motion_of(angle, sample_rate_hz, ripple) for angle in unwrapped)
+    return motions_of(unwrapped, sample_rate_hz, ripple)
 
 
 def _has_scans(step: Step) -> bool:

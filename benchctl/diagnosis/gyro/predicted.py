@@ -34,4 +34,4 @@ def predict(recording: Recording, model: Mapping[str, Any]) -> tuple[Frame, Floa
     problem = gyro_problem(recording, model=simulation, whole_steps=True)
     effects = make_effects(model.get("effects", {}), problem.circumstances)
     volts = problem.predict(problem.baseline_start, [one for one in effects if not isinstance(one, NoiseEffect)])
-    return problem.frame, volts
+    return problem.frame, volts.copy()  # of which nothing else is kept: it may be written to

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from benchctl.bench import Bench
 from benchctl.campaign.timing import timeline
 from benchctl.diagnosis.gyro.frame import Frame
-from benchctl.diagnosis.signals.motion import motion_of
+from benchctl.diagnosis.signals.motion import motions_of
 from benchctl.plan import ConstantRate, Plan, Sine, Soak, Step, ThermalRamp
 from benchctl.plan.steps import ByHand, positions
 from benchctl.recordings.model import StepInfo
@@ -167,7 +167,7 @@ def _frame(plan: Plan, excerpts: Sequence[_Excerpt], interval_s: float, auxiliar
     time_s = np.concatenate([one.start_s + interval_s * np.arange(one.rows) for one in excerpts])
     temp = np.concatenate([np.linspace(one.from_c, one.to_c, one.rows) for one in excerpts])
     slopes = [np.full(one.rows, (one.to_c - one.from_c) / (one.rows * interval_s)) for one in excerpts]
-    motions = tuple(motion_of(one[0], 1.0 / interval_s) for one in moving)
+    motions = motions_of([one[0] for one in moving], 1.0 / interval_s)
     return Frame(
         infos=tuple(_info(place, step) for place, step in enumerate(plan.steps)),
         interval_s=interval_s,

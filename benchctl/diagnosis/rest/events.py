@@ -12,12 +12,13 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import numpy.typing as npt
 import scipy.fft
-from scipy.ndimage import gaussian_filter1d, uniform_filter1d
+from scipy.ndimage import uniform_filter1d
 
 from benchctl.diagnosis.rest.groups import Group
 from benchctl.diagnosis.rest.leftover import Leftover
 from benchctl.diagnosis.search.scan_mains import FAINTEST
 from benchctl.diagnosis.signals.blocks import BLOCK, block_starts
+from benchctl.diagnosis.signals.threads import shared_out
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -66,22 +67,22 @@ def bump(left: Leftover, time_s: FloatArray, interval_s: float) -> Group:
     cell_s = BLOCK * interval_s
     cell = ((time_s - time_s[0]) / cell_s).astype(np.int64)
     parts = [left.white, left.rows, *left.known.T]
-    sums = np.stack([np.bincount(cell, part) for part in parts], axis=1)
-    best, chosen = -1.0, (float(time_s[0]), _WIDTHS_S[0])
-    for width_s in _WIDTHS_S:
+    sums: FloatArray = np.stack([np.bincount(cell, part) for part in parts], axis=1).astype(np.float64)
+    blur = _Blurred(sums, math.ceil(_REACH * _WIDTHS_S[-1] / cell_s))
+
+    def best_of(width_s: float) -> tuple[float, float, float]:
         cells = width_s / cell_s
-        if 4.0 * cells > sums.shape[0]:
-            break
         norm = math.sqrt(2.0 * math.pi) * cells
-        smooth = norm * gaussian_filter1d(sums, cells, axis=0, mode="constant", truncate=_REACH)
-        # the square of the bump is narrower, and reaches as far
-        squared = gaussian_filter1d(sums[:, 1], cells / _ROOT, mode="constant", truncate=_REACH * _ROOT)
-        power = norm / _ROOT * squared
+        smooth = norm * blur(cells, slice(None))
+        # the square of the bump is narrower
+        power = norm / _ROOT * blur(cells / _ROOT, slice(1, 2))[:, 0]
         gain = _gain(smooth[:, 0], power, smooth[:, 2:], left)
         place = int(np.argmax(gain))
-        if gain[place] > best:
-            best, chosen = float(gain[place]), (float(time_s[0]) + (place + 0.5) * cell_s, width_s)
-    at, width = chosen
+        return float(gain[place]), float(time_s[0]) + (place + 0.5) * cell_s, width_s
+
+    widths_s = [width_s for width_s in _WIDTHS_S if 4.0 * width_s / cell_s <= sums.shape[0]]
+    found = [(-1.0, float(time_s[0]), _WIDTHS_S[0]), *shared_out(best_of, widths_s)]
+    _, at, width = max(found, key=lambda one: one[0])
 
     def columns() -> FloatArray:
         off = (time_s - at) / width
@@ -156,6 +157,23 @@ def _is_everywhere(left: Leftover, both: FloatArray, step: npt.NDArray[np.int64]
     # what chance adds to the sum of so many is 2 for each, and scatters
     by_chance = 2.0 * rows.size + _SCATTER * math.sqrt(4.0 * rows.size)
     return together > _STEADY * (alone - by_chance)
+
+
+class _Blurred:
+    """Columns (n, k) blurred by a Gaussian that reaches so many rows at most: as products in frequency."""
+
+    def __init__(self, columns: FloatArray, farthest: int) -> None:
+        self._rows = columns.shape[0]
+        self._size = scipy.fft.next_fast_len(self._rows + min(farthest, self._rows), real=True)
+        self._spectrum = scipy.fft.rfft(columns, self._size, axis=0)
+
+    def __call__(self, cells: float, which: slice) -> FloatArray:
+        """Those of `which`, blurred over so many rows; beyond the ends there is nothing."""
+        place = np.minimum(np.arange(self._size), self._size - np.arange(self._size))
+        kernel = np.exp(-0.5 * (place / cells) ** 2)
+        gain = scipy.fft.rfft(kernel / kernel.sum()).real
+        blurred = scipy.fft.irfft(self._spectrum[:, which] * gain[:, None], self._size, axis=0)
+        return np.asarray(blurred[: self._rows])
 
 
 def _summed(left: Leftover) -> FloatArray:

@@ -108,7 +108,8 @@ class Leftover:
         rest = self.white - profile
         variance = max(self.squares - drop, 1e-12 * self.squares) / max(self.freedom - dof, 1.0)
         blocks = _block_sums(columns, rest)
-        of_known = np.add.reduceat(self.known * rest[:, None], block_starts(rest.size), axis=0)
+        starts = block_starts(rest.size)
+        of_known = np.stack([np.add.reduceat(column * rest, starts) for column in self.known.T], axis=1)
         blocks -= of_known @ (self.inverse @ crossed.T)
         blocks = blocks @ root
         scatter = blocks.T @ blocks / variance

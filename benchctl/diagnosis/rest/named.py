@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchctl.diagnosis.fitting.fit import Fit, gain_of
+from benchctl.diagnosis.fitting.fit import Fit, fit, gain_of
 from benchctl.diagnosis.fitting.wandering import PROCESSES
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.problem import Problem
@@ -46,7 +46,8 @@ def named(
         chosen = reduced(problem, chosen, forbidden)
     if imperfect(gains, rest, instead):
         return chosen, NOTHING, (f"{rest.says} It is little enough to be owed to the model of what was found.",)
-    ceiling = rest_of(problem, chosen.noise.plain, chosen.before, seed=seed)
+    before = fit(problem, chosen.noise.plain, chosen.before.point, chosen.before.fitted)
+    ceiling = rest_of(problem, chosen.noise.plain, before, seed=seed)
     unexplained = Unexplained(
         significant=True, share=rest.share_of(ceiling), coordinates=rest.coordinates, says=rest.says
     )

@@ -24,6 +24,7 @@ from benchctl.diagnosis.rest.groups import Group, groups_of
 from benchctl.diagnosis.rest.leftover import Columns, Leftover, Seen
 from benchctl.diagnosis.result import COORDINATE_UNITS
 from benchctl.diagnosis.signals.bins import bin_of
+from benchctl.diagnosis.signals.threads import shared_out
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -223,9 +224,8 @@ def is_plain(whitener: Whitens, seed: int) -> bool:
 
 def look(left: Leftover, groups: Iterable[Group], whitened: Whitened) -> View:
     """Look at what is left along every group's coordinate."""
-    looked: list[Looked] = []
-    chosen: tuple[Looked, Group, Seen] | None = None
-    for group in groups:
+
+    def look_along(group: Group) -> tuple[Looked, Group, Seen]:
         seen = left.seen(whitened(group.columns()))
         places = math.log(group.places)
         one = Looked(
@@ -237,9 +237,14 @@ def look(left: Leftover, groups: Iterable[Group], whitened: Whitened) -> View:
             log_p=min(seen.log_p + places, 0.0),
             inflation=seen.inflation,
         )
-        looked.append(one)
-        if chosen is None or _rank(one) > _rank(chosen[0]):
-            chosen = one, group, seen
+        return one, group, seen
+
+    looked: list[Looked] = []
+    chosen: tuple[Looked, Group, Seen] | None = None
+    for found in shared_out(look_along, groups):
+        looked.append(found[0])
+        if chosen is None or _rank(found[0]) > _rank(chosen[0]):
+            chosen = found
     if chosen is None:
         raise ValueError("nothing to look at: no group of coordinates")
     return View(looked=tuple(looked), group=chosen[1], seen=chosen[2], rows=float(left.rows.sum()))

@@ -33,7 +33,9 @@ class Pull:
 
     def of_known(self, index: int) -> FloatArray:
         """The pull that the derivative by the fit's free number `index` would have as a residual, shape (n,)."""
-        return _back(self.whitener, np.where(self.rows, self.fitted.derivatives[:, index], 0.0)) / self.fitted.deviation
+        pulled = _back(self.whitener, self.fitted.derivatives[:, index] * self.rows)
+        pulled /= self.fitted.deviation
+        return pulled
 
 
 @dataclass(frozen=True, slots=True)

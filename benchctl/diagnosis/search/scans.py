@@ -22,6 +22,7 @@ from benchctl.diagnosis.search.scan_converter import converter_places
 from benchctl.diagnosis.search.scan_ends import fold_places, limit_places
 from benchctl.diagnosis.search.scan_lines import line_places
 from benchctl.diagnosis.search.scan_mains import mains_places
+from benchctl.diagnosis.signals.threads import shared_out
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -42,11 +43,12 @@ def proposals(problem: Problem, whitener: Whitener, fitted: Fit) -> list[Probe]:
     pull = pull_of(problem, whitener, fitted)
     if not pull.rows.any() or fitted.deviation <= 0.0:
         return []
+    tried = [name for name in wanted if name in problem.effects]
+    found = shared_out(lambda name: list(_places(problem, pull, name)), tried)
     return [
         probe_at(problem, problem.effects[name], {parameter: place.value}, places=place.places)
-        for name in wanted
-        if name in problem.effects
-        for parameter, place in _places(problem, pull, name)
+        for name, places in zip(tried, found, strict=True)
+        for parameter, place in places
     ]
 
 

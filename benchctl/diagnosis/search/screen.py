@@ -15,6 +15,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -25,9 +27,13 @@ from benchctl.diagnosis.keys import Place, place_of
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.probes import Probe
 from benchctl.diagnosis.signals.blocks import block_starts
+from benchctl.diagnosis.signals.series import consecutive
+from benchctl.diagnosis.signals.threads import shared_out
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+SingleArray = npt.NDArray[np.float32]
 
 _UNSEEN = 1e-7
 """Share of a column's own power that must be left when the model in hand has been taken off: below it is rounding."""
@@ -35,6 +41,10 @@ _UNSEEN = 1e-7
 _CHOICES, _NEARLY = 2, 0.05
 _WORTH = 8.0
 """Gains below it are not looked at twice."""
+
+_BATCH, _BATCH_ROWS = 4, 16_000_000
+"""So many probes are looked at together, or as many as have so many rows between them."""
+_ROWS_ENOUGH = 1_000_000
 
 _DRAWS = 4000
 _CHANCE = 0.001
@@ -55,7 +65,6 @@ class Scored:
     scatter: float
     weights: FloatArray
     power: FloatArray
-    columns: slice
     followed: bool = False
 
     @property
@@ -104,61 +113,148 @@ def screen(
 
     The threshold of chance is drawn for these probes, but where one is given.
     """
-    rows = fitted.fitted[problem.step]
-    known = fitted.derivatives * rows[:, None]
-    covariance = fitted.inverse_information
-    white = fitted.white * rows
-    total = float(white @ white)
-    count = max(float((whitener.weight[rows] > 0.0).sum()) - len(fitted.numbers), 1.0)
-    variance = total / count
-    counted = np.flatnonzero(rows & (whitener.weight > 0.0))
+    beside = _Beside.of(problem, whitener, fitted)
     drawn = threshold is None
-    columns = np.zeros((sum(len(probe.columns) for probe in probes), counted.size if drawn else 0), np.float32)
-    filled = 0
+
+    def looked_at(some: Sequence[Probe]) -> tuple[list[Scored], SingleArray | None]:
+        columns = beside.columns(problem, whitener, fitted, some, progress)
+        crossed = columns @ beside.known
+        power, own = beside.powers(columns, crossed)
+        scored = beside.scored(some, columns, crossed, power, own)
+        return scored, beside.directions(columns, crossed, own > 0.0) if drawn else None
+
     scored: list[Scored] = []
-    for probe in probes:
-        progress(probe.identifier)
-        first, powers, group, shows = filled, [], [], False
-        for effect in probe.columns:
-            changed = problem.predict(fitted.point.baseline, (*fitted.point.effects, effect)) - fitted.predicted
-            if not np.isfinite(changed).all():
-                changed = np.zeros_like(changed)
-            column = whitener(changed)
-            column *= rows
-            before = float(column @ column)
-            shows = shows or before > 0.0
-            column -= known @ (covariance @ (known.T @ column))
-            after = float(column @ column)
-            if after <= _UNSEEN * before or before == 0.0:
-                column = np.zeros_like(column)
-                after = 0.0
-            powers.append(after / variance)
-            group.append(column)
-            if drawn:
-                columns[filled] = column[counted] / (math.sqrt(after) or 1.0)
-            filled += 1
-        block = np.stack(group, axis=1)
-        product = block.T @ white
-        weights = inverse(block.T @ block) @ product
-        if not probe.sizes:  # there is no such thing as less than nothing of it
-            weights = np.maximum(weights, 0.0)
-        drop = min(max(float(weights @ product), 0.0), total * (1 - 1e-12))
-        gain = -count * math.log1p(-drop / total)
-        scored.append(
-            Scored(
-                probe=probe,
-                gain=gain,
-                scatter=scatter(block @ weights, white, block_starts(white.size)) if gain > _WORTH else 1.0,
-                weights=weights,
-                power=np.array(powers),
-                columns=slice(first, filled),
-                followed=shows and not any(powers),
-            )
-        )
+    directions: list[SingleArray] = []
+    for some, own in shared_out(looked_at, _in_batches(probes, beside.white.size)):
+        scored += some
+        directions += [] if own is None else [own]
     if threshold is None:
-        correlation = (columns @ columns.T).astype(np.float64)
-        threshold = _threshold(correlation, [one.columns for one in scored], count, seed)
+        widths = [len(probe.columns) for probe in probes]
+        threshold = _threshold(_correlation(directions), consecutive(widths), beside.count, seed)
     return Screening(scored=tuple(scored), threshold=threshold)
+
+
+def _in_batches(probes: Sequence[Probe], rows: int) -> list[Sequence[Probe]]:
+    """Probes of which all columns, of so many rows, are looked at together: the fit's derivatives are read but once."""
+    size = max(1, min(_BATCH, _BATCH_ROWS // max(rows, 1)))
+    return [probes[first : first + size] for first in range(0, len(probes), size)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Beside:
+    """The fit that probes are held against: residual `white` (n,) and derivatives `known` (n, p), both whitened.
+
+    They are 0 on rows of steps that it was not fitted to (`rows` (n,)). `covariance` (p, p) is that of its numbers for
+    noise of one; `count` is how many rows are free.
+    """
+
+    white: FloatArray
+    known: FloatArray
+    covariance: FloatArray
+    count: float
+    rows: BoolArray
+
+    @classmethod
+    def of(cls, problem: Problem, whitener: Whitener, fitted: Fit) -> Self:
+        rows = fitted.fitted[problem.step]
+        return cls(
+            white=fitted.white * rows,
+            known=fitted.derivatives * rows[:, None],
+            covariance=fitted.inverse_information,
+            count=max(float((whitener.weight[rows] > 0.0).sum()) - len(fitted.numbers), 1.0),
+            rows=rows,
+        )
+
+    @cached_property
+    def total(self) -> float:
+        """The residual's sum of squares."""
+        return float(self.white @ self.white)
+
+    def columns(
+        self,
+        problem: Problem,
+        whitener: Whitener,
+        fitted: Fit,
+        probes: Sequence[Probe],
+        progress: Callable[[str], None],
+    ) -> FloatArray:
+        """What the probes' effects change in the prediction, whitened, one row an effect, shape (k, n)."""
+        changed = np.empty((sum(len(probe.columns) for probe in probes), self.white.size))
+        filled = iter(changed)
+        for probe in probes:
+            progress(probe.identifier)
+            for effect, column in zip(probe.columns, filled, strict=False):
+                predicted = problem.predict(fitted.point.baseline, (*fitted.point.effects, effect))
+                np.subtract(predicted, fitted.predicted, out=column)
+                if not np.isfinite(column).all():
+                    column[:] = 0.0
+        if whitener.slow:
+            changed = whitener(changed)
+            changed *= self.rows
+        else:
+            changed *= whitener.weight * self.rows
+        return changed
+
+    def powers(self, columns: FloatArray, crossed: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The sums of squares of columns (k, n) and of what of them is their own, shape (k,) each."""
+        power = np.einsum("kn,kn->k", columns, columns)
+        own = power - np.einsum("ki,ij,kj->k", crossed, self.covariance, crossed)
+        return power, np.where(own > _UNSEEN * power, own, 0.0)
+
+    def scored(
+        self, probes: Sequence[Probe], columns: FloatArray, crossed: FloatArray, power: FloatArray, own: FloatArray
+    ) -> list[Scored]:
+        """What each of the probes promises; `crossed` (k, p) are the columns' products with what is known."""
+        starts = block_starts(self.white.size)
+        scored = []
+        for probe, some in zip(probes, consecutive([len(probe.columns) for probe in probes]), strict=True):
+            seen = own[some] > 0.0
+            of_known = self.covariance @ crossed[some].T
+            gram = (columns[some] @ columns[some].T - crossed[some] @ of_known) * np.outer(seen, seen)
+            product = (columns[some] @ self.white - self._gradient @ of_known) * seen
+            weights = inverse(gram) @ product
+            if not probe.sizes:  # there is no such thing as less than nothing of it
+                weights = np.maximum(weights, 0.0)
+            drop = min(max(float(weights @ product), 0.0), self.total * (1 - 1e-12))
+            gain = -self.count * math.log1p(-drop / self.total)
+            odd = 1.0
+            if gain > _WORTH:
+                explained = weights @ columns[some] - self.known @ (of_known @ weights)
+                odd = scatter(explained, self.white, starts)
+            scored.append(
+                Scored(
+                    probe=probe,
+                    gain=gain,
+                    scatter=odd,
+                    weights=weights,
+                    power=own[some] * self.count / self.total,
+                    followed=bool(power[some].any()) and not seen.any(),
+                )
+            )
+        return scored
+
+    def directions(self, columns: FloatArray, crossed: FloatArray, seen: BoolArray) -> SingleArray:
+        """What of columns (k, n) is their own, in single precision; of those that are not `seen` nothing.
+
+        Of very many rows some are taken: how alike two columns are is known well enough from them.
+        """
+        some = slice(None, None, self.white.size // _ROWS_ENOUGH + 1)
+        own = columns[:, some] - (crossed @ self.covariance) @ self.known[some].T
+        own *= seen[:, None]
+        return np.asarray(own, np.float32)
+
+    @cached_property
+    def _gradient(self) -> FloatArray:
+        return self.known.T @ self.white
+
+
+def _correlation(directions: Sequence[SingleArray]) -> FloatArray:
+    """How alike columns (k, n) are, one group after another."""
+    columns = np.concatenate(directions) if directions else np.zeros((0, 0), np.float32)
+    products = (columns @ columns.T).astype(np.float64)
+    size = np.sqrt(np.diag(products))
+    scale = np.where(size > 0.0, 1.0 / np.where(size > 0.0, size, 1.0), 0.0)
+    return np.asarray(products * np.outer(scale, scale))
 
 
 def scatter(explained: FloatArray, white: FloatArray, starts: IntArray) -> float:

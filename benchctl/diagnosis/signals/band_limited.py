@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -35,16 +36,33 @@ def edges_hz(band: tuple[float, float, float, float], sample_rate_hz: float) -> 
 
 def filtered(values: FloatArray, kernel: FloatArray) -> FloatArray:
     """Values through a filter; beyond the ends they go on with the slope that they end with."""
+    return filtered_each([values], kernel)[0]
+
+
+def filtered_each(stretches: Sequence[FloatArray], kernel: FloatArray) -> list[FloatArray]:
+    """Several stretches through one filter, each as by itself; all in one go, which is the faster for short ones."""
     reach = kernel.size // 2
+    long = [_going_on(values, reach) for values in stretches]
+    origins = [float(one[0]) for one in long]
+    together: FloatArray = oaconvolve(
+        np.concatenate([one - origin for one, origin in zip(long, origins, strict=True)]), kernel, mode="valid"
+    )
+    firsts = np.cumsum([0, *(one.size for one in long)]).tolist()
+    level = float(kernel.sum())
+    return [
+        together[first : first + values.size] + origin * level
+        for first, values, origin in zip(firsts, stretches, origins, strict=False)
+    ]
+
+
+def _going_on(values: FloatArray, reach: int) -> FloatArray:
+    """Values with `reach` more on either side, turned about the first and the last."""
     size = min(reach, values.size - 1)
     before = 2 * values[0] - values[size:0:-1]
     after = 2 * values[-1] - values[-2 : -2 - size : -1]
     missing = reach - size
     first, last = (before[0], after[-1]) if size else (values[0], values[-1])
-    long = np.concatenate([np.full(missing, first), before, values, after, np.full(missing, last)])
-    origin = long[0]
-    result: FloatArray = oaconvolve(long - origin, kernel, mode="valid")
-    return result + float(origin * kernel.sum())
+    return np.concatenate([np.full(missing, first), before, values, after, np.full(missing, last)])
 
 
 def transposed(values: FloatArray, kernel: FloatArray) -> FloatArray:

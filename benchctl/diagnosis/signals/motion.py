@@ -11,14 +11,16 @@ of a moment: it is taken off before the filters, and its exact derivative put ba
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from benchctl.diagnosis.signals.band_limited import NARROW, WIDE, differentiator, edges_hz, filtered
+from benchctl.diagnosis.signals.band_limited import NARROW, WIDE, differentiator, edges_hz, filtered_each
 from benchctl.diagnosis.signals.ripple import NO_RIPPLE, Ripple
+from benchctl.diagnosis.signals.threads import shared_out
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -34,6 +36,8 @@ Noise must not get there: rows in which it happens to agree with the motion woul
 
 _AROUND_S = 0.3
 """What is sudden begins, unseen in noise, so much before it is seen, and ends so much after."""
+_ROUNDING_DPS = 1e-6
+"""No encoder's noise makes a rate as small: it is the arithmetic's own, of an encoder that stands quite still."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,9 +57,17 @@ class Motion:
 
     def rate_of(self, angle_deg: FloatArray) -> FloatArray:
         """The rate that this motion's own filters make of other angles of the same samples, shape (n,)."""
-        narrow, wide = (filtered(angle_deg, kernel) for kernel in self.filters)
-        narrow += self.sudden * (wide - narrow)
-        return narrow
+        return rates_of([self], [angle_deg])[0]
+
+
+def rates_of(motions: Sequence[Motion], angles_deg: Sequence[FloatArray]) -> list[FloatArray]:
+    """The rates that the filters of motions of one sample rate make of other angles of the same samples."""
+    narrow, wide = motions[0].filters
+    rates = filtered_each(angles_deg, narrow)
+    mixed = [i for i, motion in enumerate(motions) if motion.sudden.any()]
+    for i, rate in zip(mixed, filtered_each([angles_deg[i] for i in mixed], wide) if mixed else (), strict=True):
+        rates[i] += motions[i].sudden * (rate - rates[i])
+    return rates
 
 
 def motion_of(angle_deg: FloatArray, sample_rate_hz: float, ripple: Ripple = NO_RIPPLE) -> Motion:
@@ -63,27 +75,38 @@ def motion_of(angle_deg: FloatArray, sample_rate_hz: float, ripple: Ripple = NO_
 
     `ripple` is what repeats with the angle, known from elsewhere: θ = φ + ripple(θ), and φ is what is filtered.
     """
-    added = ripple.angle_deg(angle_deg)
-    even = angle_deg - added
+    return motions_of([angle_deg], sample_rate_hz, ripple)[0]
+
+
+def motions_of(
+    angles_deg: Sequence[FloatArray], sample_rate_hz: float, ripple: Ripple = NO_RIPPLE
+) -> tuple[Motion, ...]:
+    """The motions of several stretches, each as by itself."""
     edges = [edges_hz(band, sample_rate_hz) for band in (NARROW, WIDE)]
-    rate_filters = tuple(differentiator(sample_rate_hz, *edge, 1) for edge in edges)
-    narrow, wide = (filtered(even, kernel) for kernel in rate_filters)
-    sudden = _sudden(wide - narrow, sample_rate_hz)
-    noise = float(np.median((wide - narrow) ** 2))
-    even_rate = _still(narrow + sudden * (wide - narrow), noise, sample_rate_hz)
-    smooth = [filtered(even, differentiator(sample_rate_hz, *edge, 0)) for edge in edges]
-    turning = [filtered(even, differentiator(sample_rate_hz, *edge, 2)) for edge in edges]
-    share = 1.0 / (1.0 - ripple.slope(angle_deg))
-    rate = even_rate * share
-    acceleration = turning[0] + sudden * (turning[1] - turning[0])
-    return Motion(
-        angle_deg=smooth[0] + sudden * (smooth[1] - smooth[0]) + added,
-        rate_dps=rate,
-        acceleration_dps2=(acceleration + ripple.bend_per_deg(angle_deg) * rate**2) * share,
-        sudden=sudden,
-        filters=(rate_filters[0], rate_filters[1]),
-        ripple=ripple,
-    )
+    kernels = [differentiator(sample_rate_hz, *edge, order) for order in (1, 0, 2) for edge in edges]
+    added = [ripple.angle_deg(angle) for angle in angles_deg]
+    even = [angle - more for angle, more in zip(angles_deg, added, strict=True)]
+    of_stretches = zip(*shared_out(lambda kernel: filtered_each(even, kernel), kernels), strict=True)
+
+    def mixed(of_stretch: tuple[FloatArray, ...], angle_deg: FloatArray, more: FloatArray) -> Motion:
+        narrow, wide, *others = of_stretch
+        smooth, turning = others[:2], others[2:]
+        sudden = _sudden(wide - narrow, sample_rate_hz)
+        noise = float(np.median((wide - narrow) ** 2))
+        even_rate = _still(narrow + sudden * (wide - narrow), noise, sample_rate_hz)
+        share = 1.0 / (1.0 - ripple.slope(angle_deg))
+        rate = even_rate * share
+        acceleration = turning[0] + sudden * (turning[1] - turning[0])
+        return Motion(
+            angle_deg=smooth[0] + sudden * (smooth[1] - smooth[0]) + more,
+            rate_dps=rate,
+            acceleration_dps2=(acceleration + ripple.bend_per_deg(angle_deg) * rate**2) * share,
+            sudden=sudden,
+            filters=(kernels[0], kernels[1]),
+            ripple=ripple,
+        )
+
+    return tuple(map(mixed, of_stretches, angles_deg, added))
 
 
 def _still(rate_dps: FloatArray, noise: float, sample_rate_hz: float) -> FloatArray:
@@ -103,9 +126,7 @@ def _still(rate_dps: FloatArray, noise: float, sample_rate_hz: float) -> FloatAr
 def _sudden(difference: FloatArray, sample_rate_hz: float) -> FloatArray:
     """Where the wide filter sees more than noise beyond the narrow one, 0 to 1, shape (n,)."""
     power = uniform_filter1d(difference**2, max(3, int(_LEVEL_S * sample_rate_hz)))
-    usual = float(np.median(power))
-    if usual <= 0.0:
-        return np.ones_like(power)
+    usual = max(float(np.median(power)), _ROUNDING_DPS**2)
     around = maximum_filter1d(power, 2 * int(_AROUND_S * sample_rate_hz) + 1)
     share = np.clip((around / usual - _BEGIN) / (_FULL - _BEGIN), 0.0, 1.0)
     smooth: FloatArray = uniform_filter1d(share, max(3, int(_LEVEL_S / 2 * sample_rate_hz)))

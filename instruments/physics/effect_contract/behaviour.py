@@ -35,6 +35,8 @@ Kind = type[PhysicalEffect]
 Promise = Callable[[Kind], None]
 
 _CUTS = ((1000,), (1, 2, 137, 138, 900, 1999))
+_LOST_AT = 900
+_LOST_S = 300.0
 
 
 def says_a_sentence_with_numbers(kind: Kind) -> None:
@@ -141,6 +143,20 @@ def is_the_same_in_chunks(kind: Kind) -> None:
             np.testing.assert_allclose(array, whole[name], rtol=1e-9, atol=1e-9, err_msg=f"{name}, cut at {cuts}")
 
 
+def may_be_given_stretches_together_where_it_says_so(kind: Kind) -> None:
+    """Where it is pointwise or timeless, it makes of stretches in one row what it makes of each after the other."""
+    if not (kind.pointwise or kind.timeless):
+        return
+    made, signals = kind.make(_plain(kind), CIRCUMSTANCES), _with_time_lost()
+    together = arrays(made.apply(replace(signals, interval_s=1.0, first_index=0)))
+    apart = in_chunks(made, signals, (_LOST_AT,))
+    if kind.pointwise:
+        apart = {name: array[::-1] for name, array in apart.items()}
+        together = arrays(made.apply(_reversed(signals)))
+    for name, array in apart.items():
+        np.testing.assert_allclose(together[name], array, rtol=1e-12, atol=1e-12, err_msg=name)
+
+
 def is_finite_at_its_bounds(kind: Kind) -> None:
     """At its bounds it gives numbers, and has something to say."""
     signals = sampled()
@@ -181,11 +197,26 @@ PROMISES: tuple[Promise, ...] = (
     filters_as_its_response_says,
     forgets_within_its_memory,
     is_the_same_in_chunks,
+    may_be_given_stretches_together_where_it_says_so,
     is_finite_at_its_bounds,
     counts_its_time_from_the_start,
     writes_to_nothing_that_it_was_given,
 )
 """All of them; one that does not concern an effect holds of it."""
+
+
+def _with_time_lost() -> Signals:
+    """Two stretches with a pause between them."""
+    time_s = sampled().time_s.copy()
+    time_s[_LOST_AT:] += _LOST_S
+    return replace(sampled(), time_s=time_s)
+
+
+def _reversed(signals: Signals) -> Signals:
+    """The samples in the opposite order: whoever looks at each by itself does not mind."""
+    turned = {name: array[::-1] for name, array in arrays(signals).items()}
+    auxiliary = {name: array[::-1] for name, array in signals.auxiliary.items()}
+    return replace(signals, **turned, auxiliary=auxiliary)  # type: ignore[arg-type]  # every field turned is an array
 
 
 def _is_drawn(kind: Kind) -> bool:

@@ -25,6 +25,7 @@ class AdcCoarse(PhysicalEffect):
 
     identifier: ClassVar[str] = "adc_coarse"
     stage: ClassVar[Stage] = "sampling"
+    pointwise: ClassVar[bool] = True
     momentary: ClassVar[bool] = True
     words: ClassVar[str] = (
         "The lower bits of the converter do not move: the output comes in steps larger than those of the converter, so"

@@ -22,6 +22,7 @@ class AdcNonlinearity(PhysicalEffect):
 
     identifier: ClassVar[str] = "adc_nonlinearity"
     stage: ClassVar[Stage] = "sampling"
+    pointwise: ClassVar[bool] = True
     momentary: ClassVar[bool] = True
     words: ClassVar[str] = (
         "The converter does not convert along a straight line: it is wrong by a wave that depends on the voltage and on"

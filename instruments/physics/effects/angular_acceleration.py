@@ -18,6 +18,7 @@ class AngularAcceleration(PhysicalEffect):
 
     identifier: ClassVar[str] = "angular_acceleration"
     stage: ClassVar[Stage] = "bias"
+    pointwise: ClassVar[bool] = True
     words: ClassVar[str] = (
         "The output holds a part in proportion to the angular acceleration: the turning coil strains its fibre."
         " A shift in time looks almost the same."

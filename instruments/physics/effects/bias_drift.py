@@ -19,6 +19,7 @@ class BiasDrift(PhysicalEffect):
 
     identifier: ClassVar[str] = "bias_drift"
     stage: ClassVar[Stage] = "bias"
+    pointwise: ClassVar[bool] = True
     words: ClassVar[str] = "The bias runs away at a steady pace, at any temperature and any rate: a line in time."
     equation: ClassVar[str] = "U → U + v·t/3600"
     coordinate: ClassVar[str] = "time"

@@ -20,6 +20,7 @@ class BiasTemperature(PhysicalEffect):
 
     identifier: ClassVar[str] = "bias_temperature"
     stage: ClassVar[Stage] = "bias"
+    pointwise: ClassVar[bool] = True
     words: ClassVar[str] = (
         "The output at rest depends on the temperature, and comes back with it: the electronics and the optics shift."
     )

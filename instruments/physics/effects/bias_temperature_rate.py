@@ -18,6 +18,7 @@ class BiasTemperatureRate(PhysicalEffect):
 
     identifier: ClassVar[str] = "bias_temperature_rate"
     stage: ClassVar[Stage] = "bias"
+    pointwise: ClassVar[bool] = True
     words: ClassVar[str] = (
         "While the temperature changes the bias is shifted, one way in heating and the other in cooling, and it comes"
         " back as soon as the temperature stands: the two ends of the coil warm unequally (Shupe's effect)."

@@ -20,6 +20,7 @@ class DeadZone(PhysicalEffect):
 
     identifier: ClassVar[str] = "dead_zone"
     stage: ClassVar[Stage] = "sensed_rate"
+    pointwise: ClassVar[bool] = True
     momentary: ClassVar[bool] = True
     words: ClassVar[str] = (
         "Below a certain rate the gyro does not answer at all, and beyond it the answer lacks just that rate: the two"

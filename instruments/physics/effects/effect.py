@@ -138,10 +138,18 @@ class PhysicalEffect(DescribedEffect):
     momentary
         Whether it answers to the momentary rate, acceleration or voltage otherwise than in proportion, or rings above a
         band: of a motion whose slow part alone is compared it cannot be told.
+    pointwise
+        Whether what it makes of a sample depends on nothing but that sample: then it may be given all stretches of a
+        recording in one row after another, where it would be given one at a time.
+    timeless
+        Whether what it makes of a sample depends on those before it, but not on when they were: then so may it, as long
+        as no other recording begins.
     """
 
     stage: ClassVar[Stage]
     momentary: ClassVar[bool] = False
+    pointwise: ClassVar[bool] = False
+    timeless: ClassVar[bool] = False
 
     @abstractmethod
     def apply(self, signals: Signals) -> Signals:

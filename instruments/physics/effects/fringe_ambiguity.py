@@ -34,6 +34,7 @@ class FringeAmbiguity(PhysicalEffect):
 
     identifier: ClassVar[str] = "fringe_ambiguity"
     stage: ClassVar[Stage] = "sensed_rate"
+    pointwise: ClassVar[bool] = True
     momentary: ClassVar[bool] = True
     words: ClassVar[str] = (
         "Beyond a certain rate the output falls again as the rate grows: the interferometer has passed the top of its"

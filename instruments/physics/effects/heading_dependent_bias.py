@@ -23,6 +23,7 @@ class HeadingDependentBias(PhysicalEffect):
 
     identifier: ClassVar[str] = "heading_dependent_bias"
     stage: ClassVar[Stage] = "bias"
+    pointwise: ClassVar[bool] = True
     words: ClassVar[str] = (
         "The bias changes with the heading, by the same volts at any rate: a magnetic field acts on the coil, or a"
         " tilted axis sees a part of the Earth's rotation once a turn. The encoder does not see it."

@@ -28,6 +28,7 @@ class MainsPickup(PhysicalEffect):
 
     identifier: ClassVar[str] = "mains_pickup"
     stage: ClassVar[Stage] = "sampling"
+    pointwise: ClassVar[bool] = True
     words: ClassVar[str] = (
         "The cables pick up an alternating voltage, of the mains or of a motor drive: a line of constant amplitude at"
         " a frequency that has nothing to do with the motion."

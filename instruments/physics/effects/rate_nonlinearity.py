@@ -23,6 +23,7 @@ class RateNonlinearity(PhysicalEffect):
 
     identifier: ClassVar[str] = "rate_nonlinearity"
     stage: ClassVar[Stage] = "scale"
+    pointwise: ClassVar[bool] = True
     momentary: ClassVar[bool] = True
     words: ClassVar[str] = (
         "The output is not in proportion to the rate: an open-loop interferometer gives the sine of its phase, so that"

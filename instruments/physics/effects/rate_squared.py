@@ -19,6 +19,7 @@ class RateSquared(PhysicalEffect):
 
     identifier: ClassVar[str] = "rate_squared"
     stage: ClassVar[Stage] = "bias"
+    pointwise: ClassVar[bool] = True
     momentary: ClassVar[bool] = True
     words: ClassVar[str] = (
         "The output holds a part in the square of the rate, of the same sign in both directions: a non-reciprocal phase"

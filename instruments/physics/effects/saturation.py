@@ -21,6 +21,7 @@ class Saturation(PhysicalEffect):
 
     identifier: ClassVar[str] = "saturation"
     stage: ClassVar[Stage] = "electronics"
+    pointwise: ClassVar[bool] = True
     momentary: ClassVar[bool] = True
     words: ClassVar[str] = (
         "The output stops at a limit that it should not have yet: an amplifier or a converter runs into its rail. Up to"

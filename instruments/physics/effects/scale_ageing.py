@@ -19,6 +19,7 @@ class ScaleAgeing(PhysicalEffect):
 
     identifier: ClassVar[str] = "scale_ageing"
     stage: ClassVar[Stage] = "scale"
+    pointwise: ClassVar[bool] = True
     words: ClassVar[str] = (
         "The scale factor changes steadily with time at any temperature: the light source loses power, or a gain"
         " drifts."

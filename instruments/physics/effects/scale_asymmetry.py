@@ -20,6 +20,7 @@ class ScaleAsymmetry(PhysicalEffect):
 
     identifier: ClassVar[str] = "scale_asymmetry"
     stage: ClassVar[Stage] = "scale"
+    pointwise: ClassVar[bool] = True
     momentary: ClassVar[bool] = True
     words: ClassVar[str] = (
         "The scale factor is larger in one direction than in the other: the characteristic has a kink at zero rate."

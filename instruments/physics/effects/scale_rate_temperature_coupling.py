@@ -24,6 +24,7 @@ class ScaleRateTemperatureCoupling(PhysicalEffect):
 
     identifier: ClassVar[str] = "scale_rate_temperature_coupling"
     stage: ClassVar[Stage] = "scale"
+    pointwise: ClassVar[bool] = True
     words: ClassVar[str] = (
         "The curvature of the characteristic changes with temperature, so that k(T, ω) is not a product k(T)·k(ω):"
         " each is right alone, but at high rates in the heat or in the cold the product is not."

@@ -20,6 +20,7 @@ class ScaleTemperature(PhysicalEffect):
 
     identifier: ClassVar[str] = "scale_temperature"
     stage: ClassVar[Stage] = "scale"
+    pointwise: ClassVar[bool] = True
     words: ClassVar[str] = (
         "The scale factor depends on the temperature: the source's power and wavelength, the modulator and the coil"
         " all change with it. The same rate gives other volts in the cold than in the heat."

@@ -21,6 +21,7 @@ class ScaleWarmUp(PhysicalEffect):
 
     identifier: ClassVar[str] = "scale_warm_up"
     stage: ClassVar[Stage] = "scale"
+    pointwise: ClassVar[bool] = True
     words: ClassVar[str] = (
         "The gyro was not yet warm when the recording began: its scale factor comes to its final value as an"
         " exponential in time, whatever the chamber does."

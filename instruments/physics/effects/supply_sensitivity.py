@@ -23,6 +23,7 @@ class SupplySensitivity(PhysicalEffect):
 
     identifier: ClassVar[str] = "supply_sensitivity"
     stage: ClassVar[Stage] = "scale"
+    timeless: ClassVar[bool] = True
     words: ClassVar[str] = (
         "Scale factor and bias follow the supply voltage: what should be stabilised, or divided by the supply, is not."
     )

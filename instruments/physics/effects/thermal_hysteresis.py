@@ -27,6 +27,7 @@ class ThermalHysteresis(PhysicalEffect):
 
     identifier: ClassVar[str] = "thermal_hysteresis"
     stage: ClassVar[Stage] = "scale"
+    timeless: ClassVar[bool] = True
     words: ClassVar[str] = (
         "At the same temperature the scale factor is another one after heating than after cooling, however long one"
         " waits: something in the coil's winding follows the temperature with friction."

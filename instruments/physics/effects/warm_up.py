@@ -21,6 +21,7 @@ class WarmUp(PhysicalEffect):
 
     identifier: ClassVar[str] = "warm_up"
     stage: ClassVar[Stage] = "bias"
+    pointwise: ClassVar[bool] = True
     words: ClassVar[str] = (
         "The gyro was not yet warm when the recording began: its bias comes to its final value as an exponential in"
         " time, whatever the chamber does."

@@ -14,6 +14,7 @@ from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.select import select
 from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo, Unit
 from benchctl.recordings.reader import Recording
+from benchctl.recordings.stored import StoredStep, stored_of
 from instruments.physics.effects.effect import DescribedEffect
 
 FloatArray = npt.NDArray[np.float64]
@@ -29,6 +30,9 @@ class _Held:
     def load(self, info: StepInfo, names: Collection[str] | None = None) -> Step:
         kept = self._step.channels if names is None else {name: self._step.channels[name] for name in names}
         return Step(info, kept)
+
+    def stored(self, info: StepInfo) -> StoredStep:
+        return stored_of(self.load(info))
 
     def close(self) -> None:
         pass

@@ -6,10 +6,14 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from benchctl.diagnosis.fitting.fit import Fit, Point, fit
+from benchctl.diagnosis.fitting.noise import Whitener
+from benchctl.diagnosis.fitting.noise_model import NoiseModel
 from benchctl.diagnosis.gyro.problem import GyroProblem, gyro_problem
-from benchctl.diagnosis.search.select import select
+from benchctl.diagnosis.problem import Problem
+from benchctl.diagnosis.search.select import select, select_between
 from benchctl.diagnosis.search.selection import Selection
-from benchctl.diagnosis.unstated import other_answer
+from benchctl.diagnosis.unstated import other_answer, plainly_better
 from instruments.physics.effects.dead_zone import DeadZone
 from instruments.physics.effects.rate_squared import RateSquared
 from tests.benchctl.diagnosis.foreign import draw, make, to_recording
@@ -80,3 +84,61 @@ def test_an_effect_that_looks_like_the_earths_rate_but_is_larger_is_no_reason_to
 def test_where_the_place_is_not_stated_there_is_no_question() -> None:
     problem = replace(put_out(earth=False), earth_dps=0.0)
     assert problem.otherwise() is None
+
+
+def bare(problem: GyroProblem) -> Fit:
+    """The fit of the baseline to all steps but one in four."""
+    steps = np.arange(len(problem.step_names)) % 4 > 0
+    return fit(problem, NoiseModel.of(problem).plain, Point(baseline=problem.baseline_start), steps)
+
+
+@pytest.mark.parametrize(("holds", "is_better"), [(True, False), (False, True)])
+def test_a_model_as_it_is_tells_whether_the_other_answer_is_better(holds: bool, is_better: bool) -> None:
+    problem = put_out(earth=holds)
+    fitted = bare(problem)
+    other = plainly_better(problem, fitted, fitted.whitener)
+    assert (other is not None) == is_better
+    if other is not None:
+        assert isinstance(other, GyroProblem)
+        assert other.chain.earth_dps == 0.0
+
+
+def test_one_step_tells_what_a_fit_of_the_other_answer_gains() -> None:
+    """Just beyond chance it is better, and just not beyond it is not."""
+    problem = put_out(earth=False)
+    fitted, other = bare(problem), problem.otherwise()
+    assert other is not None
+    everything = np.ones(len(problem.step_names), np.bool_)
+    one, two = (fit(each, fitted.whitener, fitted.point, everything) for each in (problem, other))
+    gained = (one.squares - two.squares) / fitted.deviation**2
+    for beyond, expected in ((gained * 1.01, False), (gained * 0.99, True)):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("benchctl.diagnosis.unstated.BEYOND_CHANCE", beyond)
+            assert (plainly_better(problem, fitted, fitted.whitener) is not None) == expected
+
+
+def test_where_there_is_no_question_nothing_is_better() -> None:
+    problem = replace(put_out(earth=False), earth_dps=0.0)
+    fitted = bare(problem)
+    assert plainly_better(problem, fitted, fitted.whitener) is None
+
+
+@pytest.mark.slow
+def test_a_search_that_learns_the_other_answer_ends_as_one_that_knew_it() -> None:
+    """What had been found by then stood for the Earth's rate, and goes."""
+    problem = put_out(earth=False)
+    other = problem.otherwise()
+    assert other is not None
+    asked: list[int] = []
+
+    def learns(one: Problem, fitted: Fit, _white: Whitener) -> Problem | None:
+        asked.append(len(fitted.point.effects))
+        return one.otherwise()
+
+    ends_with, found = select_between(problem, learns, seed=0, progress=lambda _name, _share: None)
+    assert asked == [1]
+    assert isinstance(ends_with, GyroProblem)
+    assert ends_with.chain.earth_dps == 0.0
+    known = chosen(other)
+    assert found.after.point.effects == known.after.point.effects == ()
+    np.testing.assert_allclose(found.whole.point.baseline, known.whole.point.baseline, rtol=1e-6)

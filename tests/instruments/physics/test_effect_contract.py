@@ -53,6 +53,31 @@ class Grained(Sound):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Remembering(Sound):
+    """It says that it looks at each sample by itself, and looks at the one before."""
+
+    pointwise: ClassVar[bool] = True
+
+    def apply(self, signals: Signals) -> Signals:
+        last = signals.memory.get("last", signals.sensed_rate_dps[:1])
+        before = np.concatenate([last, signals.sensed_rate_dps[:-1]])
+        memory = {**signals.memory, "last": signals.sensed_rate_dps[-1:]}
+        return replace(signals, output_v=signals.output_v + self.v_per_dps2 * before**2, memory=memory)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hurrying(Sound):
+    """It says that it does not mind when its samples were, and adds what grows with the time between them."""
+
+    pointwise: ClassVar[bool] = False
+    timeless: ClassVar[bool] = True
+
+    def apply(self, signals: Signals) -> Signals:
+        since = signals.time_s - signals.time_s[0]
+        return replace(signals, output_v=signals.output_v + self.v_per_dps2 * since)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Silent(Sound):
     def says(self) -> str:
         return "something is wrong"
@@ -87,6 +112,8 @@ def test_a_sound_effect_passes() -> None:
         (Lingering, "At the zeros of its sizes, .* it changes nothing. But: AssertionError"),
         (Bending, "Twice the size does twice as much. But: AssertionError: v_per_dps2 at .* is not in proportion"),
         (Grained, "does not depend on how finely the signals are sampled"),
+        (Remembering, "Where it is pointwise or timeless"),
+        (Hurrying, "Where it is pointwise or timeless"),
         (Silent, "Its finding is a sentence with its numbers. But: AssertionError: it says 'something is wrong'"),
         (Raising, "ZeroDivisionError: no luck"),
         (Alone, "it looks like 'gremlins', and there is no such effect"),

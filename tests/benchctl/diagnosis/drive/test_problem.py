@@ -9,7 +9,7 @@ import pytest
 
 from benchctl.diagnosis.drive.problem import DriveProblem, drive_problem
 from benchctl.diagnosis.parts import problem_of
-from benchctl.diagnosis.search.select import held_out_steps
+from benchctl.diagnosis.search.held_out import held_out_steps
 from benchctl.recordings.importing import import_recording
 from benchctl.recordings.joined import join
 from benchctl.recordings.reader import Recording, open_recording

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -250,3 +251,44 @@ def test_a_step_too_small_to_move_any_number_is_none() -> None:
     numbers = tuple(point.free(["K0"]))
     step = _inside(point, numbers, np.array([1.0]), np.eye(1), np.array([1e-20]))
     assert np.abs(step).max() < 1e-16
+
+
+def walking(problem: Toy) -> Whitener:
+    return replace(plain(problem), slow=walk(0.5, INTERVAL_S))
+
+
+@pytest.mark.parametrize("whitener_of", [plain, walking])
+def test_a_fit_that_goes_on_from_another_ends_where_one_from_its_model_does(
+    whitener_of: Callable[[Toy], Whitener],
+) -> None:
+    usable = np.arange(TOTAL) % 11 > 0
+    problem = replace(toy(Decay(amplitude_v=8e-3, tau_s=150.0), Squared(size_v=3e-3)), usable=usable)
+    begun = fitted(problem, Decay(amplitude_v=8e-3, tau_s=150.0))
+    on, anew = (fit(problem, whitener_of(problem), start, EVERYTHING) for start in (begun, begun.point))
+    assert on.squares == pytest.approx(anew.squares, rel=1e-8)
+    ours, theirs = ([one.point.value(n, i) for i, n in enumerate(one.numbers)] for one in (on, anew))
+    assert np.abs(np.subtract(ours, theirs) / np.sqrt(np.diag(anew.covariance))).max() < 0.01
+    assert on.covariance == pytest.approx(anew.covariance, rel=1e-3)
+
+
+@pytest.mark.parametrize("whitener_of", [plain, walking])
+def test_a_fit_keeps_its_derivatives_as_they_were_before_they_were_whitened(
+    whitener_of: Callable[[Toy], Whitener],
+) -> None:
+    usable = np.arange(TOTAL) % 11 > 0
+    problem = replace(toy(), usable=usable)
+    one = fit(problem, whitener_of(problem), Point(baseline=problem.baseline_start), EVERYTHING)
+    raw = one.raw_derivatives
+    assert raw[usable] == pytest.approx(columns(problem)[usable], rel=1e-6, abs=1e-9)
+    again = np.stack([one.whitener(column) for column in raw.T], axis=1)
+    assert again[usable] == pytest.approx(one.derivatives[usable], abs=1e-9 * float(np.abs(raw).max()))
+    raw[:] = 0.0
+    assert one.raw_derivatives[usable].any()
+
+
+def test_a_light_fit_says_the_same_without_its_derivatives() -> None:
+    problem = toy(Squared(size_v=1e-3))
+    worse, better = fitted(problem), fitted(problem, Squared(size_v=1e-3))
+    assert worse.light.derivatives.size == 0
+    assert gain_of(better, worse.light) == gain_of(better, worse)
+    assert np.array_equal(worse.light.covariance, worse.covariance)

@@ -228,3 +228,31 @@ def test_a_column_that_is_whitened_is_not_changed() -> None:
     x = noise()
     whitener(walk(2.0, DT), weight=(np.arange(300) % 7 > 0).astype(np.float64))(x)
     assert x == pytest.approx(noise())
+
+
+@pytest.mark.parametrize("slow", [(), walk(1.0, DT), flicker(0.3, DT, 20.0)], ids=["white", "walk", "flicker"])
+def test_several_columns_are_whitened_as_each_by_itself(slow: tuple[Slow, ...]) -> None:
+    """With rows that do not count, and pauses."""
+    chance = np.random.default_rng(1)
+    weight = chance.uniform(0.5, 1.0, 900)
+    weight[chance.integers(0, 900, 40)] = 0.0
+    time_s = DT * np.arange(900) + 5.0 * (np.arange(900) > 300) + 70.0 * (np.arange(900) > 310)
+    filtered = Whitener(interval_s=DT, weight=weight, slow=slow, time_s=time_s)
+    columns = np.cumsum(chance.standard_normal((4, 900)), axis=1)
+    before = columns.copy()
+    together = filtered(columns)
+    assert together.shape == columns.shape
+    for one, alone in zip(together, columns, strict=True):
+        np.testing.assert_allclose(one, filtered(alone), rtol=1e-10, atol=1e-10)
+    np.testing.assert_array_equal(columns, before)
+
+
+def test_the_same_rows_with_other_processes_are_whitened_as_if_they_were_new() -> None:
+    weight = np.where(np.arange(300) % 7, 1.0, 0.0)
+    first = whitener(walk(1.0, DT), weight=weight)
+    first(noise())
+    other = first.beside(flicker(0.3, DT, 20.0))
+    new = whitener(flicker(0.3, DT, 20.0), weight=weight)
+    np.testing.assert_array_equal(other(noise()), new(noise()))
+    assert other.log_determinant == new.log_determinant
+    assert other.innovation == new.innovation

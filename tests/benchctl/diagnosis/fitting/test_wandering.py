@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+import benchctl.diagnosis.fitting.wandering as module
 from benchctl.diagnosis.fitting.fit import Fit, Point, fit
 from benchctl.diagnosis.fitting.noise_model import NoiseModel
 from benchctl.diagnosis.fitting.noisy import Noisy
@@ -125,3 +126,25 @@ def test_held_out_steps_have_no_say() -> None:
     changed = toy(added_v=walked(SIZE * NOISE_V, 0) + np.where(steps[problem.step], 0.0, 0.5), noises=BOTH)
     second = wandering(changed, plain, fit(changed, plain, point, steps), least_gain=0.0)
     assert [one.size for one in second] == pytest.approx([one.size for one in first], rel=1e-6)
+
+
+def test_of_very_many_rows_means_of_a_few_say_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = wanders(3)
+    of_all = tried(problem)
+    monkeypatch.setattr(module, "_MOST_ROWS", TOTAL // 2)
+    of_means = tried(problem)
+    assert of_means.keys() == of_all.keys() != set()
+    for name, one in of_means.items():
+        assert one.gain == pytest.approx(of_all[name].gain, rel=0.02)
+        # flicker is fast in part
+        assert abs(math.log(one.size / of_all[name].size)) < 2.0 * of_all[name].log_error
+
+
+def test_processes_that_are_sure_to_gain_less_than_a_rival_are_not_told() -> None:
+    problem = wanders(3)
+    plain, one = NoiseModel.of(problem).plain, fitted(problem)
+    gains = {noisy.effect: noisy.gain for noisy in wandering(problem, plain, one, least_gain=12.0)}
+    most = max(gains.values())
+    assert wandering(problem, plain, one, least_gain=12.0, rival=10.0 * most) == []
+    beaten = wandering(problem, plain, one, least_gain=12.0, rival=0.9 * most)
+    assert max(noisy.gain for noisy in beaten) == pytest.approx(most, rel=1e-6)

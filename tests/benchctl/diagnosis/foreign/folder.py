@@ -14,6 +14,7 @@ from benchctl.recordings.import_open import read_description
 from benchctl.recordings.model import Meta, Step, StepInfo
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.step_entries import cut_into_steps
+from benchctl.recordings.stored import StoredStep, stored_of
 from tests.benchctl.diagnosis.foreign.linear import FloatArray
 from tests.benchctl.diagnosis.foreign.make import COLUMNS, DECIMALS, SUPPLY
 from tests.benchctl.diagnosis.foreign.truth import Truth
@@ -33,6 +34,9 @@ class _InMemory:
         if names is None:
             return step
         return Step(step.info, {name: values for name, values in step.channels.items() if name in names})
+
+    def stored(self, info: StepInfo) -> StoredStep:
+        return stored_of(self.load(info))
 
     def close(self) -> None:
         pass

@@ -8,7 +8,8 @@ import pytest
 from benchctl.diagnosis.fitting.fit import Point, fit
 from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.gyro.points import has_points, points_problem
-from benchctl.diagnosis.search.select import held_out_steps, select
+from benchctl.diagnosis.search.held_out import held_out_steps
+from benchctl.diagnosis.search.select import select
 from benchctl.recordings.importing import import_recording
 from benchctl.recordings.reader import open_recording
 from instruments.errors import UsageError

@@ -2,8 +2,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 
-from benchctl.diagnosis.rest.events import bump, jump, lines
+from benchctl.diagnosis.rest.events import _Blurred, bump, jump, lines
 from benchctl.diagnosis.rest.groups import Group
 from benchctl.diagnosis.rest.leftover import FloatArray, Leftover, Seen
 
@@ -79,3 +80,12 @@ def test_in_noise_nothing_is_significant() -> None:
         left = left_of(np.zeros(TIME_S.size), seed)
         for group in (jump(left, TIME_S), bump(left, TIME_S, DT), *lines(left, TIME_S, DT, STEP)):
             assert best_of(left, group).log_p + np.log(group.places) > np.log(1e-3)
+
+
+@pytest.mark.parametrize("cells", [1.0, 7.3, 60.0])
+def test_a_blur_is_that_of_a_gaussian_with_nothing_beyond_the_ends(cells: float) -> None:
+    columns = np.cumsum(np.random.default_rng(2).standard_normal((1000, 3)), axis=0)
+    expected = gaussian_filter1d(columns, cells, axis=0, mode="constant", truncate=8.0)
+    blur = _Blurred(columns, farthest=480)
+    np.testing.assert_allclose(blur(cells, slice(None)), expected, atol=1e-6 * np.abs(columns).max())
+    np.testing.assert_allclose(blur(cells, slice(1, 2)), expected[:, 1:2], atol=1e-6 * np.abs(columns).max())

@@ -256,3 +256,29 @@ def test_where_noise_is_coloured_a_gain_counts_for_less() -> None:
     assert one.gain > 20.0
     assert one.scatter > 2.0
     assert one.promise == pytest.approx(one.gain / one.scatter)
+
+
+def test_how_many_probes_are_looked_at_together_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = toy(Cubic(size_v=2e-3), Ripple(amplitude_v=3e-4, phase_deg=75.0, order=1.0))
+    together = screened(problem)
+    monkeypatch.setattr(screening, "_BATCH", 1)
+    alone = screened(problem)
+    assert [one.gain for one in alone.scored] == pytest.approx([one.gain for one in together.scored], rel=1e-9)
+    for one, other in zip(alone.scored, together.scored, strict=True):
+        assert one.probe.identifier == other.probe.identifier
+        assert one.weights == pytest.approx(other.weights, rel=1e-6, abs=1e-15)
+        assert one.power == pytest.approx(other.power, rel=1e-9)
+        assert one.scatter == pytest.approx(other.scatter, rel=1e-9)
+
+
+def test_of_very_many_rows_some_say_how_alike_probes_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The threshold is drawn, from 4000 draws: it scatters by about one."""
+    plain, whole = NoiseModel.of(toy()).plain, fitted(toy())
+
+    def mean_threshold() -> float:
+        drawn = [screen(toy(), plain, whole, probes(toy()), seed=seed).threshold for seed in range(12)]
+        return float(np.mean(drawn))
+
+    of_all = mean_threshold()
+    monkeypatch.setattr(screening, "_ROWS_ENOUGH", 500)
+    assert mean_threshold() == pytest.approx(of_all, abs=1.0)

@@ -10,16 +10,15 @@ import numpy as np
 import pytest
 
 from benchctl.diagnosis.fitting.fit import Fit, Point, fit, gain_of
+from benchctl.diagnosis.search.held_out import held_out_steps
 from benchctl.diagnosis.search.screen import Screening
-from benchctl.diagnosis.search.select import _Search, held_out_steps, reduced, select
+from benchctl.diagnosis.search.select import _Search, reduced, select
 from benchctl.diagnosis.search.selection import Selection
 from instruments.physics.effects.effect import DescribedEffect, Parameter
 from tests.benchctl.diagnosis.toy_problem import (
     K0,
-    KINDS,
     NOISE_V,
     ROWS,
-    STEPS,
     TOTAL,
     U0,
     Cubic,
@@ -233,14 +232,6 @@ def test_the_gain_of_a_finding_is_lost_without_it() -> None:
         assert evidence.heldout > 0.0
         total = float(evidence.excess[~chosen.heldout[problem.step]].sum())
         assert total == pytest.approx(less.squares - chosen.after.squares, rel=1e-3)
-
-
-def test_one_step_in_six_of_each_kind_is_held_out() -> None:
-    held = held_out_steps(toy())
-    kinds = np.array([KINDS[i % 3] for i in range(STEPS)])
-    # eight steps of each: the fourth of every six
-    assert {kind: int(held[kinds == kind].sum()) for kind in KINDS} == dict.fromkeys(KINDS, 1)
-    assert np.flatnonzero(held).tolist() == [9, 10, 11]
 
 
 @pytest.mark.parametrize("truth", [(), (CUBIC,), (DECAY, SQUARED)], ids=["nothing", "one", "two"])

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from benchctl.diagnosis.signals.band_limited import half_of
-from benchctl.diagnosis.signals.motion import motion_of
+from benchctl.diagnosis.signals.motion import motion_of, motions_of, rates_of
 from tests.benchctl.diagnosis.turning import NOISE_DEG, RATE_HZ, turning
 
 
@@ -32,3 +32,24 @@ def test_motion_in_the_band_is_followed_to_one_part_in_ten_thousand(frequency_hz
     motion = motion_of(30.0 / omega * np.sin(omega * time_s), sample_rate_hz)
     inner = slice(half_of(sample_rate_hz), -half_of(sample_rate_hz))
     np.testing.assert_allclose(motion.rate_dps[inner], 30.0 * np.cos(omega * time_s[inner]), atol=3e-3)
+
+
+def test_each_of_several_stretches_moves_as_by_itself() -> None:
+    angles, _ = turning(rates_dps=(20.0, -145.0), lasts_s=20.0)
+    stretches = [angles[0], angles[1][:900], np.full(600, 12.0)]
+    motions = motions_of(stretches, RATE_HZ)
+    others = [0.01 * np.sin(np.radians(36.0 * angle)) for angle in stretches]
+    for angle, other, motion, rate in zip(stretches, others, motions, rates_of(motions, others), strict=True):
+        alone = motion_of(angle, RATE_HZ)
+        for name in ("angle_deg", "rate_dps", "acceleration_dps2", "sudden"):
+            np.testing.assert_allclose(getattr(motion, name), getattr(alone, name), rtol=1e-8, atol=1e-6, err_msg=name)
+        np.testing.assert_allclose(rate, alone.rate_of(other), atol=1e-9)
+
+
+def test_where_the_encoder_stands_quite_still_nothing_is_sudden_whatever_the_next_stretch_does() -> None:
+    """What the arithmetic leaves there is no motion."""
+    angles, _ = turning(rates_dps=(145.0, -145.0), lasts_s=200.0)
+    still = np.full(4000, 311.37)
+    _, motion, _ = motions_of([angles[0], still, angles[1]], RATE_HZ)
+    assert motion.sudden.max() == 0.0
+    assert np.abs(motion.rate_dps).max() < 1e-7

@@ -1,0 +1,105 @@
+"""Linear filters and shifts in time of band-limited samples: exact as products in frequency, and as splines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import numpy.typing as npt
+import scipy.fft
+from scipy.ndimage import map_coordinates, spline_filter1d
+
+from instruments.physics.effects.kinds import FilterEffect
+
+FloatArray = npt.NDArray[np.float64]
+ComplexArray = npt.NDArray[np.complex128]
+
+_TURNED_ROWS = 64
+_LEAST_S, _LONGER, _MOST_S = 0.25, 4.0, 60.0
+_KEPT = 3
+_DEGREE = 5
+_TOGETHER = 1 << 19
+"""So many samples are filtered at once."""
+
+
+class Filters:
+    """Linear filters of equidistant samples, a stretch of them each; what is in no stretch stays as it is.
+
+    The spectra of what was filtered last are kept: many filters are tried on one signal. Several threads may ask.
+    """
+
+    def __init__(self, stretches: Sequence[slice], interval_s: float) -> None:
+        self._interval_s = interval_s
+        self._by_length: dict[int, list[slice]] = {}
+        for rows in stretches:
+            self._by_length.setdefault(rows.stop - rows.start, []).append(rows)
+        self._kept: list[tuple[FloatArray, int, list[ComplexArray]]] = []
+
+    def __call__(self, values: FloatArray, effect: FilterEffect) -> FloatArray:
+        """Values (n,), which nobody changes any more, through a filter."""
+        padding = self._padding(effect.memory_s)
+        spectra = iter(self._spectra(values, padding))
+        passed = values.copy()
+        for length, size, alike in self._batches(padding):
+            gain = effect.response(scipy.fft.rfftfreq(size, self._interval_s))
+            for rows, back in zip(alike, scipy.fft.irfft(next(spectra) * gain, size), strict=True):
+                passed[rows] = back[:length]
+        return passed
+
+    def _padding(self, memory_s: float) -> int:
+        """Samples until a filter has forgotten, one of a few numbers: so filters share their spectra."""
+        steps = math.ceil(math.log(max(memory_s, _LEAST_S) / _LEAST_S, _LONGER))
+        return int(min(_LEAST_S * _LONGER**steps, _MOST_S) / self._interval_s) + 2 * _TURNED_ROWS
+
+    def _batches(self, padding: int) -> Iterator[tuple[int, int, list[slice]]]:
+        """Stretches of one length each, a batch at a time, with the size of their transforms."""
+        for length, alike in self._by_length.items():
+            size = scipy.fft.next_fast_len(length + 2 * padding, real=True)
+            many = max(1, _TOGETHER // size)
+            for first in range(0, len(alike), many):
+                yield length, size, alike[first : first + many]
+
+    def _spectra(self, values: FloatArray, padding: int) -> list[ComplexArray]:
+        for of, padded, spectra in tuple(self._kept):
+            if of is values and padded == padding:
+                return spectra
+        spectra = [
+            scipy.fft.rfft(_endless(np.stack([values[rows] for rows in alike]), size))
+            for _, size, alike in self._batches(padding)
+        ]
+        self._kept = [*self._kept[1 - _KEPT :], (values, padding, spectra)]
+        return spectra
+
+
+def spline_at(values: FloatArray, place: FloatArray) -> FloatArray:
+    """Equidistant values at places between them, shape (n,)."""
+    if values.size <= _DEGREE:
+        return values
+    line = np.linspace(values[0], values[-1], values.size)
+    coefficients = spline_filter1d(values - line, _DEGREE, mode="mirror")  # type: ignore[call-overload]  # the stubs know only lists
+    between: FloatArray = map_coordinates(  # type: ignore[call-overload]  # the stubs know no list of coordinates
+        coefficients, [place], order=_DEGREE, mode="mirror", prefilter=False
+    )
+    slope = (values[-1] - values[0]) / max(values.size - 1, 1)
+    shifted: FloatArray = between + values[0] + slope * place
+    return shifted
+
+
+def _endless(x: FloatArray, size: int) -> FloatArray:
+    """Periods, shape (k, size), that begin with x (k, n) and come back to the begin without a jump or a kink.
+
+    Beyond its ends x is turned about them and dies away: a kink there would ring at half the sample rate all along.
+    """
+    count = x.shape[1]
+    reach = min(_TURNED_ROWS, count - 1)
+    fading = 0.5 + 0.5 * np.cos(np.pi * np.arange(1, reach + 1) / (reach + 1))
+    long = np.empty((len(x), size))
+    long[:, :count] = x
+    begin, end = x[:, :1], x[:, -1:]
+    ramp = 0.5 - 0.5 * np.cos(np.pi * np.linspace(0.0, 1.0, size - count))
+    long[:, count:] = end + (begin - end) * ramp
+    if reach:
+        long[:, count : count + reach] += fading * (end - x[:, -2 : -2 - reach : -1])
+        long[:, size - reach :] += (fading * (begin - x[:, 1 : reach + 1]))[:, ::-1]
+    return long

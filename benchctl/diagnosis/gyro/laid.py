@@ -1,0 +1,161 @@
+"""Signals of all stretches of a recording in one row after another, pauses between them among them.
+
+What answers to each sample by itself then takes one look at all of them; what remembers or filters takes them apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.diagnosis.gyro.frame import Frame
+from instruments.physics.chain import Signals
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+PAUSE = -1
+"""The first index of what is no stretch of samples, but what was known in between."""
+
+_ARRAYS = (
+    "time_s",
+    "angle_deg",
+    "rate_dps",
+    "acceleration_dps2",
+    "housing_c",
+    "coil_c",
+    "sensed_rate_dps",
+    "output_v",
+    "encoder_deg",
+    "thermistor_c",
+    "coil_rate_c_per_s",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """A stretch, or the pause before one: its rows, in the frame and as laid; when its recording began."""
+
+    rows: slice
+    interval_s: float
+    first_index: int
+    origin_s: float
+    stretch: int
+
+    @property
+    def is_pause(self) -> bool:
+        """Whether it is what was known in between."""
+        return self.first_index == PAUSE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Laid:
+    """All parts of a frame in their order, and which of the rows are samples; None where all are."""
+
+    parts: tuple[Part, ...]
+    samples: BoolArray | None
+
+    @property
+    def stretches(self) -> Iterator[Part]:
+        """The parts that are samples."""
+        return (part for part in self.parts if not part.is_pause)
+
+    @property
+    def is_one_recording(self) -> bool:
+        """Whether all stretches are of one recording."""
+        return len({part.origin_s for part in self.parts}) == 1
+
+    def sampled(self, values: FloatArray) -> FloatArray:
+        """Values of the samples, shape (n,), out of those of all rows."""
+        return values if self.samples is None else values[self.samples]
+
+    def each(self, signals: Signals, work: Callable[[Signals], Signals]) -> Signals:
+        """Work done on one part after another, each with the memory of the one before; a new recording begins anew."""
+        pairs: list[tuple[Signals, Signals]] = []
+        memory: Mapping[str, FloatArray] = {}
+        origin_s = np.nan
+        for part in self.parts:
+            before = _cut(signals, part, memory if part.origin_s == origin_s else {})
+            after = work(before)
+            pairs.append((before, after))
+            memory, origin_s = after.memory, part.origin_s
+        changed: dict[str, Any] = {
+            name: np.concatenate([getattr(after, name) for _, after in pairs])
+            for name in _ARRAYS
+            if any(getattr(after, name) is not getattr(before, name) for before, after in pairs)
+        }
+        return replace(signals, **changed)
+
+
+def laid_out(frame: Frame) -> tuple[Laid, Signals]:
+    """The parts of a frame, and its signals before any effect."""
+    parts: list[Part] = []
+    time_s: list[FloatArray] = []
+    begin = 0
+    for stretch, rows in enumerate(frame.stretches):
+        origin_s = frame.origins_s[stretch]
+        pause = frame.pauses[stretch] if frame.pauses else None
+        if pause is not None:
+            taken = slice(begin, begin + pause.time_s.size)
+            parts.append(
+                Part(rows=taken, interval_s=pause.interval_s, first_index=PAUSE, origin_s=origin_s, stretch=stretch)
+            )
+            time_s.append(pause.time_s - origin_s)
+            begin = taken.stop
+        taken = slice(begin, begin + rows.stop - rows.start)
+        parts.append(
+            Part(rows=taken, interval_s=frame.interval_s, first_index=rows.start, origin_s=origin_s, stretch=stretch)
+        )
+        time_s.append(frame.time_s[rows] - origin_s)
+        begin = taken.stop
+    samples = None
+    if any(part.is_pause for part in parts):
+        samples = np.concatenate([np.full(part.rows.stop - part.rows.start, not part.is_pause) for part in parts])
+    laid = Laid(parts=tuple(parts), samples=samples)
+    return laid, _signals(frame, laid, np.concatenate(time_s))
+
+
+def _signals(frame: Frame, laid: Laid, time_s: FloatArray) -> Signals:
+    def all_rows(values: FloatArray, of_pauses: Sequence[FloatArray] = ()) -> FloatArray:
+        """The samples' values with those of pauses between them: the table rests then."""
+        if laid.samples is None:
+            return values
+        whole = np.zeros(laid.samples.size)
+        whole[laid.samples] = values
+        if of_pauses:
+            whole[~laid.samples] = np.concatenate(of_pauses)
+        return whole
+
+    pauses = [pause for pause in frame.pauses if pause is not None]
+    angle, rate = all_rows(frame.angle_deg), all_rows(frame.rate_dps)
+    temp = all_rows(frame.temp_c, [pause.temp_c for pause in pauses])
+    return Signals(
+        interval_s=frame.interval_s,
+        time_s=time_s,
+        angle_deg=angle,
+        rate_dps=rate,
+        acceleration_dps2=all_rows(frame.acceleration_dps2),
+        housing_c=temp,
+        coil_c=temp,
+        sensed_rate_dps=rate,
+        output_v=np.zeros(0),
+        encoder_deg=angle,
+        thermistor_c=temp,
+        coil_rate_c_per_s=all_rows(frame.temp_rate_c_per_s, [pause.temp_rate_c_per_s for pause in pauses]),
+        auxiliary={name: all_rows(values) for name, values in frame.auxiliary.items()},
+    )
+
+
+def _cut(signals: Signals, part: Part, memory: Mapping[str, FloatArray]) -> Signals:
+    rows = part.rows
+    return Signals(
+        **{name: getattr(signals, name)[rows] for name in _ARRAYS},
+        interval_s=part.interval_s,
+        first_index=part.first_index,
+        auxiliary={name: values[rows] for name, values in signals.auxiliary.items()},
+        memory=memory,
+    )
