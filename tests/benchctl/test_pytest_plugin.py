@@ -11,6 +11,7 @@ import tomllib
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+import pint
 import pytest
 import scipy.integrate
 import scipy.interpolate
@@ -25,8 +26,9 @@ import benchctl.pytest_plugin.files
 import benchctl.pytest_plugin.marked
 from benchctl.recordings.verify import verify
 
-LOADED = (scipy, benchctl)
-"""Inner runs in this process forget what they import, and extension modules can be imported but once."""
+LOADED = (pint, scipy, benchctl)
+"""Inner runs in this process forget what they import: extension modules can be imported but once, and what pint loads
+where dask is installed (importlib_metadata) puts itself in the place of how packages are found."""
 
 pytest_plugins = ("pytester",)
 
@@ -60,8 +62,12 @@ TEST = 'procedure = "quick.py"\nlimits = "limits.toml"\nseed = 3\n'
 
 
 @pytest.fixture(autouse=True)
-def _alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Other plugins would only cost time; ours is named, so that it is there however this checkout was installed."""
+def _alone(monkeypatch: pytest.MonkeyPatch, pytester: pytest.Pytester) -> None:
+    """Other plugins would only cost time; ours is named, so that it is there however this checkout was installed.
+
+    Nor is what somebody left in a folder above, such as /tmp/pyproject.toml, to be taken for the configuration.
+    """
+    pytester.makeini("[pytest]")
     monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
 
 

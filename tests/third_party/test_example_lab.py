@@ -114,6 +114,7 @@ def test_its_effect_is_simulated_and_a_diagnosis_finds_it_by_its_name_with_its_p
 
 def test_its_own_tests_pass_there(python: Path, tmp_path: Path) -> None:
     shutil.copytree(EXAMPLE / "tests", tmp_path / "tests")
+    (tmp_path / "pytest.ini").write_text("[pytest]\n")  # not what somebody left in a folder above
     environment = os.environ | {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
     command = [str(python), "-m", "pytest", "-q", "-p", "benchctl.pytest_plugin", "-W", "error", "tests"]
     ran = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
