@@ -33,7 +33,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
     Raises `UsageError` where the disk refuses.
     """
-    temporary = _beside(path)
+    temporary = beside(path)
     with disk_errors(path):
         try:
             yield temporary
@@ -53,7 +53,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
     if path.name in ("", ".."):
         raise UsageError(f"{path}: is a folder that cannot be replaced while it is in use; name a new one in it")
     require_empty(path)
-    temporary = _beside(path)
+    temporary = beside(path)
     with disk_errors(path):
         try:
             temporary.mkdir()
@@ -115,6 +115,6 @@ def sync_folder(path: Path) -> None:
         os.close(descriptor)
 
 
-def _beside(path: Path) -> Path:
+def beside(path: Path) -> Path:
     """A name in the same folder, hence on the same disk, that no reader takes for a recording."""
     return path.with_name(f".{path.name}.{os.getpid()}.tmp")

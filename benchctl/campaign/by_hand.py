@@ -99,5 +99,5 @@ def _poll(player: StepPlayer, into: StepWriter) -> bool:
     if air is None or scan is None:
         return False
     player.gyro_c = opened.bench.digitizer.gyro_celsius(scan.thermistor_v)
-    into.append(one_poll(player.now_s(), air, {"poll_gyro_temp_c": player.gyro_c, "poll_gyro_v": scan.gyro_v}))
+    into.append_point(one_poll(player.now_s(), air, {"poll_gyro_temp_c": player.gyro_c, "poll_gyro_v": scan.gyro_v}))
     return True

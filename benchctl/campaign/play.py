@@ -157,7 +157,7 @@ class StepPlayer:
                 continue
             self.gyro_c, gyro_v = gyro
             watch.see(self.now_s(), air.temperature_c, self.gyro_c)
-            into.append(one_poll(self.now_s(), air, {"poll_gyro_temp_c": self.gyro_c, "poll_gyro_v": gyro_v}))
+            into.append_point(one_poll(self.now_s(), air, {"poll_gyro_temp_c": self.gyro_c, "poll_gyro_v": gyro_v}))
             self.notify(watch.says)
         return Span(t_start=watch.begin_s, t_end=self.now_s())
 
@@ -177,7 +177,7 @@ class StepPlayer:
             self.supervisor.check_state()
             self.supervisor.look_at_table()
             if (air := self.supervisor.look_at_chamber()) is not None:
-                into.append(one_poll(self.now_s(), air, {}))
+                into.append_point(one_poll(self.now_s(), air, {}))
             self.notify("recording")
         # Where an error left the loop, the table comes before the stream: `bring_to_rest` stops both.
         self.opened.digitizer.stop_stream()

@@ -5,11 +5,8 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from benchctl.bench import Limits
 from benchctl.plan import Soak
-from benchctl.recordings.model import FloatArray
 from instruments.errors import SafetyError
 from instruments.interfaces import ChamberReading
 
@@ -19,15 +16,14 @@ DRIFT_WINDOW_S = 600.0
 """The drift of the gyro's thermistor is the slope over this time: noise of a few mK is then far below 0.02 °C/min."""
 
 
-def one_poll(time_s: float, air: ChamberReading, more: dict[str, float]) -> dict[str, FloatArray]:
-    """The polled channels of one look at the chamber, and `more`: each of shape (1,)."""
-    values = {
+def one_poll(time_s: float, air: ChamberReading, more: dict[str, float]) -> dict[str, float]:
+    """The polled channels of one look at the chamber, and `more`."""
+    return {
         "poll_time_s": time_s,
         "poll_chamber_temp_c": air.temperature_c,
         "poll_chamber_setpoint_c": air.setpoint_c,
         **more,
     }
-    return {name: np.array([value]) for name, value in values.items()}
 
 
 @dataclass(slots=True)

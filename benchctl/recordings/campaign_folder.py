@@ -7,6 +7,7 @@ running.lock                  held by the process that writes; running.json says
 stop.json                     somebody's wish to stop it, until it is heeded (`benchctl.campaign.stop_file`)
 steps/0001_zero.h5            a finished step: closed, compressed, sealed, on the disk
 steps/0002_rate_+50.h5.part   the step being written: HDF5 under SWMR, flushed at least every half second
+.gathered.h5.PID.tmp          of a long campaign: the steps so far, gathered beforehand (`gathering`)
 recording.h5                  once the campaign is finished: all steps; campaign.h5 and steps/ are then gone
 unreadable/                   files of steps that a crash left unreadable, where there were any
 ```
@@ -21,6 +22,7 @@ from typing import Any
 from benchctl.atomic import disk_errors, require_empty, sync_folder
 from benchctl.locks import Lock
 from benchctl.recordings.gather import gather
+from benchctl.recordings.gathering import Gathering
 from benchctl.recordings.journal import append_event, sync_journal
 from benchctl.recordings.model import Meta, Status, StepInfo
 from benchctl.recordings.schema import CAMPAIGN, JOURNAL, LOCK, STEPS
@@ -48,6 +50,7 @@ class CampaignWriter:
         self.meta = meta
         self._step: StepWriter | None = None
         self._lock = _make(folder, meta) if lock is None else lock
+        self._gathering = Gathering(folder)
 
     def event(self, kind: str, /, **data: Any) -> None:
         """Append a line to the journal: `kind`, wall time (UTC) and `data` (plain JSON); it survives `kill -9`."""
@@ -71,6 +74,7 @@ class CampaignWriter:
         """Note that a step is whole; it, and the line that says so, are then on the disk."""
         self.event("whole", index=info.index, name=info.name, samples=info.samples, digest=info.digest)
         sync_journal(self.folder / JOURNAL)
+        self._gathering.step_over()
 
     def finish(self, status: Status, reason: str = "") -> Path:
         """Gather all steps in `recording.h5`, check every digest in it, remove `steps/`; returns the path of the file.
@@ -81,7 +85,7 @@ class CampaignWriter:
         self.event("finish", status=status, reason=reason)
         if self._step is not None and self._step.is_open:
             self._step.cut()
-        recording = gather(self.folder, self.meta, status, reason)
+        recording = gather(self.folder, self.meta, status, reason, self._gathering.begun())
         self._lock.release()
         return recording
 
@@ -91,6 +95,7 @@ class CampaignWriter:
             if self._step is not None:
                 self._step.release()
         finally:
+            self._gathering.end()
             self._lock.release()
 
 

@@ -1,45 +1,106 @@
-"""Gathers the files of a campaign's steps in one recording, and takes a recording apart again."""
+"""Gathers the files of a campaign's steps in one recording, and takes a recording apart again.
+
+A recording may be begun while its campaign still runs, a step at a time: see `gathering`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 
 import h5py
 
 from benchctl.atomic import require_room, whole_file
-from benchctl.recordings.digests import problems_of_recording, seal_recording
+from benchctl.recordings.digests import Problem, problems_of_member, problems_of_recording, seal_recording
 from benchctl.recordings.hdf5_files import RecordingFile, open_ours
 from benchctl.recordings.model import Meta
-from benchctl.recordings.schema import FINISHED_SUFFIX, STEPS, attach_axes, group_name
+from benchctl.recordings.schema import (
+    FINISHED_SUFFIX,
+    STEPS,
+    attach_axes,
+    group_name,
+    meta_attributes,
+    write_attributes,
+)
 from benchctl.recordings.step_writer import file_stem
-from benchctl.recordings.writer import new_file
+from benchctl.recordings.writer import FINISHED_LIBVER, new_file
 from instruments.errors import UsageError
 
 
-def combine(files: Sequence[Path], path: Path, meta: Meta) -> None:
+@dataclass(frozen=True, slots=True)
+class Begun:
+    """A recording without attributes and seal, and the names of the files whose steps `add` put into it, in order."""
+
+    path: Path
+    files: tuple[str, ...]
+
+
+def begin(path: Path) -> None:
+    """Make a recording without attributes, seal and steps, for `add`."""
+    with h5py.File(path, "w", libver=FINISHED_LIBVER, track_order=True) as target:
+        target.create_group(STEPS, track_order=True)
+
+
+def add(path: Path, files: Sequence[Path]) -> None:
+    """Add the steps of sealed files to what was begun; see `combine` for what is checked and raised."""
+    require_room(path, _size(files))
+    with h5py.File(path, "r+", libver=FINISHED_LIBVER) as target:
+        names = [name for file in files for name in _copied(file, target)]
+    with h5py.File(path, "r") as written:
+        for name in names:
+            _refuse(path, problems_of_member(written, name))
+
+
+def combine(files: Sequence[Path], path: Path, meta: Meta, begun: Begun | None = None) -> None:
     """Write one recording with the steps of several sealed files, in the order given.
 
     Compressed chunks are copied as they are. Before the file gets its name every sample in it is read back and held
-    against the digest it had in its step's file. Raises `UsageError` where one does not agree or the disk refuses;
-    nothing is left behind.
+    against the digest it had in its step's file; of the steps that were `begun`, the first of those, `add` has done so.
+    Raises `UsageError` where one does not agree or the disk refuses; nothing is left behind.
     """
-    require_room(path, sum(file.stat().st_size for file in files))
+    rest = files[len(begun.files) :] if begun else files
+    require_room(path, _size(rest))
     with whole_file(path) as temporary:
-        with new_file(temporary, meta) as target:
-            for file in files:
-                with open_ours(file) as source:
-                    for name in source[STEPS]:
-                        source[STEPS].copy(name, target[STEPS])
-                        _renew_references(target[STEPS][name])
+        if begun is None:
+            begin(temporary)
+        else:
+            begun.path.replace(temporary)
+        with h5py.File(temporary, "r+", libver=FINISHED_LIBVER) as target:
+            write_attributes(target, meta_attributes(meta))
+            proven = tuple(target[STEPS])
+            if len(proven) != len(files) - len(rest):
+                raise UsageError(
+                    f"{path}: not written: {len(proven)} steps were gathered, expected {len(files) - len(rest)}"
+                )
+            for file in rest:
+                _copied(file, target)
             seal_recording(target)
         with h5py.File(temporary, "r") as written:
-            for problem in problems_of_recording(written):
-                raise UsageError(
-                    f"{path}: not written: {problem}; the steps are still in {path.parent / STEPS}, "
-                    "benchctl recover tries it again"
-                )
+            _refuse(path, problems_of_recording(written, proven=proven))
+
+
+def _size(files: Iterable[Path]) -> int:
+    return sum(file.stat().st_size for file in files)
+
+
+def _copied(file: Path, target: h5py.File) -> list[str]:
+    """Copy the step of a file, in fact all that it has; returns the names of their groups."""
+    with open_ours(file) as source:
+        names = list(source[STEPS])
+        for name in names:
+            source[STEPS].copy(name, target[STEPS])
+            _renew_references(target[STEPS][name])
+    return names
+
+
+def _refuse(path: Path, problems: Iterable[Problem]) -> None:
+    for problem in problems:
+        raise UsageError(
+            f"{path}: not written: {problem}; the steps are still in {path.parent / STEPS}, "
+            "benchctl recover tries it again"
+        )
 
 
 def take_apart(recording: Path, folder: Path, meta: Meta) -> None:

@@ -11,16 +11,17 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, TypeAlias
 
 import h5py
 import numpy as np
 
 from benchctl.documents import json_document
 from benchctl.limits import cut
+from benchctl.recordings.attributes import Plain, write_attribute
 from benchctl.recordings.descriptions import attributes_of
 from benchctl.recordings.hdf5_guard import (
     attribute,
@@ -40,6 +41,9 @@ from instruments.errors import UsageError
 BLOCK = 1 << 17
 """Samples that are held in memory at once, 1 MiB."""
 
+Item: TypeAlias = h5py.Group | h5py.Dataset | h5py.Datatype
+"""What a group may hold."""
+
 Known = Callable[[str, str], str | None]
 """The digest of the samples of a step's group and a channel, where somebody has read them already."""
 
@@ -56,6 +60,14 @@ class Problem:
 
     def __str__(self) -> str:
         return f"{self.where}: {self.says}"
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """What a step's attributes say, and channel -> what those of that channel say, seals aside."""
+
+    step: Mapping[str, Any]
+    channels: Mapping[str, Mapping[str, Any]]
 
 
 class SampleDigest:
@@ -87,20 +99,33 @@ def digest_of(samples: FloatArray | h5py.Dataset) -> str:
     return digest.hexdigest()
 
 
-def seal_step(group: h5py.Group, digests: Mapping[str, str]) -> str:
-    """Write the digests of a finished step, channel -> digest of its samples; returns the digest of the step."""
+def seal_step(
+    group: h5py.Group, channels: Mapping[str, h5py.Dataset], digests: Mapping[str, str], written: Written | None = None
+) -> str:
+    """Write the digests of a finished step, channel -> digest of its samples; returns the digest of the step.
+
+    `written` is what was just written of its attributes; what is not told is read.
+    """
     for name, digest in digests.items():
-        group[name].attrs["digest"] = digest
-    return _seal(group, _step_manifest(group, digests))
+        _put(channels[name], "digest", digest)
+    return _seal(group, _step_manifest(group, channels, digests) if written is None else _manifest_of(written, digests))
 
 
-def seal_recording(root: h5py.Group) -> str:
-    """Write the digest of a finished recording, all of whose steps are sealed; returns it."""
-    return _seal(root, _root_manifest(root))
+def seal_recording(root: h5py.Group, attributes: Mapping[str, Plain] | None = None) -> str:
+    """Write the digest of a finished recording, all of whose steps are sealed; returns it.
+
+    `attributes` are those that the root was written with; what is not told of them is read.
+    """
+    return _seal(root, _root_manifest(root, attributes))
 
 
-def problems_of_recording(root: h5py.Group, known: Known = lambda step, channel: None) -> Iterator[Problem]:
-    """Everything in a sealed recording that is not as it was sealed; reads every sample but those `known`."""
+def problems_of_recording(
+    root: h5py.Group, known: Known = lambda step, channel: None, proven: Collection[str] = ()
+) -> Iterator[Problem]:
+    """Everything in a sealed recording that is not as it was sealed.
+
+    Reads every sample but those `known`; of the steps `proven`, by the names of their groups, the digest only.
+    """
     try:
         yield from _compare(root, _root_manifest(root), "recording", "step")
         names = names_in(child_group(root, STEPS))
@@ -108,12 +133,18 @@ def problems_of_recording(root: h5py.Group, known: Known = lambda step, channel:
         yield Problem("recording", f"cannot be read: {err}")
         return
     for name in names:
-        try:
-            step = child_group(root[STEPS], name)
-        except ValueError as err:
-            yield Problem(f"step {name}", f"cannot be read: {err}")
-        else:
-            yield from problems_of_step(step, f"step {name}", partial(known, name))
+        if name not in proven:
+            yield from problems_of_member(root, name, known)
+
+
+def problems_of_member(root: h5py.Group, name: str, known: Known = lambda step, channel: None) -> Iterator[Problem]:
+    """Everything in one step of a recording, by the name of its group, that is not as it was sealed."""
+    try:
+        step = child_group(root[STEPS], name)
+    except ValueError as err:
+        yield Problem(f"step {name}", f"cannot be read: {err}")
+    else:
+        yield from problems_of_step(step, f"step {name}", partial(known, name))
 
 
 def problems_of_step(
@@ -121,17 +152,35 @@ def problems_of_step(
 ) -> Iterator[Problem]:
     """Everything in a sealed step that is not as it was sealed; reads every sample but those of channels `known`."""
     try:
-        names = names_in(group)
-        digests = in_order(lambda name: _digest_or_reason(group, name, known(name)), names, cores())
-        found = dict(zip(names, digests, strict=True))
-        yield from _compare(group, _step_manifest(group, found), where, "channel")
+        items = {name: _item(group, name) for name in names_in(group)}
+        workers = cores() if any(map(_is_long, items.values())) else 1  # to start a thread would take as long
+        digests = in_order(lambda name: _digest_or_reason(items[name], known(name)), items, workers)
+        found = dict(zip(items, digests, strict=True))
+        yield from _compare(group, _step_manifest(group, items, found), where, "channel")
     except ValueError as err:
         yield Problem(where, f"cannot be read: {err}")
 
 
-def _digest_or_reason(group: h5py.Group, name: str, known: str | None) -> str:
+def _item(group: h5py.Group, name: str) -> Item | str:
+    """What a step holds under this name, or why it cannot be had."""
     try:
-        item = child(group, name)
+        return child(group, name)
+    except ValueError as err:
+        return f"unreadable: {err}"
+
+
+def _is_long(item: Item | str) -> bool:
+    try:
+        with plain_errors():
+            return isinstance(item, h5py.Dataset) and (item.size or 0) > BLOCK
+    except ValueError:
+        return False  # its digest says why
+
+
+def _digest_or_reason(item: Item | str, known: str | None) -> str:
+    if isinstance(item, str):
+        return item
+    try:
         with plain_errors():
             if not isinstance(item, h5py.Dataset) or item.ndim != 1 or item.dtype != np.dtype("<f8"):
                 return "no float64 of shape (n,)"
@@ -143,15 +192,20 @@ def _digest_or_reason(group: h5py.Group, name: str, known: str | None) -> str:
         return f"unreadable: {err}"
 
 
-def _step_manifest(group: h5py.Group, digests: Mapping[str, str]) -> dict[str, Any]:
-    channels = {name: {"samples": digests[name], **_brief_of(group, name)} for name in digests}
-    return {"attributes": _brief(group), "channel": channels}
+def _step_manifest(group: h5py.Group, items: Mapping[str, Item | str], digests: Mapping[str, str]) -> dict[str, Any]:
+    told = {name: _told_of(item) for name, item in items.items()}
+    return _manifest_of(Written(attributes_of(group), told), digests)
 
 
-def _root_manifest(root: h5py.Group) -> dict[str, Any]:
+def _manifest_of(written: Written, digests: Mapping[str, str]) -> dict[str, Any]:
+    channels = {name: {"samples": digest, **_brief(written.channels[name])} for name, digest in digests.items()}
+    return {"attributes": _brief(written.step), "channel": channels}
+
+
+def _root_manifest(root: h5py.Group, attributes: Mapping[str, Plain] | None = None) -> dict[str, Any]:
     steps = child_group(root, STEPS)
     digests = {name: {"digest": _digest_of_step(steps, name)} for name in names_in(steps)}
-    return {"attributes": _brief(root), "step": digests}
+    return {"attributes": _brief(attributes_of(root) if attributes is None else attributes), "step": digests}
 
 
 def _digest_of_step(steps: h5py.Group, name: str) -> str:
@@ -164,9 +218,16 @@ def _digest_of_step(steps: h5py.Group, name: str) -> str:
 def _seal(group: h5py.Group, manifest: Mapping[str, Any]) -> str:
     text = _canonical(manifest)
     digest = hashlib.sha256(text).hexdigest()
-    group.attrs["manifest"] = text.decode()
-    group.attrs["digest"] = digest
+    _put(group, "manifest", text.decode())
+    _put(group, "digest", digest)
     return digest
+
+
+def _put(thing: h5py.Group | h5py.Dataset, name: str, text: str) -> None:
+    """Write an attribute, in the place of one that is there."""
+    if h5py.h5a.exists(thing.id, name.encode()):
+        h5py.h5a.delete(thing.id, name.encode())
+    write_attribute(thing, name, text)
 
 
 def _compare(group: h5py.Group, found: Mapping[str, Any], where: str, part: str) -> Iterator[Problem]:
@@ -219,17 +280,16 @@ def _differences(sealed: Mapping[str, Any], found: Mapping[str, Any], where: str
             yield Problem(where, f"{label} changed from {cut(sealed[name])} to {cut(found[name])}")
 
 
-def _brief_of(group: h5py.Group, name: str) -> dict[str, str]:
+def _told_of(item: Item | str) -> dict[str, Any]:
     try:
-        item = child(group, name)
-        return {} if isinstance(item, h5py.Datatype) else _brief(item)
+        return {} if isinstance(item, h5py.Datatype | str) else attributes_of(item)
     except ValueError:
         return {}  # its digest says why
 
 
-def _brief(thing: h5py.Group | h5py.Dataset) -> dict[str, str]:
+def _brief(attributes: Mapping[str, Any]) -> dict[str, str]:
     """Attributes as JSON; long ones as their digest, so that a manifest stays small."""
-    texts = {name: _canonical(value) for name, value in attributes_of(thing).items()}
+    texts = {name: _canonical(value) for name, value in attributes.items()}
     return {
         name: text.decode() if len(text) <= _LONG else f"sha256 {hashlib.sha256(text).hexdigest()}"
         for name, text in texts.items()

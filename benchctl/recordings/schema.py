@@ -34,6 +34,7 @@ import h5py
 import numpy as np
 
 from benchctl.limits import shown
+from benchctl.recordings.attributes import Plain, plain, write_attribute
 from benchctl.recordings.model import (
     DESCRIPTIONS,
     UNITS,
@@ -62,6 +63,7 @@ PART_SUFFIX = ".h5.part"
 CHUNK = 16384
 """Samples in a chunk of a finished dataset: 128 KiB, compressed one by one, so that reading a part is cheap."""
 GROWING_CHUNK = 4096
+DEFLATE_LEVEL = 1
 
 _CHANNEL_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
@@ -79,7 +81,7 @@ def unit_of(channel: str, meta: Meta) -> str | None:
 
 def create_channels(group: h5py.Group, lengths: Mapping[str, int], meta: Meta) -> dict[str, h5py.Dataset]:
     """Create the datasets of a finished step, channel -> number of samples: compressed, labelled, with their axes."""
-    packed = {"shuffle": True, "compression": "gzip", "compression_opts": 1}
+    packed = {"shuffle": True, "compression": "gzip", "compression_opts": DEFLATE_LEVEL}
     datasets = {}
     for name, length in lengths.items():
         storage = {"chunks": (min(length, CHUNK),), **packed} if length else {}
@@ -96,15 +98,17 @@ def create_growing_channels(group: h5py.Group, names: Iterable[str], meta: Meta)
     return datasets
 
 
+def channel_attributes(name: str, meta: Meta) -> dict[str, Plain]:
+    """What a channel's attributes say of it, digest aside: its unit where it is known, what it is, remarks."""
+    unit, comment = unit_of(name, meta), meta.extra.get("channel_comments", {}).get(name)
+    return _known({"units": unit, "long_name": DESCRIPTIONS.get(name, name), "comment": comment})
+
+
 def describe_channels(datasets: Mapping[str, h5py.Dataset], meta: Meta) -> None:
     """Write what tells any reader what the channels of a step are and on which axis they lie, as netCDF-4 does."""
     for name, dataset in datasets.items():
-        unit = unit_of(name, meta)
-        if unit is not None:
-            dataset.attrs["units"] = unit
-        dataset.attrs["long_name"] = DESCRIPTIONS.get(name, name)
-        if name in (comments := meta.extra.get("channel_comments", {})):
-            dataset.attrs["comment"] = comments[name]
+        for key, value in channel_attributes(name, meta).items():
+            write_attribute(dataset, key, value)
         if name == axis_of(name):
             dataset.make_scale(name)
     attach_axes(datasets)
@@ -146,32 +150,39 @@ def check_names(where: str, channels: Mapping[str, object] | tuple[str, ...]) ->
             )
 
 
-def write_info(group: h5py.Group, info: StepInfo) -> None:
-    """Write a step's description as attributes; None becomes absent, the digest is the digests' business.
+def info_attributes(info: StepInfo) -> dict[str, Plain]:
+    """What a step's attributes say of it: what is None is absent, the digest is the digests' business.
 
     A unit mounted along the table's axis, as nearly all are, needs no word either.
     """
     told = {item.name: getattr(info, item.name) for item in fields(info) if item.name != "digest"}
-    _write(group, {**told, "mounting": info.mounting or None})
+    return _known({**told, "mounting": info.mounting or None})
 
 
-def write_meta(root: h5py.Group, meta: Meta) -> None:
-    """Write everything about a recording that is not a sample as attributes of the root."""
-    _write(root, {"format": FORMAT, "Conventions": "CF-1.11", "status": meta.status})
-    _write(root, {f"unit_{item.name}": getattr(meta.unit, item.name) for item in fields(meta.unit)})
-    _write(root, {f"bench_{item.name}": getattr(meta.bench, item.name) for item in fields(meta.bench)})
-    _write(root, {f"provenance_{name}": text for name, text in meta.provenance.items()})
-    _write(root, {"simulation": None if meta.simulation is None else json.dumps(meta.simulation, ensure_ascii=False)})
-    _write(root, {"extra": json.dumps(meta.extra, ensure_ascii=False) if meta.extra else None})
+def meta_attributes(meta: Meta) -> dict[str, Plain]:
+    """What the root's attributes say: everything about a recording that is not a sample."""
+    return _known(
+        {
+            "format": FORMAT,
+            "Conventions": "CF-1.11",
+            "status": meta.status,
+            **{f"unit_{item.name}": getattr(meta.unit, item.name) for item in fields(meta.unit)},
+            **{f"bench_{item.name}": getattr(meta.bench, item.name) for item in fields(meta.bench)},
+            **{f"provenance_{name}": text for name, text in meta.provenance.items()},
+            "simulation": None if meta.simulation is None else json.dumps(meta.simulation, ensure_ascii=False),
+            "extra": json.dumps(meta.extra, ensure_ascii=False) if meta.extra else None,
+        }
+    )
 
 
-def _write(thing: h5py.Group, values: Mapping[str, Any]) -> None:
-    for name, value in values.items():
-        if value is None:
-            continue
+def write_attributes(thing: h5py.Group, told: Mapping[str, Plain]) -> None:
+    """Write what `info_attributes` or `meta_attributes` tell; `UsageError` where HDF5 cannot keep something of it."""
+    for name, value in told.items():
         try:
-            if isinstance(value, str):
-                value.encode("utf-8")  # h5py would write halves of characters as bytes that nobody can read
-            thing.attrs[name] = np.int64(value) if isinstance(value, bool | int) else value
+            write_attribute(thing, name, value)
         except (ValueError, OverflowError) as err:
             raise UsageError(f"{name} = {shown(value)}: HDF5 cannot keep this: {err}; correct it") from err
+
+
+def _known(told: Mapping[str, Any]) -> dict[str, Plain]:
+    return {name: plain(value) for name, value in told.items() if value is not None}

@@ -4,21 +4,22 @@ While it is written the step is a `.part` file under HDF5's SWMR (single writer,
 neither new attributes nor, without losing space at every flush, compression. So finishing a step means to write it
 once more: compressed, sealed, with what became of it, under a temporary name that is renamed once it is on the disk.
 Only then does the `.part` go.
+
+Samples go into the file a fifth of a second after the first of them came, by a timer: what came before a silence is
+as safe as the rest, and whoever appends need not look at the clock.
 """
 
 from __future__ import annotations
 
 import re
-import time
+import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from benchctl.atomic import disk_errors, require_room, whole_file
 from benchctl.recordings.digests import seal_recording
-from benchctl.recordings.model import AXES, FloatArray, Meta, StepInfo, axis_of
+from benchctl.recordings.model import AXES, Axis, FloatArray, Meta, StepInfo, axis_of
 from benchctl.recordings.schema import (
     FINISHED_SUFFIX,
     PART_SUFFIX,
@@ -26,8 +27,11 @@ from benchctl.recordings.schema import (
     check_names,
     create_growing_channels,
     group_name,
-    write_info,
+    info_attributes,
+    meta_attributes,
+    write_attributes,
 )
+from benchctl.recordings.waiting import Waiting
 from benchctl.recordings.writer import new_file, write_step
 from instruments.errors import UsageError
 
@@ -35,10 +39,10 @@ CLOSING_S_PER_SCAN = 1e-5
 """Wall time that a scan may take while its step's file is written once more: twenty times what was measured."""
 
 _SWMR_LIBVER = ("v110", "v110")
-_FLUSH_EVERY_S = 0.25
-"""Half of what may be lost, so that a step fed every 0.25 s or less is never behind by more than 0.5 s."""
-_FLUSH_SAMPLES = 1 << 17
-"""Samples that are held back at most, whatever the time: 1 MiB a channel."""
+_FLUSH_AFTER_S = 0.2
+"""Of the half second that may be lost; the rest is for the flush itself, on a busy machine."""
+_MOST_WAITING = 1 << 17
+"""Rows that are held back at most, whatever the time: 1 MiB a channel."""
 
 
 def file_stem(info: StepInfo) -> str:
@@ -49,63 +53,96 @@ def file_stem(info: StepInfo) -> str:
 class StepWriter:
     """One step while it is written; made by `CampaignWriter.begin_step`.
 
-    `info` is the description given at the start, `path` the `.part` file. Raises `UsageError` where the disk refuses.
+    `info` is the description given at the start, `path` the `.part` file. What one thread appends is in that file, for
+    a reader and for a crash, within half a second of wall time. Raises `UsageError` where the disk refuses.
     """
 
     def __init__(self, folder: Path, info: StepInfo, channels: Sequence[str], meta: Meta) -> None:
-        check_names(f"step {info.index} {info.name!r}", tuple(channels))
+        self._where = f"step {info.index} {info.name!r}"
+        check_names(self._where, tuple(channels))
         self.info = info
         self.path = folder / f"{file_stem(info)}{PART_SUFFIX}"
         self._finished = folder / f"{file_stem(info)}{FINISHED_SUFFIX}"
         self._meta = meta
-        self._pending: dict[str, list[FloatArray]] = {name: [] for name in channels}
-        self._held = 0
-        self._flushed_at = time.monotonic()
+        self._waiting = {axis: Waiting(self._where, _on(axis, channels)) for axis in AXES if axis in channels}
         self._end_s = info.t_start
         self._open = True
+        self._writing = threading.Lock()
+        self._timer: threading.Timer | None = None
+        self._is_timed = self._is_refused = False
         require_room(self.path, 0)
         with disk_errors(self.path):
             self._file = new_file(self.path, meta, _SWMR_LIBVER)
             group = self._file.create_group(group_name(info.index), track_order=True)
-            write_info(group, replace(info, whole=False, t_end=info.t_start))
+            write_attributes(group, info_attributes(replace(info, whole=False, t_end=info.t_start)))
             self._datasets = create_growing_channels(group, channels, meta)
             self._file.swmr_mode = True
 
     def append(self, channels: Mapping[str, FloatArray]) -> None:
         """Add samples: all channels of one time axis, or of several; arrays of shape (n,), n equal on an axis.
 
-        They are in the file, for a reader and for a crash, within half a second of wall time as long as this is
-        called at least every half second; `flush` does it at once. Raises `UsageError` for channels that were not
-        announced or do not fit together.
+        Raises `UsageError` for channels that were not announced or do not fit together.
         """
-        where = f"step {self.info.index} {self.info.name!r}"
-        check_channels(where, channels)
-        for axis in AXES:
-            given = {name for name in channels if axis_of(name) == axis}
-            announced = {name for name in self._datasets if axis_of(name) == axis}
-            if given and given != announced:
-                raise UsageError(f"{where}: expected all of {sorted(announced)} together, got {sorted(given)}")
-            if given and channels[axis].size:
-                self._held = max(self._held, sum(map(len, self._pending[axis])) + channels[axis].size)
-                self._end_s = max(self._end_s, float(channels[axis][-1]))
-        for name, samples in channels.items():
-            self._pending[name].append(samples.copy())
-        if self._held >= _FLUSH_SAMPLES or time.monotonic() - self._flushed_at >= _FLUSH_EVERY_S:
-            self.flush()
+        check_channels(self._where, channels)
+        given = [waiting for axis, waiting in self._waiting.items() if axis in channels]
+        expected = [name for waiting in given for name in waiting.names]
+        if channels.keys() != set(expected):
+            raise UsageError(
+                f"{self._where}: expected all of {sorted(expected or self._datasets)} together, got {sorted(channels)}"
+            )
+        for waiting in given:
+            waiting.add_block(channels)
+            self._see_to_flush(waiting)
+
+    def append_point(self, point: Mapping[str, float]) -> None:
+        """Add one sample of every channel of a time axis, channel -> value: far cheaper than arrays of one sample.
+
+        Raises `UsageError` for channels that were not announced or do not fit together.
+        """
+        for axis, waiting in self._waiting.items():
+            if axis in point:
+                waiting.add_point(point)
+                self._see_to_flush(waiting)
+                return
+        raise UsageError(f"{self._where}: expected a point with one of {list(self._waiting)}, got {sorted(point)}")
 
     def flush(self) -> None:
         """Put what was appended into the file now."""
-        require_room(self.path, sum(samples.nbytes for waiting in self._pending.values() for samples in waiting))
-        with disk_errors(self.path):
-            for name, waiting in self._pending.items():
-                if waiting:
-                    dataset, samples = self._datasets[name], np.concatenate(waiting)
-                    dataset.resize((len(dataset) + len(samples),))
-                    dataset[-len(samples) :] = samples
-                    waiting.clear()
+        with self._writing, disk_errors(self.path):
+            if not self._open:
+                raise UsageError(f"{self._where}: is over, nothing more can be written; begin a step for it")
+            for waiting in self._waiting.values():
+                if waiting.added > waiting.written:
+                    self._write(waiting)
             self._file.flush()
-        self._held = 0
-        self._flushed_at = time.monotonic()
+            self._is_refused = False
+
+    def _write(self, waiting: Waiting) -> None:
+        """Write what waits; where that fails halfway, the next attempt writes the same rows to the same place."""
+        rows = waiting.take()
+        require_room(self.path, rows.nbytes)
+        begin, end = waiting.written, waiting.written + len(rows)
+        for name, samples in zip(waiting.names, rows.T, strict=True):
+            self._datasets[name].resize((end,))
+            self._datasets[name][begin:] = samples
+        self._end_s = max(self._end_s, float(rows[-1, 0]))
+        waiting.let_go(len(rows))
+
+    def _see_to_flush(self, waiting: Waiting) -> None:
+        """Have what waits written in time; at once where it is much, or where the disk has refused it."""
+        if self._is_refused or waiting.added - waiting.written >= _MOST_WAITING:
+            self.flush()
+        elif not self._is_timed:
+            self._is_timed = True
+            self._timer = threading.Timer(_FLUSH_AFTER_S, self._flush_in_time)
+            self._timer.start()
+
+    def _flush_in_time(self) -> None:
+        self._is_timed = False  # before anything is taken: what comes from now on sets a timer of its own
+        try:
+            self.flush()
+        except Exception:
+            self._is_refused = True  # whoever appends next meets the same, and is told
 
     def close(self, info: StepInfo) -> StepInfo:
         """Finish the step: `NNNN_name.h5.part` becomes `NNNN_name.h5`, sealed and on the disk.
@@ -118,7 +155,7 @@ class StepWriter:
         self.flush()
         with whole_file(self._finished) as temporary, new_file(temporary, self._meta) as file:
             written = write_step(file, info, self._datasets, self._meta)
-            seal_recording(file)
+            seal_recording(file, meta_attributes(self._meta))
         self.release()
         self.path.unlink()
         return written
@@ -128,16 +165,23 @@ class StepWriter:
 
         Without `info`, the step ends where its samples do.
         """
+        self.flush()
         return self.close(replace(info or replace(self.info, t_end=self._end_s), whole=False))
 
     def release(self) -> None:
         """Let go of the `.part` file as it is, without finishing the step; safe to call twice."""
-        if self._open:
+        if self._timer is not None:
+            self._timer.cancel()
+        with self._writing, disk_errors(self.path):
             self._open = False
-            with disk_errors(self.path):
-                self._file.close()
+            self._file.close()
 
     @property
     def is_open(self) -> bool:
         """Whether the step can still take samples."""
         return self._open
+
+
+def _on(axis: Axis, channels: Sequence[str]) -> list[str]:
+    """Those of the channels that lie on this axis, which is the first of them."""
+    return [axis, *(name for name in channels if axis_of(name) == axis and name != axis)]

@@ -9,16 +9,18 @@ from pathlib import Path
 import h5py
 
 from benchctl.atomic import require_room, whole_file
-from benchctl.recordings.digests import SampleDigest, blocks, seal_recording, seal_step
+from benchctl.recordings.digests import Written, seal_recording, seal_step
 from benchctl.recordings.model import FloatArray, Meta, Step, StepInfo
+from benchctl.recordings.packing import write_samples
 from benchctl.recordings.schema import (
-    CHUNK,
     STEPS,
+    channel_attributes,
     check_channels,
     create_channels,
     group_name,
-    write_info,
-    write_meta,
+    info_attributes,
+    meta_attributes,
+    write_attributes,
 )
 from instruments.errors import UsageError
 
@@ -58,7 +60,7 @@ def write_recording(path: Path, meta: Meta, steps: Iterable[Step]) -> None:
 def new_file(path: Path, meta: Meta, libver: tuple[str, str] = FINISHED_LIBVER) -> h5py.File:
     """A file with the root's attributes and no steps yet, open for writing; `libver` as h5py understands it."""
     file = h5py.File(path, "w", libver=libver, track_order=True)
-    write_meta(file, meta)
+    write_attributes(file, meta_attributes(meta))
     file.create_group(STEPS, track_order=True)
     return file
 
@@ -74,13 +76,8 @@ def write_step(
     require_room(Path(file.filename), 8 * sum(lengths.values()))
     info = replace(info, samples=len(channels["time_s"]) if "time_s" in channels else 0)
     group = file.create_group(group_name(info.index), track_order=True)
-    write_info(group, info)
-    digests = {}
-    for name, dataset in create_channels(group, lengths, meta).items():
-        digest = SampleDigest(lengths[name])
-        for part in blocks(lengths[name], 8 * CHUNK):
-            block = channels[name][part]
-            dataset[part] = block
-            digest.update(block)
-        digests[name] = digest.hexdigest()
-    return replace(info, digest=seal_step(group, digests))
+    written = Written(info_attributes(info), {name: channel_attributes(name, meta) for name in lengths})
+    write_attributes(group, written.step)
+    datasets = create_channels(group, lengths, meta)
+    digests = write_samples(datasets, channels)
+    return replace(info, digest=seal_step(group, datasets, digests, written))

@@ -4,25 +4,18 @@ from __future__ import annotations
 
 import contextlib
 import math
-import os
-import subprocess
-import sys
 import threading
 import time
 from typing import IO, cast
 
 from benchctl.campaign.guard.orders import BEAT, Orders
+from benchctl.own_process import own_process
 
 ANSWER_S = 30.0
 """How long a guard may take to answer, wall time: its start takes a quarter of a second where nothing else runs."""
 
 BEAT_EVERY_S = 0.5
 """Wall time between two beats; a bench may be looked at much more often."""
-
-if sys.platform == "win32":  # neither Ctrl-C nor the console's end reaches it; elsewhere it has a session of its own
-    _OF_ITS_OWN = subprocess.CREATE_NEW_PROCESS_GROUP | subprocess.CREATE_NO_WINDOW
-else:
-    _OF_ITS_OWN = 0
 
 
 class GuardChild:
@@ -32,15 +25,7 @@ class GuardChild:
     """
 
     def __init__(self, orders: Orders) -> None:
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "benchctl.campaign.guard"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            bufsize=0,
-            env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},  # it finds what is found here
-            start_new_session=True,
-            creationflags=_OF_ITS_OWN,
-        )
+        self._process = own_process("benchctl.campaign.guard")
         self._stdin, self._stdout = cast(IO[bytes], self._process.stdin), cast(IO[bytes], self._process.stdout)
         self.pid = self._process.pid
         self._said = self._heard = 0

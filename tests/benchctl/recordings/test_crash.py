@@ -15,6 +15,7 @@ import xarray
 
 from benchctl.recordings.model import Step
 from benchctl.recordings.reader import open_recording
+from benchctl.recordings.recover import recover
 from benchctl.recordings.verify import verify
 from instruments.errors import UsageError
 from tests.benchctl.recordings import made
@@ -64,12 +65,42 @@ def _part(folder: Path) -> Step:
         return recording.step(2)
 
 
+@pytest.mark.parametrize("delay_s", [0.1, 0.6, 0.73, 0.97])
+def test_of_points_written_one_by_one_all_that_are_half_a_second_old_are_recovered(
+    tmp_path: Path, delay_s: float
+) -> None:
+    folder = tmp_path / "c"
+    with _writing(folder, "points", 0) as process:
+        (began,) = _lines(process, 1)
+        time.sleep(delay_s)
+        killed_s = time.monotonic()
+        process.kill()
+    with open_recording(recover(folder).recording) as recording:
+        found = recording.step(1)
+    assert np.array_equal(found["gyro_v"], np.arange(1.0, found.info.samples + 1))
+    assert (found["time_s"][-1] if found.info.samples else float(began)) >= killed_s - 0.5
+    assert verify(folder) == []
+
+
+def test_points_before_a_silence_are_recovered_though_nothing_came_after_them(tmp_path: Path) -> None:
+    folder = tmp_path / "c"
+    with _writing(folder, "points", 7) as process:
+        _lines(process, 2)
+        time.sleep(0.5)
+        process.kill()
+    with open_recording(recover(folder).recording) as recording:
+        assert recording.step(1)["gyro_v"].tolist() == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]
+
+
 def test_another_process_reads_what_is_being_written(tmp_path: Path) -> None:
     folder = tmp_path / "c"
     seen = []
     with _writing(folder, "slowly", 0.02) as process:
+        _lines(process, 1)
         for _ in range(3):
-            _lines(process, 20)
+            seen_s = time.monotonic()
+            while float(_lines(process, 1)[0]) < seen_s + 0.4:
+                pass
             with open_recording(folder) as recording:
                 assert recording.step(1).info.whole
                 part = recording.step(2)

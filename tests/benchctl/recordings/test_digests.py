@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,7 +12,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from benchctl.recordings.digests import digest_of, seal_recording, seal_step
 from benchctl.recordings.reader import open_recording
+from benchctl.recordings.step_writer import StepWriter
 from benchctl.recordings.verify import verify
 from instruments.errors import UsageError
 from tests.benchctl.recordings import made
@@ -143,3 +146,36 @@ def test_an_open_recording_has_no_digests_and_says_so(tmp_path: Path) -> None:
     (tmp_path / "recording.json").write_text("{}")
     with pytest.raises(UsageError, match="has no digests to check"):
         verify(tmp_path)
+
+
+WORDS = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=120)
+NUMBERS = st.floats()
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    words=WORDS,
+    unit=st.none() | WORDS,
+    number=NUMBERS,
+    whole=st.booleans(),
+    count=st.none() | st.integers(0, 2**62),
+    mounting=st.sampled_from(["", "across"]),
+)
+def test_a_seal_made_of_what_is_written_is_the_seal_made_of_what_is_read(
+    tmp_path: Path, words: str, unit: str | None, number: float, whole: bool, count: int | None, mounting: str
+) -> None:
+    extra = {"channel_units": {"gyro_v": unit or "V"}, "channel_comments": {"encoder_deg": words}} if unit else {}
+    simulation = {"name": words, "gain": number} if count else None
+    meta = made.meta(provenance={"operator": words, "source": words * 30}, extra=extra, simulation=simulation)
+    info = made.info(1, whole=whole, chamber_setpoint_c=number, frames_lost=count, rate_dps=None, mounting=mounting)
+    folder = Path(tempfile.mkdtemp(dir=tmp_path))
+    writer = StepWriter(folder, info, made.STREAMED, meta)
+    writer.append(made.streamed(0.0, 20))
+    writer.close(info)
+    with h5py.File(next(folder.glob("*.h5")), "r+") as file:
+        channels = dict(file["steps/0001"])
+        written = [(each.attrs["manifest"], each.attrs["digest"]) for each in (file["steps/0001"], file)]
+        samples = {name: digest_of(channel) for name, channel in channels.items()}
+        read = seal_step(file["steps/0001"], channels, samples), seal_recording(file)
+        assert tuple(digest for _, digest in written) == read
+        assert [each.attrs["manifest"] for each in (file["steps/0001"], file)] == [text for text, _ in written]
