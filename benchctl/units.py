@@ -73,6 +73,8 @@ def exact_factor(unit: str, other: str) -> Fraction:
         return Fraction(ours.to(theirs.units).magnitude)
     except (pint.PintError, TypeError, ValueError, AttributeError, SyntaxError, tokenize.TokenError) as err:
         raise ValueError(_none_of(unit, other)) from err
+    except AssertionError as err:  # pint's, of an operator with nothing behind it
+        raise ValueError(_none_of(unit, other)) from err
 
 
 def spelled(text: str) -> str:

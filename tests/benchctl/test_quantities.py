@@ -7,7 +7,7 @@ import sys
 from fractions import Fraction
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from benchctl.quantities import ENDINGS, named_quantity, quantity, unit_stated
@@ -134,6 +134,7 @@ def test_no_text_is_more_than_refused(text: str, name: str) -> None:
     assert abs(answer) < float("inf") if isinstance(answer, float) else len(answer) < 500
 
 
+@example("0/", "_c_per_min")
 @given(st.from_regex(r"[0-9.eE+-]{0,9} ?[A-Za-z°/%*^() 0-9-]{0,14}", fullmatch=True), st.sampled_from(list(ENDINGS)))
 def test_no_text_that_looks_like_a_quantity_is_more_than_refused(text: str, name: str) -> None:
     answer = _number_or_refusal(text, f"x{name}")

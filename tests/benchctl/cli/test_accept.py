@@ -176,6 +176,7 @@ def test_a_limit_inside_the_uncertainty_is_open(here: Path, verb: Verb) -> None:
     assert verb("accept", "short.h5", "--limits", "limits.toml")[0] == 0  # without a guard band the value counts
 
 
+@pytest.mark.slow
 def test_the_limit_may_be_in_another_unit_and_the_result_then_is_too(here: Path, verb: Verb) -> None:
     (here / "limits.toml").write_text('[limits.scale_factor]\nlow = 0.04\nhigh = 0.06\nunit = "V/(deg/s)"\n')
     assert verb("accept", "short.h5", "--limits", "limits.toml", "--json", "a.json")[0] == 0
@@ -196,6 +197,7 @@ def test_in_russian_the_words_are_and_the_json_is_as_ever(here: Path, verb: Verb
     assert "de" in err
 
 
+@pytest.mark.slow
 def test_with_quiet_there_is_a_report_and_no_word(here: Path, verb: Verb) -> None:
     assert verb("accept", "short.h5", "--limits", "limits.toml", "--quiet") == (0, "", "")
     assert names(here / "short.acceptance") == set(FILES.values())
@@ -215,6 +217,7 @@ def test_a_campaign_gets_its_files_and_stays_whole(here: Path, verb: Verb) -> No
     assert "acceptance.html" in out + err
 
 
+@pytest.mark.slow
 def test_history_sees_the_acceptance(here: Path, verb: Verb) -> None:
     (here / "limits.toml").write_text(FAILS)
     assert verb("accept", "campaign", "--limits", "limits.toml", "--quiet")[0] == 1
@@ -226,6 +229,7 @@ def test_history_sees_the_acceptance(here: Path, verb: Verb) -> None:
     assert figures["scale_factor"]["points"][0]["verdict"] == "FAIL"
 
 
+@pytest.mark.slow
 def test_an_open_recording_is_somebody_elses_and_is_left_as_it_is(here: Path, verb: Verb) -> None:
     assert verb("export", "short.h5", "--to", "open", "-o", "theirs", "--quiet")[0] == 0
     before = names(here / "theirs")
@@ -238,6 +242,7 @@ def test_an_open_recording_is_somebody_elses_and_is_left_as_it_is(here: Path, ve
     assert found["tests"][0]["verdict"] == "PASS"
 
 
+@pytest.mark.slow
 def test_out_names_another_place(here: Path, verb: Verb) -> None:
     assert verb("accept", "campaign", "--limits", "limits.toml", "--out", "filed/2026")[0] == 0
     assert names(here / "filed" / "2026") == set(FILES.values())

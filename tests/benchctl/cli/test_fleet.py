@@ -93,6 +93,7 @@ def test_what_cannot_be_used_is_refused_in_one_line(
     assert [path.name for path in tmp_path.iterdir()] == ["a.h5"]
 
 
+@pytest.mark.slow
 def test_without_the_extra_it_says_what_to_install_and_needs_it_for_work_only(tmp_path: Path) -> None:
     points(tmp_path / "a.h5", 1)
     program = "import sys; sys.modules['dask'] = None; from benchctl.cli.app import run_verb; sys.exit(run_verb({}))"

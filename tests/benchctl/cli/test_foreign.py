@@ -13,11 +13,10 @@ EXAMPLES = SHARED / "recordings" / "examples"
 MAPS = Path(__file__).resolve().parents[1] / "recordings" / "maps"
 
 
+@pytest.mark.slow
 @needs_shared("recordings/examples")
 @pytest.mark.timeout(300)
-@pytest.mark.parametrize(
-    "name", ["single", pytest.param("null", marks=pytest.mark.slow), pytest.param("pair", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("name", ["single", "null", "pair"])
 def test_an_open_recording_imports_fits_and_exports_with_every_digit(name: str, tmp_path: Path) -> None:
     imported = benchctl("import", EXAMPLES / name, "-o", tmp_path / "r.h5")
     assert imported.returncode == 0, imported.stderr

@@ -149,6 +149,7 @@ def test_limits_of_ones_own_judge_both_and_are_a_difference(again: Again, first:
     assert told.startswith("limits (SHA-256) was ")
 
 
+@pytest.mark.slow
 def test_a_value_that_was_stated_otherwise_is_told(again: Again, first: Path, tmp_path: Path) -> None:
     (tmp_path / "recording.h5").write_bytes((first / "recording.h5").read_bytes())
     stated = json.loads((first / "acceptance.json").read_text(encoding="utf-8"))

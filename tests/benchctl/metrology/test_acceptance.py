@@ -101,6 +101,7 @@ def test_the_results_come_in_the_order_of_the_report_each_in_its_unit() -> None:
         assert (one.value is None) == (one.uncertainty is None)
 
 
+@pytest.mark.slow
 def test_an_ideal_unit_has_bounds_and_sizes_that_cannot_be_told_from_zero() -> None:
     sizes = {
         "nonlinearity",
@@ -141,6 +142,7 @@ def negated(step: Recorded) -> Recorded:
     return Recorded(step.info, {name: -held if name == "gyro_v" else held for name, held in step.channels.items()})
 
 
+@pytest.mark.slow
 def test_a_gyro_wired_the_other_way_round_has_the_same_figures_and_a_negative_scale_factor() -> None:
     turned = {one.name: one for one in measured_in(altered(quiet()[0], negated), SETTINGS)}
     for name, one in of_quiet().items():
@@ -155,6 +157,7 @@ def test_a_gyro_wired_the_other_way_round_has_the_same_figures_and_a_negative_sc
         assert turned[name].uncertainty.expanded == pytest.approx(one.uncertainty.expanded, rel=0.03), name  # type: ignore[union-attr]
 
 
+@pytest.mark.slow
 def test_steps_of_a_converter_that_noise_does_not_blur_are_in_the_budgets() -> None:
     step_v = 20.0 / 2**12
 
@@ -253,6 +256,7 @@ def test_a_foreign_recording_that_states_less_still_has_a_scale_factor(change: o
     assert found.value == pytest.approx(whole.value, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_what_no_thermometer_measured_has_no_temperature() -> None:
     def neither(step: Recorded) -> Recorded:
         bare = without("gyro_temp_c")(step)
@@ -294,6 +298,7 @@ def test_an_output_that_never_changes_is_no_gyros(volts: float) -> None:
         results(PLAN, QUIET, change=outputs(lambda held: np.full_like(held, volts)))
 
 
+@pytest.mark.slow
 def test_a_dead_unit_that_only_makes_noise_fails_and_nothing_breaks() -> None:
     dead, _ = recorded(PLAN, replace(IDEAL, K_v_per_dps=0.0), 3, errors=False)
     found = accepted(dead, LIMITS)

@@ -12,8 +12,12 @@ from benchctl.proof.planned import planned
 from benchctl.proof.sizes import STATISTICAL, WANDERING
 from instruments.physics.effects.registry import effects
 
+QUICK = ("nothing", "moved", "single", "pair", "wandering", "outsider")
 
-@pytest.mark.parametrize("kind", list(CLASSES))
+
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=[] if kind in QUICK else pytest.mark.slow) for kind in CLASSES]
+)
 def test_a_trial_conceals_what_its_class_says(kind: ClassName) -> None:
     wanted = CLASSES[kind]
     for index in range(2):
@@ -27,12 +31,14 @@ def test_a_trial_conceals_what_its_class_says(kind: ClassName) -> None:
             assert truth.gain >= LEAST_GAIN
 
 
+@pytest.mark.slow
 def test_a_faint_effect_is_within_the_bounds_of_its_parameters() -> None:
     truth = draw(6, 108, "faint")  # first drawn: a lag, which at its least second is worth more than a faint one
     assert truth.gain == pytest.approx(FAINT_GAIN, rel=0.05)
     assert truth.made()
 
 
+@pytest.mark.slow
 def test_beside_a_wandering_bias_an_effect_is_worth_what_a_faint_one_is_alone() -> None:
     for index in range(4):
         truth = draw(12, index, "wandering+one")

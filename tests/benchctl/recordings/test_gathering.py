@@ -147,7 +147,9 @@ def test_where_no_process_can_be_started_all_is_gathered_at_the_end(
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="finds the process as Linux lists it")
-@pytest.mark.parametrize("delay_s", [0.0, 0.1, pytest.param(0.4, marks=pytest.mark.slow), 0.7])
+@pytest.mark.parametrize(
+    "delay_s", [0.0, *(pytest.param(delay_s, marks=pytest.mark.slow) for delay_s in (0.1, 0.4, 0.7))]
+)
 def test_killed_at_any_moment_it_costs_only_time(writer: CampaignWriter, delay_s: float) -> None:
     process = _gatherer(writer.folder)
     time.sleep(delay_s)
@@ -157,6 +159,7 @@ def test_killed_at_any_moment_it_costs_only_time(writer: CampaignWriter, delay_s
     assert _is_as_it_was_made(writer.folder)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="finds the process as Linux lists it")
 def test_one_that_hangs_is_not_waited_for_for_ever(writer: CampaignWriter, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gathering, "_ANSWERS_WITHIN_S", 0.5)
@@ -166,6 +169,7 @@ def test_one_that_hangs_is_not_waited_for_for_ever(writer: CampaignWriter, monke
     assert _is_as_it_was_made(writer.folder)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="finds the process as Linux lists it")
 def test_it_ends_with_the_program_that_started_it_and_leaves_nothing(tmp_path: Path) -> None:
     folder = tmp_path / "c"
@@ -185,6 +189,7 @@ def test_it_ends_with_the_program_that_started_it_and_leaves_nothing(tmp_path: P
     assert _is_as_it_was_made(folder)
 
 
+@pytest.mark.slow
 def test_a_campaign_that_is_let_go_of_keeps_its_steps_and_nothing_of_what_was_gathered(writer: CampaignWriter) -> None:
     _wait_until(lambda: bool(_left(writer.folder)))
     writer.release()

@@ -46,6 +46,7 @@ def test_the_sweep_before_the_first_power_cycle_is_a_turn_on_too() -> None:
     assert found.notes[0].values["cycles"] == 3
 
 
+@pytest.mark.slow
 def test_an_ideal_unit_cannot_be_told_from_a_perfect_one() -> None:
     found = results([soak(), *cycles(6)], IDEAL)
     for name in NAMES:
