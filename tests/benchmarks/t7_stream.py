@@ -97,9 +97,11 @@ class LimitedInputs:
             self._end_s = since_s + self._lasts_s
         self._inputs.hold_history(since_s)
 
-    def sample(self, first_s: float, interval_s: float, scans: int) -> tuple[IntArray, FloatArray, FloatArray]:
+    def sample(
+        self, first_s: float, interval_s: float, scans: int, *, start: int = 0
+    ) -> tuple[IntArray, FloatArray, FloatArray]:
         """As `AnalogInputs`, and digested."""
-        samples = self._inputs.sample(first_s, interval_s, scans)
+        samples = self._inputs.sample(first_s, interval_s, scans, start=start)
         self.sent.add(*samples)
         return samples
 

@@ -17,8 +17,8 @@ from benchctl.recordings.reader import open_recording
 from benchctl.recordings.writer import write_recording
 from tests.benchctl.calibration.synthetic import Truth, meta_of, steps, two_stage
 
-LIMIT_MIB = 400
-_STEP_S = 65.0
+LIMIT_MIB = 500
+_STEP_S = 82.0
 
 _FIT_IN_LITTLE = """
 import json, os, resource, sys
