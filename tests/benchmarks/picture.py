@@ -19,8 +19,8 @@ from tests.benchmarks.table import goal_of
 
 # told apart without colours too: by the side of the goal that they lie on, and by the hatching
 REACHED, MISSED = "#0072B2", "#D55E00"
-_WIDTH_IN, _ROW_IN, _REST_IN = 9.0, 0.48, 1.7
-_LABEL_WIDTH, _NOTE_WIDTH = 46, 130
+_WIDTH_IN, _ROW_IN, _REST_IN = 9.0, 0.55, 1.7
+_LABEL_WIDTH, _NOTE_WIDTH = 50, 130
 _MOST = 1e3
 
 
@@ -41,10 +41,9 @@ def drawn(found: Sequence[Comparison], conditions: Conditions) -> Figure:
         axes.barh(place, better - 1.0, left=1.0, height=0.6, **look)
         axes.annotate(
             f"{number(one.ratio)} (goal {goal_of(one)}{'' if one.reached else ', missed'})",
-            (better, place),
-            xytext=(4 if better >= 1.0 else -4, 0),
+            (max(better, 1.0), place),
+            xytext=(4, 0),
             textcoords="offset points",
-            ha="left" if better >= 1.0 else "right",
             va="center",
             fontsize=8,
         )
@@ -53,13 +52,12 @@ def drawn(found: Sequence[Comparison], conditions: Conditions) -> Figure:
     axes.xaxis.set_minor_formatter(NullFormatter())
     reach = max([2.0, *(max(times_better(one), 1.0 / times_better(one)) for one in found)])
     worst = min([1.0, *(times_better(one) for one in found)])
-    # beyond the longest bars there is room for their figures
-    axes.set_xlim(worst / reach**0.7 / 1.2, reach**1.7 * 1.2)
+    axes.set_xlim(worst / 1.5, reach**1.7 * 1.2)  # beyond the longest bars there is room for their figures
     axes.axvline(1.0, color=INK, linewidth=1.2)
     axes.set_yticks(range(len(found)), [_label(one) for one in found], fontsize=8)
     axes.invert_yaxis()
-    axes.set_xlabel("times better than the goal (logarithmic; the line at 1 is the goal)")
-    axes.set_title("Speed beside peers and limits; the figures are ours over theirs", loc="left")
+    axes.set_xlabel("times better than the goal (the line)")
+    axes.set_title("Ours over theirs", loc="left", fontsize=10)
     legend = [
         Patch(color=REACHED, label="goal reached"),
         Patch(facecolor=MISSED, hatch="///", edgecolor="white", label="goal missed"),
@@ -78,4 +76,4 @@ def times_better(one: Comparison) -> float:
 
 def _label(one: Comparison) -> str:
     values = f"{number(one.value)} against {number(one.against_value)} {one.unit} ({one.against})"
-    return "\n".join(textwrap.shorten(part, 2 * _LABEL_WIDTH) for part in (one.name, values))
+    return "\n".join(textwrap.fill(part, _LABEL_WIDTH) for part in (one.name, values))
