@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib.util
 import sys
 from collections.abc import Iterator
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
 
 from benchctl.closeness import meant, there_are
@@ -51,10 +52,18 @@ def find_procedure(name: str) -> Procedure:
     raise UsageError(f"there is no procedure {name!r}: {meant(name, names, f'{there_are(names)}; a file ends in .py')}")
 
 
+class _LeavesNothing(SourceFileLoader):
+    """Writes no `__pycache__` into the folder of a user's file."""
+
+    def set_data(self, path: str, data: object, *, _mode: int = 0) -> None:
+        """Keep nothing."""
+
+
 def _from_file(path: Path) -> Procedure:
     if not path.is_file():
         raise UsageError(f"procedure {path}: there is no such file; benchctl procedures lists those there are")
-    spec = importlib.util.spec_from_file_location(f"benchctl_procedure_{path.stem}", path)
+    name = f"benchctl_procedure_{path.stem}"
+    spec = importlib.util.spec_from_file_location(name, path, loader=_LeavesNothing(name, str(path)))
     if spec is None or spec.loader is None:
         raise UsageError(f"procedure {path}: is no Python file, expected one that ends in .py")
     module = importlib.util.module_from_spec(spec)
