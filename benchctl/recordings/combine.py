@@ -16,6 +16,7 @@ from benchctl.atomic import require_room, whole_file
 from benchctl.recordings.digests import Problem, problems_of_member, problems_of_recording, seal_recording
 from benchctl.recordings.hdf5_files import RecordingFile, open_ours
 from benchctl.recordings.model import Meta
+from benchctl.recordings.opening import FINISHED_LIBVER, create_hdf5
 from benchctl.recordings.schema import (
     FINISHED_SUFFIX,
     STEPS,
@@ -25,7 +26,7 @@ from benchctl.recordings.schema import (
     write_attributes,
 )
 from benchctl.recordings.step_writer import file_stem
-from benchctl.recordings.writer import FINISHED_LIBVER, new_file
+from benchctl.recordings.writer import new_file
 from instruments.errors import UsageError
 
 
@@ -39,7 +40,7 @@ class Begun:
 
 def begin(path: Path) -> None:
     """Make a recording without attributes, seal and steps, for `add`."""
-    with h5py.File(path, "w", libver=FINISHED_LIBVER, track_order=True) as target:
+    with create_hdf5(path) as target:
         target.create_group(STEPS, track_order=True)
 
 

@@ -23,11 +23,11 @@ from benchctl.recordings.hdf5_guard import (
     is_channel,
     length_of,
     names_in,
-    open_growing,
     plain_errors,
 )
 from benchctl.recordings.hdf5_heaps import check_heaps
 from benchctl.recordings.model import AXES, Axis, FloatArray, Meta, Step, StepInfo, axis_of
+from benchctl.recordings.opening import open_growing
 from benchctl.recordings.read_digests import ReadDigests
 from benchctl.recordings.schema import FORMAT, PART_SUFFIX, STEPS, group_name
 from benchctl.recordings.stored import SCANS_AT_ONCE, StoredStep

@@ -10,12 +10,9 @@ which has been known to crash on one: see `benchctl.limits`.
 
 from __future__ import annotations
 
-import ctypes
 import math
-import os
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
-from pathlib import Path
+from contextlib import contextmanager
 from typing import Any
 
 import h5py
@@ -25,26 +22,8 @@ from benchctl.limits import FREE_BYTES, MOST_CHUNK_BYTES, MOST_INFLATION, MOST_J
 from instruments.errors import BenchError
 
 _FILTERS = {h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_FLETCHER32}
-_READ_ATTEMPTS = 24
-"""The waits between them double from a nanosecond: 17 ms together."""
 _MOST_ARRAY_BYTES = 1 << 16
 """An attribute that is an array: HDF5's own limit for one that stands in the header of its group."""
-
-
-def open_growing(path: Path) -> h5py.File:
-    """A file that another process may be writing, open for reading under SWMR; raises what `h5py.File` raises.
-
-    Where a header fails its checksum HDF5 reads it again, a hundred times, waiting twice as long each time: for a
-    damaged file that is for ever. Far fewer are enough for a writer in mid-flush. h5py has no call for it; HDF5 has
-    (H5Pset_metadata_read_attempts), and is asked where the system lets it be found.
-    """
-    access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
-    with suppress(AttributeError, OSError):  # not found: Windows, or an h5py that was linked in another way
-        set_attempts = ctypes.CDLL(h5py.h5p.__file__).H5Pset_metadata_read_attempts
-        set_attempts.argtypes = (ctypes.c_int64, ctypes.c_uint)
-        set_attempts(access.id, _READ_ATTEMPTS)
-    flags = h5py.h5f.ACC_RDONLY | h5py.h5f.ACC_SWMR_READ
-    return h5py.File(h5py.h5f.open(os.fsencode(path), flags, fapl=access))
 
 
 @contextmanager

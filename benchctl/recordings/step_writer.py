@@ -38,7 +38,6 @@ from instruments.errors import UsageError
 CLOSING_S_PER_SCAN = 1e-5
 """Wall time that a scan may take while its step's file is written once more: twenty times what was measured."""
 
-_SWMR_LIBVER = ("v110", "v110")
 _FLUSH_AFTER_S = 0.2
 """Of the half second that may be lost; the rest is for the flush itself, on a busy machine."""
 _MOST_WAITING = 1 << 17
@@ -72,7 +71,7 @@ class StepWriter:
         self._is_timed = self._is_refused = False
         require_room(self.path, 0)
         with disk_errors(self.path):
-            self._file = new_file(self.path, meta, _SWMR_LIBVER)
+            self._file = new_file(self.path, meta, growing=True)
             group = self._file.create_group(group_name(info.index), track_order=True)
             write_attributes(group, info_attributes(replace(info, whole=False, t_end=info.t_start)))
             self._datasets = create_growing_channels(group, channels, meta)

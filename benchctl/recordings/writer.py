@@ -11,6 +11,7 @@ import h5py
 from benchctl.atomic import require_room, whole_file
 from benchctl.recordings.digests import Written, seal_recording, seal_step
 from benchctl.recordings.model import FloatArray, Meta, Step, StepInfo
+from benchctl.recordings.opening import create_hdf5
 from benchctl.recordings.packing import write_samples
 from benchctl.recordings.schema import (
     STEPS,
@@ -23,9 +24,6 @@ from benchctl.recordings.schema import (
     write_attributes,
 )
 from instruments.errors import UsageError
-
-FINISHED_LIBVER = ("v108", "v110")
-"""The oldest and newest HDF5 format features that a finished file may use."""
 
 
 def write_recording(path: Path, meta: Meta, steps: Iterable[Step]) -> None:
@@ -57,9 +55,9 @@ def write_recording(path: Path, meta: Meta, steps: Iterable[Step]) -> None:
         seal_recording(file)
 
 
-def new_file(path: Path, meta: Meta, libver: tuple[str, str] = FINISHED_LIBVER) -> h5py.File:
-    """A file with the root's attributes and no steps yet, open for writing; `libver` as h5py understands it."""
-    file = h5py.File(path, "w", libver=libver, track_order=True)
+def new_file(path: Path, meta: Meta, *, growing: bool = False) -> h5py.File:
+    """A file with the root's attributes and no steps yet, open for writing; `growing` as `create_hdf5` has it."""
+    file = create_hdf5(path, growing=growing)
     write_attributes(file, meta_attributes(meta))
     file.create_group(STEPS, track_order=True)
     return file

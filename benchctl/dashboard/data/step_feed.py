@@ -22,10 +22,10 @@ from benchctl.recordings.hdf5_guard import (
     is_channel,
     length_of,
     names_in,
-    open_growing,
     plain_errors,
 )
 from benchctl.recordings.model import Axis, FloatArray, StepInfo, axis_of
+from benchctl.recordings.opening import open_growing
 from benchctl.recordings.reader import campaign_files
 from benchctl.recordings.schema import FINISHED_SUFFIX, PART_SUFFIX, STEPS
 from instruments.errors import UsageError

@@ -18,8 +18,9 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from benchctl.recordings.hdf5_guard import child, child_group, length_of, open_growing, plain_errors
+from benchctl.recordings.hdf5_guard import child, child_group, length_of, plain_errors
 from benchctl.recordings.model import FloatArray
+from benchctl.recordings.opening import open_growing
 from benchctl.recordings.schema import group_name
 from instruments.errors import UsageError
 

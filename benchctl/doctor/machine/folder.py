@@ -25,7 +25,7 @@ _READER_LIMIT_S = 30.0
 _SAMPLES = 1000
 _READER = """
 import sys, h5py
-with h5py.File(sys.argv[1], "r", swmr=True) as file:
+with h5py.File(sys.argv[1], "r", swmr=True, locking=False) as file:
     print(len(file["samples"]))
 """
 
@@ -98,7 +98,7 @@ def growing_file_finding(folder: Path) -> Finding:
     path = folder / "trial.h5"
     do = "name a folder on a local disk with --out DIR"
     try:
-        with h5py.File(path, "w", libver="latest") as file:
+        with h5py.File(path, "w", libver="latest", locking=False) as file:
             samples = file.create_dataset("samples", (0,), maxshape=(None,), dtype="f8", chunks=(_SAMPLES,))
             file.swmr_mode = True
             samples.resize((_SAMPLES,))

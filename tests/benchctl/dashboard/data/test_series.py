@@ -141,6 +141,7 @@ def test_while_an_overview_is_made_what_is_there_is_right_and_the_rest_is_none(
     done = _complete(reader, path, "gyro_v", (90.0, 450.0), 100)
     assert done["done"] == 1.0
     brute.assert_is_of(done, time_s, values, 450.0)
+    reader.close()  # the file gets its name after the overview is complete
     assert len(list((cache / "overviews").glob(f"*{ENDING}"))) == 1
 
 
