@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from typing import TypeVar
 
 Item = TypeVar("Item")
@@ -26,15 +26,22 @@ def in_order(work: Callable[[Item], Made], items: Iterable[Item], workers: int) 
     if workers == 1:
         yield from map(work, items)
         return
-    begun: deque[Future[Made]] = deque()
     with ThreadPoolExecutor(workers, thread_name_prefix="side_by_side") as pool:
-        try:
-            for item in items:
-                if len(begun) > workers:
-                    yield begun.popleft().result()
-                begun.append(pool.submit(work, item))
-            while begun:
+        yield from in_order_by(pool, work, items, workers)
+
+
+def in_order_by(
+    pool: Executor, work: Callable[[Item], Made], items: Iterable[Item], workers: int
+) -> Generator[Made, None, None]:
+    """As `in_order`, by the threads of a pool that stays; what has not begun when an error is raised is called off."""
+    begun: deque[Future[Made]] = deque()
+    try:
+        for item in items:
+            begun.append(pool.submit(work, item))
+            if len(begun) > workers:
                 yield begun.popleft().result()
-        finally:
-            for waiting in begun:
-                waiting.cancel()
+        while begun:
+            yield begun.popleft().result()
+    finally:
+        for waiting in begun:
+            waiting.cancel()

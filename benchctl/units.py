@@ -35,6 +35,8 @@ _SIGNS = {
     "Ω": "ohm",
 }
 _SPELLED = re.compile("|".join(re.escape(sign) for sign in sorted(_SIGNS, key=len, reverse=True)))
+_PINTS_OWN = (TypeError, ValueError, AttributeError, SyntaxError, AssertionError)
+"""What pint raises of texts beside its own errors; an assertion fails of an operator with nothing behind it."""
 _SCALES = re.compile(r"\bdeg([CF])\b")
 
 
@@ -71,9 +73,7 @@ def exact_factor(unit: str, other: str) -> Fraction:
         if ours.to_root_units().units != theirs.to_root_units().units:  # for pint an angle is but a number: rad/s is Hz
             raise ValueError(other)
         return Fraction(ours.to(theirs.units).magnitude)
-    except (pint.PintError, TypeError, ValueError, AttributeError, SyntaxError, tokenize.TokenError) as err:
-        raise ValueError(_none_of(unit, other)) from err
-    except AssertionError as err:  # pint's, of an operator with nothing behind it
+    except (pint.PintError, *_PINTS_OWN, tokenize.TokenError) as err:
         raise ValueError(_none_of(unit, other)) from err
 
 

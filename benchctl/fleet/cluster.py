@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import os
 import signal
 import warnings
 from collections.abc import Iterator
@@ -33,11 +32,6 @@ def refuse_without_dask() -> None:
         import distributed  # noqa: F401
     except ImportError as err:
         raise UsageError("fleet: needs dask.distributed; pip install 'benchctl[cluster]'") from err
-
-
-def cores() -> int:
-    """The cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextmanager

@@ -7,13 +7,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from benchctl.campaign.stop import StoppedError, StopRequest
-from benchctl.fleet.cluster import connected, cores, refuse_without_dask
+from benchctl.fleet.cluster import connected, refuse_without_dask
 from benchctl.fleet.job import Job, JobRecord, Options, Outcome, kept, record_at
 from benchctl.fleet.located import Located
 from benchctl.fleet.places import Place, place_of
 from benchctl.fleet.running import outcomes
 from benchctl.reports.fleet_facts import Fleet, Member
 from benchctl.reports.fleet_stated import REPORTS, VERBS, FleetVerb
+from benchctl.side_by_side import cores
 from instruments.errors import BenchError, LinkError
 
 

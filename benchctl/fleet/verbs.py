@@ -19,7 +19,6 @@ def do_verb(verb: FleetVerb, recording: Located, path: Path, options: Options, f
 
     Raises `UsageError` where the single verb does.
     """
-    refuse_changed(path, _THEREFORE[verb])
     _DOES[verb](recording, path, options, folder)
     with open_recording(path) as opened:
         return opened.meta.unit
@@ -38,6 +37,7 @@ def _fit(recording: Located, path: Path, _: Options, folder: Path) -> None:
 def _diagnose(_: Located, path: Path, options: Options, folder: Path) -> None:
     from benchctl.reports.diagnosing import diagnose_recordings, write_diagnosed
 
+    refuse_changed(path, "diagnosed")
     model = None
     if options.model is not None:
         name, text = options.model
@@ -62,4 +62,3 @@ _DOES: Mapping[FleetVerb, Callable[[Located, Path, Options, Path], None]] = {
     "diagnose": _diagnose,
     "accept": _accept,
 }
-_THEREFORE: Mapping[FleetVerb, str] = {"fit": "fitted", "diagnose": "diagnosed", "accept": "accepted"}

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from benchctl.metrology.gyro_tests.across import across_tests
 from benchctl.metrology.gyro_tests.at_rest import rest_tests
@@ -52,6 +53,12 @@ def measured_in(recording: Recording, settings: Settings) -> tuple[Measured, ...
     UsageError
         Where it holds no reading at all, or an output that is not in volts, or never changes.
     """
+    # BLAS adds up in another order on another number of threads: a rerun elsewhere has to give the same digits
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _measured_in(recording, settings)
+
+
+def _measured_in(recording: Recording, settings: Settings) -> tuple[Measured, ...]:
     if recording.meta.output_unit != "V":
         raise UsageError(
             f"{recording.path}: the output is in {recording.meta.output_unit}; the tests are defined for a gyro whose "

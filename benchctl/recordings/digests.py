@@ -119,8 +119,13 @@ def seal_recording(root: h5py.Group, attributes: Mapping[str, Plain] | None = No
     return _seal(root, _root_manifest(root, attributes))
 
 
+def _none_known(*_: str) -> str | None:
+    """Of a recording of which nothing has been read."""
+    return None
+
+
 def problems_of_recording(
-    root: h5py.Group, known: Known = lambda step, channel: None, proven: Collection[str] = ()
+    root: h5py.Group, known: Known = _none_known, proven: Collection[str] = ()
 ) -> Iterator[Problem]:
     """Everything in a sealed recording that is not as it was sealed.
 
@@ -137,7 +142,7 @@ def problems_of_recording(
             yield from problems_of_member(root, name, known)
 
 
-def problems_of_member(root: h5py.Group, name: str, known: Known = lambda step, channel: None) -> Iterator[Problem]:
+def problems_of_member(root: h5py.Group, name: str, known: Known = _none_known) -> Iterator[Problem]:
     """Everything in one step of a recording, by the name of its group, that is not as it was sealed."""
     try:
         step = child_group(root[STEPS], name)
@@ -148,7 +153,7 @@ def problems_of_member(root: h5py.Group, name: str, known: Known = lambda step, 
 
 
 def problems_of_step(
-    group: h5py.Group, where: str, known: Callable[[str], str | None] = lambda channel: None
+    group: h5py.Group, where: str, known: Callable[[str], str | None] = _none_known
 ) -> Iterator[Problem]:
     """Everything in a sealed step that is not as it was sealed; reads every sample but those of channels `known`."""
     try:

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from threadpoolctl import threadpool_limits
-
 from benchctl.metrology.acceptance import accepted
 from benchctl.metrology.limit_file import Limits
 from benchctl.metrology.result import Acceptance
@@ -59,7 +57,6 @@ def accept_recording(path: Path, limits: Limits) -> Accepted:
     UsageError
         Where it cannot be read, was changed, or holds no reading at all.
     """
-    # BLAS adds up in another order on another number of threads: a rerun elsewhere has to give the same digits
-    with threadpool_limits(limits=1, user_api="blas"), opened_unchanged([path], "accepted") as (recording,):
+    with opened_unchanged([path], "accepted") as (recording,):
         found = Accepted(acceptance=accepted(recording, limits), facts=facts_of(recording))
     return found

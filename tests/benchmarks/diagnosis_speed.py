@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from instruments.errors import UsageError
+from tests.benchctl.believed import BELIEVED, NO_ENCODER_ERRORS
 from tests.benchmarks.comparison import Comparison
 
 ROWS, LIMIT_S = 400_000, 10.0
@@ -43,19 +44,6 @@ EFFECTS: Mapping[str, Mapping[str, float]] = {
     "bias_temperature_rate": {"v_per_c_per_s": 0.05},
     "heading_dependent_bias": {"amplitude_v": 6e-4, "phase_deg": 40.0, "order": 1.0},
 }
-_BELIEVED = """[simulation]
-K0_v_per_dps = 0.05
-U0_v = 0.012
-T0_c = 20.0
-k_T = [-1.315e-4, 2.066e-6]
-k_omega = [-3.375e-6, 3.417e-12]
-noise_v_rms = 0.0006
-output_limit_v = 11.0
-
-[physics.encoder]
-eccentricity_arcsec = 0.0
-ellipticity_arcsec = 0.0
-"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,7 +85,7 @@ def recorded(folder: Path, rows: int, effects: Sequence[str]) -> tuple[Path, int
     tables = [
         f"[effects.{name}]\n" + "".join(f"{key} = {EFFECTS[name][key]}\n" for key in EFFECTS[name]) for name in effects
     ]
-    model.write_text(_BELIEVED + "".join(tables), encoding="utf-8")
+    model.write_text(BELIEVED + NO_ENCODER_ERRORS + "".join(tables), encoding="utf-8")
     points = ",".join(f"{one:g}" for one in set_points_c(rows))
     what = ("diagnostic", "--bench", str(bench), "--model", str(model), "-p", f"set_points_c={points}")
     _benchctl("simulate", *what, "-o", str(recording), "--seed", "7", "--json", str(summary), "--quiet")

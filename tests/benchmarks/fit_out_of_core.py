@@ -9,6 +9,7 @@ memory is the largest that the process of the fit ever held. The file lies in th
 from __future__ import annotations
 
 import json
+import math
 import statistics
 import subprocess
 import sys
@@ -20,6 +21,7 @@ from pathlib import Path
 from instruments.errors import UsageError
 from tests.benchmarks.comparison import Comparison
 from tests.benchmarks.large_campaign import write_campaign
+from tests.benchmarks.memory import peak_bytes
 
 SCANS = 1e8
 TIMES_THE_READING = 1.5
@@ -75,17 +77,8 @@ def _read(recording: Path) -> Callable[[], object]:
     return read
 
 
-def _peak_mib() -> float:
-    """NaN where the system does not say. Not by `getrusage`, whose maximum begins with that of the parent process."""
-    status = Path("/proc/self/status")
-    if not status.exists():
-        return float("nan")
-    (line,) = (line for line in status.read_text(encoding="utf-8").splitlines() if line.startswith("VmHWM:"))
-    return int(line.split()[1]) / 1024.0
-
-
 if __name__ == "__main__":
     loaded = {"fit": _fit, "read": _read}[sys.argv[1]](Path(sys.argv[2]))
     began_s = time.perf_counter()
     loaded()
-    print(json.dumps([time.perf_counter() - began_s, _peak_mib()]))  # noqa: T201
+    print(json.dumps([time.perf_counter() - began_s, (peak_bytes() or math.nan) / 2**20]))  # noqa: T201

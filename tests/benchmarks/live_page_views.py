@@ -31,6 +31,7 @@ from benchctl.recordings.reader import open_recording
 from benchctl.recordings.schema import STEPS
 from benchctl.recordings.writer import write_recording
 from tests.benchctl.recordings import made
+from tests.benchmarks.memory import peak_bytes
 
 T = TypeVar("T")
 
@@ -97,8 +98,8 @@ def look(folder: Path, views: int) -> None:
         f"{views} windows from all of it to single samples: median {statistics.median(zoomed_s):.3f} s, "
         f"the slowest {max(zoomed_s):.3f} s: {max([*zoomed_s, *took_s]) / VIEW_LIMIT_S:.2f} of {VIEW_LIMIT_S:g} s"
     )
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-    say(f"peak memory {peak / 2**20:.0f} MiB: {peak / MEMORY_LIMIT_BYTES:.2f} of 1 GiB")
+    if (peak := peak_bytes()) is not None:
+        say(f"peak memory {peak / 2**20:.0f} MiB: {peak / MEMORY_LIMIT_BYTES:.2f} of 1 GiB")
 
 
 def follow(folder: Path) -> None:

@@ -40,7 +40,7 @@ class Conditions:
         """At the beginning of a run."""
         installed = [f"{name} {found}" for name in (*OURS, *PEERS) if (found := _version(name))]
         return cls(
-            processor=_processor(),
+            processor=processor(),
             cores=cores(),
             load=_load(),
             date=datetime.now().astimezone().strftime("%Y-%m-%d %H:%M"),
@@ -70,7 +70,7 @@ def _load() -> tuple[float, ...]:
     return (os.getloadavg()[0],) if hasattr(os, "getloadavg") else ()
 
 
-def _processor() -> str:
+def processor() -> str:
     """The model's name, as Linux has it, or what Python knows of it."""
     info = Path("/proc/cpuinfo")
     lines = info.read_text(encoding="utf-8").splitlines() if info.is_file() else []

@@ -23,7 +23,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date
 from multiprocessing.connection import Connection
-from pathlib import Path
 
 import numpy as np
 
@@ -36,6 +35,8 @@ from instruments.protocols.t7_stream import MOST_SAMPLES
 from instruments.simulated.clock import ScaledClock
 from instruments.simulated.faults.stream_kinds import StreamFault
 from instruments.simulated.machines import AnalogInputs
+from tests.benchmarks.machine import processor
+from tests.benchmarks.memory import peak_bytes
 
 SAMPLES_A_SECOND = 100_000
 RATE_HZ = SAMPLES_A_SECOND / SCAN_LENGTH
@@ -211,18 +212,6 @@ def read(t7: LabJackT7, scans: int) -> ScanBlock:
         return t7.read_stream(1, 0.0)
 
 
-def peak_bytes() -> int | None:
-    """The most memory that this process has held; None where the system does not say.
-
-    Not `resource`'s: in a new process that begins with what the old one had held.
-    """
-    status = Path("/proc/self/status")
-    if not status.exists():
-        return None
-    line = next(line for line in status.read_text().splitlines() if line.startswith("VmHWM:"))
-    return int(line.split()[1]) * 1024
-
-
 def table(result: Run) -> str:
     """A run as Markdown."""
     served = result.served
@@ -246,7 +235,7 @@ def table(result: Run) -> str:
         ("simulated T7 and bench", _cost(served.cpu_s / result.wall_s, served.peak_bytes)),
         (
             "machine",
-            f"{_processor()}, {os.cpu_count()} CPUs, Python {platform.python_version()}, {platform.platform()}",
+            f"{processor()}, {os.cpu_count()} CPUs, Python {platform.python_version()}, {platform.platform()}",
         ),
         ("date", f"{date.today():%Y-%m-%d}"),
     ]
@@ -263,13 +252,6 @@ def _backlog(scans: int) -> str:
 def _cost(share: float, peak: int | None) -> str:
     memory = "an unknown amount of" if peak is None else f"{peak / 2**20:.0f} MiB of"
     return f"{share:.1%} of a processor, at most {memory} memory"
-
-
-def _processor() -> str:
-    """Its name, where the system says; else only its kind."""
-    cpuinfo = Path("/proc/cpuinfo")
-    lines = cpuinfo.read_text().splitlines() if cpuinfo.exists() else []
-    return next((line.partition(": ")[2] for line in lines if line.startswith("model name")), platform.machine())
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

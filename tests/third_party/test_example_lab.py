@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 import tomli_w
 
+from tests.benchctl.believed import BELIEVED, NO_ENCODER_ERRORS
 from tests.third_party.environments import fresh_environment
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
@@ -21,21 +22,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 EXAMPLE = Path(__file__).with_name("example_lab")
 HIDDEN_V = 2.0e-8
 
-MODEL = f"""
-[simulation]
-K0_v_per_dps = 0.05
-U0_v = 0.012
-T0_c = 20.0
-k_T = [-1.315e-4, 2.066e-6]
-k_omega = [-3.375e-6, 3.417e-12]
-noise_v_rms = 0.0006
-output_limit_v = 11.0
-[physics.encoder]
-eccentricity_arcsec = 0.0
-ellipticity_arcsec = 0.0
-[effects.vibration_rectification]
-v_per_dps2_squared = {HIDDEN_V}
-"""
+MODEL = f"{BELIEVED}{NO_ENCODER_ERRORS}[effects.vibration_rectification]\nv_per_dps2_squared = {HIDDEN_V}\n"
 
 
 @pytest.fixture(scope="module")

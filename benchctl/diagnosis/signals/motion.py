@@ -55,10 +55,6 @@ class Motion:
     filters: tuple[FloatArray, FloatArray]
     ripple: Ripple
 
-    def rate_of(self, angle_deg: FloatArray) -> FloatArray:
-        """The rate that this motion's own filters make of other angles of the same samples, shape (n,)."""
-        return rates_of([self], [angle_deg])[0]
-
 
 def rates_of(motions: Sequence[Motion], angles_deg: Sequence[FloatArray]) -> list[FloatArray]:
     """The rates that the filters of motions of one sample rate make of other angles of the same samples."""

@@ -10,9 +10,12 @@ import os
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
-from functools import lru_cache
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache, partial
 from typing import TypeVar
+
+from benchctl.side_by_side import cores as all_cores
+from benchctl.side_by_side import in_order_by
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -25,9 +28,7 @@ _inside = threading.local()
 
 def cores() -> int:
     """How many threads work at once."""
-    if hasattr(os, "sched_getaffinity"):
-        return min(len(os.sched_getaffinity(0)), _MOST)
-    return min(os.cpu_count() or 1, _MOST)
+    return min(all_cores(), _MOST)
 
 
 def shared_out(work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
@@ -38,17 +39,7 @@ def shared_out(work: Callable[[Item], Result], items: Iterable[Item]) -> Iterato
     if cores() == 1 or getattr(_inside, "busy", False):
         yield from map(work, items)
         return
-    waiting: deque[Future[Result]] = deque()
-    try:
-        for item in items:
-            waiting.append(_pool().submit(_marked, work, item))
-            if len(waiting) > cores():
-                yield waiting.popleft().result()
-        while waiting:
-            yield waiting.popleft().result()
-    finally:
-        for left in waiting:
-            left.cancel()
+    yield from in_order_by(_pool(), partial(_marked, work), items, cores())
 
 
 def parts_of(count: int, most: int) -> list[slice]:

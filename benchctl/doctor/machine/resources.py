@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from benchctl.doctor.finding import MACHINE, Finding, look, ok
+from benchctl.side_by_side import cores
 
 _LITTLE_MEMORY = 2e9
 """A diagnosis takes 1 GB in the median."""
@@ -17,8 +18,7 @@ _FEW_FILES = 256
 
 def resource_findings(root: Path = Path("/")) -> Iterator[Finding]:
     """What the system lets this process have; `root` is where its `proc` and `sys` lie."""
-    usable = len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
-    yield ok(MACHINE, "processors", f"{usable} of {os.cpu_count() or 1} for this process")
+    yield ok(MACHINE, "processors", f"{cores()} of {os.cpu_count() or 1} for this process")
     yield from _memory(root)
     if sys.platform != "win32":
         yield _files()

@@ -15,19 +15,11 @@ import pytest
 
 from benchctl.cli.app import run_verb
 from benchctl.cli.completing import candidates
+from tests.benchctl.believed import BELIEVED
 from tests.benchctl.cli.processes import benchctl, started
 from tests.benchctl.fleet.made import points
 
 LIMITS = '[limits.scale_factor]\nlow = 49.0\nhigh = 51.0\nunit = "mV/(deg/s)"\n'
-MODEL = """[simulation]
-K0_v_per_dps = 0.05
-U0_v = 0.012
-T0_c = 20.0
-k_T = [-1.315e-4, 2.066e-6]
-k_omega = [-3.375e-6, 3.417e-12]
-noise_v_rms = 0.0006
-output_limit_v = 11.0
-"""
 
 
 def told_by(path: Path) -> Any:
@@ -182,7 +174,7 @@ def test_accept_says_what_the_single_verb_says(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_diagnose_says_what_the_single_verb_says_and_the_page_has_the_fits_as_well(tmp_path: Path) -> None:
     points(tmp_path / "a.h5", 1)
-    (tmp_path / "lab.toml").write_text(MODEL)
+    (tmp_path / "lab.toml").write_text(BELIEVED)
     ways = [str(tmp_path / "a.h5"), "--quiet"]
     given = ["--model", str(tmp_path / "lab.toml"), "--seed", "3"]
     assert run_verb(["fleet", "fit", *ways, "--report", str(tmp_path)]) == 0

@@ -11,23 +11,13 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from tests.benchctl.believed import BELIEVED
 from tests.benchctl.dashboard.page.browsing import TELEPHONE, Seen, Served, a_page, picture, serving, sideways
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
 _SWEEP = ("rate_sweep", "-p", "soak_s=300", "-p", "rates=4", "-p", "run_s=20", "-p", "zero_s=20")
-_LAG = """
-[simulation]
-K0_v_per_dps = 0.05
-U0_v = 0.012
-T0_c = 20.0
-k_T = [-1.315e-4, 2.066e-6]
-k_omega = [-3.375e-6, 3.417e-12]
-noise_v_rms = 0.0006
-output_limit_v = 11.0
-[effects.thermal_lag]
-tau_s = 312.0
-"""
+_LAG = f"{BELIEVED}[effects.thermal_lag]\ntau_s = 312.0\n"
 
 
 def benchctl(*arguments: str | Path, status: int = 0) -> None:

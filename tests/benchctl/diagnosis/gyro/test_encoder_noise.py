@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pytest
 
 from benchctl.diagnosis.gyro.encoder_noise import rate_variance
-from benchctl.diagnosis.signals.motion import Motion, motion_of
+from benchctl.diagnosis.signals.motion import Motion, motion_of, rates_of
 
 FloatArray = npt.NDArray[np.float64]
 RATE_HZ, ROWS, NOISE_DEG = 100.0, 20000, 0.5 / 3600.0
@@ -58,7 +58,7 @@ def test_the_variance_is_that_of_the_noise_behind_the_motion_s_own_filters(
 ) -> None:
     angle, motion = moved(path)
     whole, step = rate_variance(frame((angle, motion)))
-    drawn = np.stack([motion.rate_of(noise(seed)) for seed in range(1, 6)])[:, where]
+    drawn = np.stack([rates_of([motion], [noise(seed)])[0] for seed in range(1, 6)])[:, where]
     assert float(np.mean(drawn**2)) == pytest.approx(float(whole[where].mean()), rel=TOLERANCE)
     assert 0.5 * float(np.mean(np.diff(drawn) ** 2)) == pytest.approx(float(step[where].mean()), rel=TOLERANCE)
 
@@ -67,7 +67,7 @@ def test_where_the_filters_are_mixed_it_is_that_of_their_mixture() -> None:
     angle, motion = moved(steady)
     half = replace(motion, sudden=np.full(ROWS, 0.5))
     whole, step = rate_variance(frame((angle, half)))
-    drawn = np.stack([half.rate_of(noise(seed)) for seed in range(1, 6)])[:, INSIDE]
+    drawn = np.stack([rates_of([half], [noise(seed)])[0] for seed in range(1, 6)])[:, INSIDE]
     assert float(np.mean(drawn**2)) == pytest.approx(float(whole[INSIDE].mean()), rel=0.05)
     assert 0.5 * float(np.mean(np.diff(drawn) ** 2)) == pytest.approx(float(step[INSIDE].mean()), rel=0.05)
 

@@ -43,7 +43,7 @@ def test_each_of_several_stretches_moves_as_by_itself() -> None:
         alone = motion_of(angle, RATE_HZ)
         for name in ("angle_deg", "rate_dps", "acceleration_dps2", "sudden"):
             np.testing.assert_allclose(getattr(motion, name), getattr(alone, name), rtol=1e-8, atol=1e-6, err_msg=name)
-        np.testing.assert_allclose(rate, alone.rate_of(other), atol=1e-9)
+        np.testing.assert_allclose(rate, rates_of([alone], [other])[0], atol=1e-9)
 
 
 def test_where_the_encoder_stands_quite_still_nothing_is_sudden_whatever_the_next_stretch_does() -> None:
