@@ -15,8 +15,6 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-SHORT = 1 << 14
-"""The longest of the short lags."""
 RUN = 1 << 15
 """Points that are worked on at a time, which stay in a core's cache."""
 _PAYS = 2_000_000_000
@@ -28,14 +26,13 @@ class Kernels:
     """Each lets other threads work meanwhile.
 
     `running_sum(values, before, sums)` fills `sums` with those of values, from `before` on, and returns the last one.
-    `over_short(phase, lags, order, begin, end)` are the sums of squares of the differences that begin there, over lags
-    of shape (k,) up to `SHORT`; shape (k,). `over_long(phase, lag, order)` is that of all differences over a longer
-    one. The order is 2 or 3; a difference that would end behind the phase does not count.
+    `squares(phase, lags, order, begin, end)` are the sums of squares of the differences that begin there, over lags of
+    shape (k,) that a core's cache holds; shape (k,). The order is 2 or 3; a difference that would end behind the phase
+    does not count.
     """
 
     running_sum: Callable[[FloatArray, float, FloatArray], float]
-    over_short: Callable[[FloatArray, IntArray, int, int, int], FloatArray]
-    over_long: Callable[[FloatArray, int, int], float]
+    squares: Callable[[FloatArray, IntArray, int, int, int], FloatArray]
 
 
 def kernels_for(differences: int) -> Kernels:
@@ -48,7 +45,7 @@ def by_numpy() -> Kernels:
     """Those that are always there."""
     from benchctl.metrology import kernels_numpy as made
 
-    return Kernels(running_sum=made.running_sum, over_short=made.over_short, over_long=made.over_long)
+    return Kernels(running_sum=made.running_sum, squares=made.squares)
 
 
 def compiled() -> Kernels:
@@ -57,4 +54,4 @@ def compiled() -> Kernels:
         from benchctl.metrology import kernels_numba as made
     except (ImportError, RuntimeError):
         return by_numpy()
-    return Kernels(running_sum=made.running_sum, over_short=made.over_short, over_long=made.over_long)
+    return Kernels(running_sum=made.running_sum, squares=made.squares)

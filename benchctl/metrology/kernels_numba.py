@@ -22,23 +22,13 @@ def running_sum(values: FloatArray, before: float, sums: FloatArray) -> float:
 
 
 @njit(nogil=True, cache=True)
-def over_short(phase: FloatArray, lags: IntArray, order: int, begin: int, end: int) -> FloatArray:
+def squares(phase: FloatArray, lags: IntArray, order: int, begin: int, end: int) -> FloatArray:
     """All lags take turns on one run of points after the other."""
     sums = np.zeros(lags.size)
     for first in range(begin, end, RUN):
         for place in range(lags.size):
             sums[place] += _of_run(phase, lags[place], order, first, min(first + RUN, end))
     return sums
-
-
-@njit(nogil=True, cache=True)
-def over_long(phase: FloatArray, lag: int, order: int) -> float:
-    """From a run of points to the one that lies a lag behind it, the points of which are in the cache by then."""
-    total = 0.0
-    for first in range(0, lag, RUN):
-        for begin in range(first, phase.size - order * lag, lag):
-            total += _of_run(phase, lag, order, begin, min(begin + RUN, begin - first + lag))
-    return total
 
 
 @njit(nogil=True, cache=True)

@@ -70,3 +70,12 @@ def test_every_other_point_of_a_phase_will_do(kernels: Kernels) -> None:
     assert sums_of_squares(phase[::2], lags, 2, kernels) == pytest.approx(
         sums_of_squares(phase[::2].copy(), lags, 2, kernels), rel=1e-13
     )
+
+
+@pytest.mark.parametrize(
+    "lags", [[20_000, 40_000, 60_000, 120_000], [32_768, 98_304, 131_072], [17_001, 17_002, 34_002]]
+)
+def test_lags_that_share_their_pieces_give_what_each_gives_alone(lags: list[int], kernels: Kernels) -> None:
+    phase = np.cumsum(np.random.default_rng(4).standard_normal(300_007))
+    expected = [at_once(phase, lag, 2) for lag in lags]
+    assert sums_of_squares(phase, np.array(lags), 2, kernels) == pytest.approx(expected, rel=1e-13)

@@ -17,7 +17,7 @@ import numpy as np
 from benchctl.metrology.deviations import deviation
 from benchctl.metrology.kernels import kernels_for
 assert np.allclose(deviation(np.array([1.0, 2.0, 4.0, 3.0]), np.array([1]), 1.0), np.sqrt(1.0))
-print(kernels_for({differences}).over_long.__module__, "numba" in sys.modules)
+print(kernels_for({differences}).squares.__module__, "numba" in sys.modules)
 """
 
 
