@@ -21,7 +21,7 @@ from numpy.lib.stride_tricks import as_strided
 from benchctl.metrology.kernels import FloatArray, IntArray, Kernels
 from benchctl.side_by_side import cores, in_order
 
-_SHORT = 1 << 14
+_SHORT = 1 << 13
 """The longest of the short lags."""
 _SPAN = 1 << 20
 """Points in a row of a core's piece."""

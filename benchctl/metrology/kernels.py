@@ -25,13 +25,14 @@ _PAYS = 2_000_000_000
 class Kernels:
     """Each lets other threads work meanwhile.
 
-    `running_sum(values, before, sums)` fills `sums` with those of values, from `before` on, and returns the last one.
+    `running_sum(rates, mean, before, sums)` fills `sums` with those of the rates less their mean, from `before` on, and
+    returns the last one.
     `squares(phase, lags, order, begin, end)` are the sums of squares of the differences that begin there, over lags of
     shape (k,) that a core's cache holds; shape (k,). The order is 2 or 3; a difference that would end behind the phase
     does not count.
     """
 
-    running_sum: Callable[[FloatArray, float, FloatArray], float]
+    running_sum: Callable[[FloatArray, float, float, FloatArray], float]
     squares: Callable[[FloatArray, IntArray, int, int, int], FloatArray]
 
 

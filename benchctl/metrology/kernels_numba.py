@@ -12,11 +12,11 @@ _ANY_ORDER = {"reassoc", "contract"}
 
 
 @njit(nogil=True, cache=True)
-def running_sum(values: FloatArray, before: float, sums: FloatArray) -> float:
+def running_sum(rates: FloatArray, mean: float, before: float, sums: FloatArray) -> float:
     """As `Kernels` says."""
     total = before
-    for k in range(values.size):
-        total += values[k]
+    for k in range(rates.size):
+        total += rates[k] - mean
         sums[k] = total
     return total
 

@@ -7,10 +7,14 @@ import numpy as np
 from benchctl.metrology.kernels import RUN, FloatArray, IntArray
 
 
-def running_sum(values: FloatArray, before: float, sums: FloatArray) -> float:
-    """As `Kernels` says; `values` are used up."""
-    values[0] += before
-    return float(np.cumsum(values, out=sums)[-1])
+def running_sum(rates: FloatArray, mean: float, before: float, sums: FloatArray) -> float:
+    """As `Kernels` says."""
+    room = np.empty(min(RUN, rates.size))
+    for begin in range(0, rates.size, RUN):
+        centred = np.subtract(rates[begin : begin + RUN], mean, out=room[: rates.size - begin])
+        centred[0] += before
+        before = float(np.cumsum(centred, out=sums[begin : begin + RUN])[-1])
+    return before
 
 
 def squares(phase: FloatArray, lags: IntArray, order: int, begin: int, end: int) -> FloatArray:

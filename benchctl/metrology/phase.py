@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchctl.metrology.kernels import RUN, FloatArray, Kernels
+from benchctl.metrology.kernels import FloatArray, Kernels
 from benchctl.side_by_side import cores, in_order
 from instruments.errors import UsageError
 
@@ -31,7 +31,7 @@ def integrated(rates: FloatArray, kernels: Kernels) -> FloatArray:
     workers = min(cores(), len(spans))
 
     def added_up(span: slice) -> float:
-        return _added_up(rates[span], mean, sums[span], kernels)
+        return kernels.running_sum(rates[span], mean, 0.0, sums[span])
 
     def lifted(span: slice, by: float) -> None:
         sums[span] += by
@@ -47,14 +47,3 @@ def _mean(rates: FloatArray) -> float:
     """Not finite where a rate is not."""
     with np.errstate(invalid="ignore", over="ignore"):
         return float(rates.mean())
-
-
-def _added_up(rates: FloatArray, mean: float, sums: FloatArray, kernels: Kernels) -> float:
-    """Fill `sums` with those of the rates less their mean, from 0 on; returns the last one."""
-    room = np.empty(min(RUN, rates.size))
-    last = 0.0
-    for begin in range(0, rates.size, RUN):
-        part = rates[begin : begin + RUN]
-        centred = np.subtract(part, mean, out=room[: part.size])
-        last = kernels.running_sum(centred, last, sums[begin : begin + RUN])
-    return last

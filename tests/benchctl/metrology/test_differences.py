@@ -10,7 +10,9 @@ from benchctl.metrology.differences import sums_of_squares
 from benchctl.metrology.kernels import Kernels, by_numpy, compiled
 from tests.benchctl.metrology.noises import FloatArray
 
-LAGS = np.array([1, 2, 7, 63, 1000, 4097, 16_383, 16_384, 16_385, 32_767, 32_768, 32_769, 50_000, 65_537, 99_000])
+LAGS = np.array(
+    [1, 2, 7, 63, 1000, 8191, 8192, 8193, 16_383, 16_384, 16_385, 32_767, 32_768, 32_769, 50_000, 65_537, 99_000]
+)
 """On both sides of what the pieces are made of."""
 POINTS = [3, 4, 100, 16_385, 32_768, 32_769, 98_304, 200_001]
 
