@@ -1,15 +1,16 @@
-"""The overlapping Allan deviation of 10⁷ samples beside allantools, on its octave and its decade grid.
+"""The overlapping Allan deviation of 10⁷ and 10⁸ samples beside allantools, on its octave and its decade grid.
 
 The whole way from rates to deviations is timed, on all cores; that the digits are the same is checked first. A process
 that has loaded numba, as one that works on record after record may, has the loops compiled; by itself the suite loads
-it only from some 2·10⁹ differences on, because loading takes longer than these 10⁷ samples do. Both are measured.
+it only from some 2·10⁹ differences on, because loading takes longer than these 10⁷ samples do. Both are measured; the
+10⁸ samples as the suite does them by itself.
 """
 
 from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import Any
@@ -22,25 +23,29 @@ from instruments.errors import UsageError
 from tests.benchmarks.comparison import Comparison, alternating
 
 SAMPLES = 10_000_000
+MANY = 100_000_000
 RATE_HZ = 100.0
 GOAL = 0.05
 SAME = 1e-12
 """By so much of themselves the deviations may differ."""
 GRIDS = ("octave", "decade")
-_TURNS = 5
+_TURNS, _TURNS_OF_MANY = 5, 2
 
 FloatArray = npt.NDArray[np.float64]
 
 
 def measured() -> list[Comparison]:
-    """Each grid by numpy alone, and with numba where it is installed."""
+    """Each grid by numpy alone, and with numba where it is installed; then ten times the samples."""
     rates = gyro_rates(SAMPLES)
     with _without_numba():
         found = list(_by("numpy alone", rates))
-    if find_spec("numba") is not None:
+    compiled = find_spec("numba") is not None
+    if compiled:
         import numba  # noqa: F401
 
         found += _by("numba loaded", rates)
+    del rates
+    found += _by("with numba" if compiled else "by numpy", gyro_rates(MANY), ("octave",), _TURNS_OF_MANY)
     return found
 
 
@@ -52,9 +57,9 @@ def gyro_rates(samples: int) -> FloatArray:
     return rates
 
 
-def _by(means: str, rates: FloatArray) -> Iterator[Comparison]:
+def _by(means: str, rates: FloatArray, grids: Sequence[str] = GRIDS, turns: int = _TURNS) -> Iterator[Comparison]:
     oadev = _peer()
-    for grid in GRIDS:
+    for grid in grids:
         tau_s, expected, _, _ = oadev(rates, rate=RATE_HZ, data_type="freq", taus=grid)
         factors = np.round(tau_s * RATE_HZ).astype(np.int64)
         apart = float(np.max(np.abs(deviation(rates, factors, 1.0 / RATE_HZ) / expected - 1.0)))
@@ -63,9 +68,9 @@ def _by(means: str, rates: FloatArray) -> Iterator[Comparison]:
         ours_s, theirs_s = alternating(
             lambda factors=factors: _wall_s(lambda: deviation(rates, factors, 1.0 / RATE_HZ)),
             lambda grid=grid: _wall_s(lambda: oadev(rates, rate=RATE_HZ, data_type="freq", taus=grid)),
-            _TURNS,
+            turns,
         )
-        name = f"overlapping Allan deviation, 10⁷ samples, {grid} grid ({factors.size} times), {means}"
+        name = f"overlapping Allan deviation, {rates.size:,} samples, {grid} grid ({factors.size} times), {means}"
         yield Comparison(name, ours_s, "s", "allantools", theirs_s, "<=", GOAL)
 
 
