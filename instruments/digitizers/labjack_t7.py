@@ -334,7 +334,7 @@ class LabJackT7:
             self._registers.set(register, value)
 
     def _set_up_stream(self, rate_hz: float) -> None:
-        """Everything but ENABLE, which comes last."""
+        """Everything but ENABLE, which comes last; what is as it was left by the stream before is not written again."""
         gyro, thermistor = self._inputs
         scan_list = (reg.ef_read_a(self._encoder), reg.STREAM_DATA_CAPTURE_16, reg.ain(gyro), reg.ain(thermistor))
         scans_a_packet = max(1, min(int(rate_hz * LONGEST_PACKET_S), MOST_SAMPLES // SCAN_LENGTH))
@@ -352,7 +352,7 @@ class LabJackT7:
             *((reg.stream_scanlist(index), register.address) for index, register in enumerate(scan_list)),
         ]
         for register, value in settings:
-            self._registers.set(register, value)
+            self._registers.keep(register, value)
         self._registers.write(reg.STREAM_DATATYPE, 0)  # in no register map, so perhaps not to be read
 
     def _forget_stream(self) -> None:

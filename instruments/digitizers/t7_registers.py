@@ -15,6 +15,9 @@ from instruments.errors import InstrumentError
 from instruments.links.modbus import ModbusLink
 from instruments.protocols.words import f32_from_words, words_from_f32, words_from_u32
 
+_AS_WRITTEN = 1e-6
+"""What the rounding to a single may change of a number."""
+
 WORD_ORDER: Literal["high_first"] = "high_first"
 
 ERROR_WORDS = {
@@ -138,11 +141,16 @@ class T7Registers:
         """Write a number and make sure that it is there."""
         self.write(register, value)
         got = self.read(register)
-        if not math.isclose(got, value, rel_tol=1e-6):
+        if not math.isclose(got, value, rel_tol=_AS_WRITTEN):
             raise InstrumentError(
                 f"LabJack T7 at {self._link.address}: wrote {value:g} to {register.name}, acknowledged, reads "
                 f"{got:g}; check that no other program uses it"
             )
+
+    def keep(self, register: Register, value: float) -> None:
+        """Make sure that a number is there, and write it only where it is not."""
+        if not math.isclose(self.read(register), value, rel_tol=_AS_WRITTEN):
+            self.set(register, value)
 
     def read_flash(self, flash_address: int, count: int) -> list[float]:
         """`count` singles from the internal flash."""

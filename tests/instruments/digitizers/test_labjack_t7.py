@@ -238,6 +238,26 @@ def test_a_refused_setting_is_explained_in_labjacks_words(
     assert t7.start_stream(100.0).rate_hz == 100.0
 
 
+def test_a_second_stream_writes_nothing_that_is_as_the_first_one_left_it(
+    t7: LabJackT7, server: SimulatedLabJackT7, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    t7.start_stream(200.0)
+    t7.stop_stream()
+    written: list[int] = []
+    keep = server._keep
+
+    def noted(address: int, value: float) -> None:
+        written.append(address)
+        keep(address, value)
+
+    monkeypatch.setattr(server, "_keep", noted)
+    t7.start_stream(200.0)
+    t7.stop_stream()
+    assert written == [4018]  # which no register map lists, so perhaps it cannot be read
+    t7.start_stream(100.0)
+    assert set(written) == {4018, 4002, 4006}
+
+
 def test_a_setting_that_does_not_stay_is_an_instrument_error(
     t7: LabJackT7, server: SimulatedLabJackT7, monkeypatch: pytest.MonkeyPatch
 ) -> None:
