@@ -184,6 +184,7 @@ def test_it_works_outside_the_main_thread(tmp_path: Path) -> None:
     assert [outcome.status for outcome in outcomes] == ["complete"]
 
 
+@pytest.mark.slow
 def test_a_fit_writes_nothing_unless_a_folder_is_named_and_then_the_folder_stays_sealed(here: Path) -> None:
     before = sorted(here.rglob("*"))
     with api.open("sweep") as recording:
@@ -208,6 +209,7 @@ def test_a_diagnosis_writes_its_report_where_a_folder_is_named(here: Path) -> No
 
 
 @pytest.mark.usefixtures("here")
+@pytest.mark.slow
 def test_an_acceptance_writes_its_report_where_a_folder_is_named() -> None:
     accepted = api.accept("sweep", "lab/limits.toml", out="accepted", language="ru")
     assert set(accepted.files) == {"report", "pdf", "junit", "json"}

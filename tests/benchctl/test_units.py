@@ -80,10 +80,10 @@ def test_a_unit_of_something_else_is_refused(unit: str, other: str) -> None:
 @pytest.mark.parametrize("unit", ["9**9**9**9", "s^9^9^9^9^9^9", "(" * 5000, "a" * 100_000, "s" + "*s" * 9999])
 def test_a_unit_that_would_take_long_to_work_out_is_refused_at_once(unit: str) -> None:
     factor_between("s", "ms")  # the registry is made once
-    begun = time.perf_counter()
+    begun = time.process_time()
     with pytest.raises(ValueError, match="none of what is measured in s") as caught:
         factor_between("s", unit)
-    assert time.perf_counter() - begun < 0.5
+    assert time.process_time() - begun < 0.5
     assert len(str(caught.value)) < 500
 
 

@@ -98,6 +98,7 @@ def test_every_law_agrees_with_python(changes: dict[str, Any], tmp_path: Path) -
     _agree(compensation, program)
 
 
+@pytest.mark.slow
 @settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(content=contents(), seed=st.integers(0, 1000))
 def test_any_coefficients_agree_with_python(content: dict[str, Any], seed: int) -> None:

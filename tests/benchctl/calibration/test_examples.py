@@ -28,6 +28,7 @@ def test_a_recording_with_nothing_missing_gives_its_own_coefficients_back() -> N
 
 
 @needs_shared("recordings/examples")
+@pytest.mark.slow
 def test_a_low_pass_shows_as_its_delay() -> None:
     meta, steps = read_open_recording(EXAMPLES / "single")
     fit = calibrate(steps, meta).best

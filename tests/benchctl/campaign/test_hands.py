@@ -134,6 +134,7 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         yield folder
 
 
+@pytest.mark.slow
 def test_at_addresses_and_without_a_terminal_run_refuses_in_one_line(lab: Path) -> None:
     refused = subprocess.run(
         [sys.executable, "-m", "benchctl", "run", "by_hand.py", "--bench", "bench.toml", "--out", "refused"],
@@ -141,7 +142,7 @@ def test_at_addresses_and_without_a_terminal_run_refuses_in_one_line(lab: Path) 
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
-        timeout=50,
+        timeout=150,
     )
     assert refused.returncode == 2
     assert refused.stderr.startswith("benchctl: procedure by_hand, step 1: power cycle: somebody has to do it by hand")

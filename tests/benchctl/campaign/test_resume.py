@@ -170,6 +170,7 @@ def test_a_rerun_of_another_day_that_was_cut_goes_on_with_the_bench_that_it_was_
     assert go_on(tmp_path / "c", plan=plan).status == "complete"
 
 
+@pytest.mark.slow
 def test_a_resumed_campaign_fits_like_an_uninterrupted_one(tmp_path: Path) -> None:
     rates = [sign * rate for rate in (30.0, 60.0, 90.0, 120.0, 150.0) for sign in (1.0, -1.0)]
     runs = [

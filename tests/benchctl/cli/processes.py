@@ -3,18 +3,43 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import chdir, contextmanager, redirect_stderr, redirect_stdout
+from io import StringIO
 from pathlib import Path
 
+import pytest
 
-def benchctl(*arguments: str | Path, timeout_s: float = 50.0) -> subprocess.CompletedProcess[str]:
-    """Run a verb to its end."""
+from benchctl.cli.app import run_verb
+
+Ran = subprocess.CompletedProcess[str]
+
+
+def benchctl(*arguments: str | Path, timeout_s: float = 150.0) -> Ran:
+    """Run a verb to its end; the time-out is for hangs, not for what others do to a shared machine."""
     return subprocess.run(
         [sys.executable, "-m", "benchctl", *map(str, arguments)], capture_output=True, text=True, timeout=timeout_s
     )
+
+
+def without_a_process(*arguments: str | Path, folder: Path | None = None) -> Ran:
+    """Run a verb in this process, in `folder`, nobody at a terminal: what a process of its own says, in less time.
+
+    For what is said of files; that each verb is a program, and ends as one, other tests of it show.
+    """
+    with (
+        open(os.devnull, encoding="utf-8") as nobody,
+        pytest.MonkeyPatch.context() as patched,
+        chdir(folder or Path.cwd()),
+        redirect_stdout(StringIO()) as out,
+        redirect_stderr(StringIO()) as err,
+    ):
+        patched.setattr(sys, "stdin", nobody)
+        status = run_verb(list(map(str, arguments)))
+    return Ran(arguments, status, out.getvalue(), err.getvalue())
 
 
 @contextmanager
@@ -40,5 +65,5 @@ def simulated_servers(bench_toml: Path, *arguments: str) -> Iterator[dict[str, s
         line = process.stdout.readline()
         yield json.loads(line)
         process.terminate()
-        process.wait(timeout=10)
+        process.wait(timeout=50)
         assert process.returncode == 0

@@ -151,6 +151,7 @@ def test_what_fails_ends_with_1_and_says_which(here: Path, verb: Verb) -> None:
     assert any("scale_factor" in str(name) for name in failures)
 
 
+@pytest.mark.slow
 def test_what_is_open_ends_with_1_and_says_what_would_close_it(here: Path, verb: Verb) -> None:
     (here / "limits.toml").write_text(PASSES + OPEN)
     status, out, _ = verb("accept", "short.h5", "--limits", "limits.toml", "--json", "a.json")
@@ -203,6 +204,7 @@ def test_with_quiet_there_is_a_report_and_no_word(here: Path, verb: Verb) -> Non
     assert names(here / "short.acceptance") == set(FILES.values())
 
 
+@pytest.mark.slow
 def test_a_campaign_gets_its_files_and_stays_whole(here: Path, verb: Verb) -> None:
     before = names(here / "campaign")
     assert verb("accept", "campaign", "--limits", "limits.toml", "--json", "a.json")[0] == 0

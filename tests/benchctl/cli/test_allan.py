@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from instruments.physics.gyro import GyroParameters
-from tests.benchctl.cli.processes import benchctl
+from tests.benchctl.cli.processes import benchctl, without_a_process
 
 
 @pytest.fixture
@@ -44,7 +44,7 @@ def test_a_column_becomes_a_table_a_picture_and_coefficients_in_the_standards_un
 
 
 def test_with_json_alone_nothing_else_is_written(rates: Path) -> None:
-    ran = benchctl("allan", rates, "--rate-hz", "20", "--json", "-", "--quiet")
+    ran = without_a_process("allan", rates, "--rate-hz", "20", "--json", "-", "--quiet")
     assert json.loads(ran.stdout)["samples"] == 72_000
     assert list(rates.parent.iterdir()) == [rates]
 
@@ -80,11 +80,8 @@ def test_a_recording_of_the_bench_has_the_noise_that_its_gyro_was_given(tmp_path
         (["none.h5", "--rate-hz", "20"], "--rate-hz is for text files"),
     ],
 )
-def test_what_cannot_be_used_is_one_clear_line(
-    arguments: list[str], says: str, rates: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(rates.parent)
-    ran = benchctl("allan", *arguments)
+def test_what_cannot_be_used_is_one_clear_line(arguments: list[str], says: str, rates: Path) -> None:
+    ran = without_a_process("allan", *arguments, folder=rates.parent)
     assert ran.returncode == 2
     assert says in ran.stderr
     assert ran.stderr.count("\n") == 1

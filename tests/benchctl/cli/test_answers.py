@@ -12,7 +12,7 @@ import pytest
 
 from benchctl.recordings.reader import open_recording
 from tests.benchctl.campaign.by_hand import done, events
-from tests.benchctl.cli.processes import simulated_servers
+from tests.benchctl.cli.processes import simulated_servers, without_a_process
 
 DOOR = "close the chamber's door"
 OFF, ON = "switch the supply of unit SIM-0001 off", "switch the supply of unit SIM-0001 on"
@@ -45,7 +45,7 @@ def benchctl(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
-        timeout=50,
+        timeout=150,
     )
 
 
@@ -74,13 +74,16 @@ def test_what_check_lists_can_be_copied_into_the_file_and_then_the_plan_runs_to_
 
 def test_a_file_without_every_answer_is_refused_before_anything_moves(lab: Path) -> None:
     answers(lab, **{DOOR: "done", OFF: "done"})
-    refused = benchctl(lab, "run", "asks.py", "--bench", "bench.toml", "--answers", "answers.toml", "--out", "refused")
+    refused = without_a_process(
+        *("run", "asks.py", "--bench", "bench.toml", "--answers", "answers.toml", "--out", "refused"), folder=lab
+    )
     assert refused.returncode == 2
     assert len(refused.stderr.strip().splitlines()) == 1
     assert f'"{ON}" = "done"' in refused.stderr
     assert not (lab / "refused").exists()
 
 
+@pytest.mark.slow
 def test_a_refusal_ends_the_run_with_the_bench_at_rest(lab: Path) -> None:
     answers(lab, **{DOOR: "done", OFF: "refuse", ON: "done"})
     ran = benchctl(lab, "run", "asks.py", "--bench", "bench.toml", "--answers", "answers.toml", "--out", "r")

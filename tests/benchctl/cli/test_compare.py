@@ -109,6 +109,7 @@ def test_two_recordings_and_a_model_are_one_too_many(capsys: pytest.CaptureFixtu
     assert "two recordings, or one and --model FILE" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_same_comparison_is_the_same_page() -> None:
     write_moving(Path("real.h5"))
     assert compare("real.h5", "--out", "a", "--quiet") == 0

@@ -105,7 +105,7 @@ def completed(word: str, *before: str, **environment: str) -> subprocess.Complet
         env={**os.environ, "_BENCHCTL_COMPLETE": "zsh", "_BENCHCTL_WORD": word, **environment},
         capture_output=True,
         text=True,
-        timeout=30,
+        timeout=150,
     )
 
 

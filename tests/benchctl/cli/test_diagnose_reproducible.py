@@ -32,7 +32,7 @@ def written(recording: Recording, path: Path) -> Path:
 def elsewhere(path: Path, out: Path, **environment: str) -> bytes:
     """The JSON of a process of its own."""
     command = [sys.executable, "-m", "benchctl", "diagnose", str(path), "--seed", "3", "--json", str(out), "--quiet"]
-    subprocess.run(command, check=True, env={**os.environ, **environment}, timeout=50)
+    subprocess.run(command, check=True, env={**os.environ, **environment}, timeout=150)
     return out.read_bytes()
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from benchctl.bench import template
 from benchctl.cli.app import run_verb
-from tests.benchctl.cli.processes import benchctl, simulated_servers
+from tests.benchctl.cli.processes import benchctl, simulated_servers, without_a_process
 
 KEYS = {"where", "what", "verdict", "says", "do"}
 
@@ -38,7 +38,7 @@ def test_this_machine_and_the_simulated_bench_are_fine(tmp_path: Path) -> None:
 
 def test_a_bench_that_does_not_answer_is_status_3_and_every_instrument_is_told(tmp_path: Path) -> None:
     bench = _nowhere(tmp_path / "bench.toml")
-    ran = benchctl("doctor", "--bench", bench, "--out", tmp_path, "--json", tmp_path / "told.json")
+    ran = without_a_process("doctor", "--bench", bench, "--out", tmp_path, "--json", tmp_path / "told.json")
     assert ran.returncode == 3
     told = json.loads((tmp_path / "told.json").read_text())
     refused = {each["where"] for each in told["findings"] if "refuses that port" in each["says"]}

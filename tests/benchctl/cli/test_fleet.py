@@ -26,6 +26,7 @@ def told_by(path: Path) -> Any:
     return json.loads(path.read_text())
 
 
+@pytest.mark.slow
 def test_a_fleet_of_good_and_bad_recordings_is_reported_and_the_next_run_does_only_what_is_left(tmp_path: Path) -> None:
     points(tmp_path / "u1.h5", 1)
     points(tmp_path / "u2.h5", 2)

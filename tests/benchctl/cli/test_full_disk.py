@@ -42,9 +42,10 @@ def _on_a_disk_of(megabytes: int, folder: Path, script: str) -> subprocess.Compl
     (folder / "disk").mkdir()
     (folder / "turns.py").write_text(PROCEDURE)
     whole = f"mount -t tmpfs -o size={megabytes}m none disk\n{script}\nstatus=$?\ncp -r disk kept\nexit $status"
-    return subprocess.run([*IN_A_NAMESPACE, "sh", "-c", whole], cwd=folder, capture_output=True, text=True, timeout=50)
+    return subprocess.run([*IN_A_NAMESPACE, "sh", "-c", whole], cwd=folder, capture_output=True, text=True, timeout=150)
 
 
+@pytest.mark.slow
 def test_a_disk_without_room_is_a_problem_of_the_check_and_refused_by_the_run_before_anything_is_written(
     tmp_path: Path,
 ) -> None:

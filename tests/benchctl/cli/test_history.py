@@ -11,7 +11,7 @@ import pytest
 
 from benchctl.cli.app import run_verb
 from benchctl.history.index import NAME
-from tests.benchctl.cli.processes import benchctl
+from tests.benchctl.cli.processes import benchctl, without_a_process
 from tests.benchctl.history.made_history import accepted, campaign, digest_in, one_test, recorded, started
 from tests.benchctl.reports.page import Page
 
@@ -90,7 +90,7 @@ def test_an_archive_is_read_without_an_index_and_its_page_lies_beside_it(folder:
     path = folder.parent / "all.tar.gz"
     with tarfile.open(path, "w:gz") as archive:
         archive.add(folder, arcname="all")
-    ran = benchctl("history", path, "--out", folder.parent / "page", "--json", folder.parent / "h.json")
+    ran = without_a_process("history", path, "--out", folder.parent / "page", "--json", folder.parent / "h.json")
     assert ran.returncode == 0, ran.stderr
     told: dict[str, Any] = json.loads((folder.parent / "h.json").read_text())
     assert told["index"] is None
@@ -105,7 +105,7 @@ def test_names_from_files_neither_reach_the_terminal_nor_the_page_as_they_are(tm
     tests = [one_test("</svg>\x07", unit="<b>", limit={"low": 0.0, "high": 2.0, "unit": "<b>"})]
     (place / "acceptance.json").write_text(accepted(tests, digest, "\x1b[31mPASS"))
     recorded(tmp_path / "all" / "two.h5", "<i>")
-    ran = benchctl("history", tmp_path / "all")
+    ran = without_a_process("history", tmp_path / "all")
     assert ran.returncode == 0, ran.stderr
     assert "\x1b" not in ran.stdout
     text = (tmp_path / "all" / "history.html").read_text(encoding="utf-8")
@@ -142,7 +142,7 @@ def test_what_cannot_be_used_is_one_clear_line(
 
 def test_a_damaged_index_is_one_line_on_stderr_and_no_failure(folder: Path) -> None:
     (folder / NAME).write_bytes(b"SQLite format 3\0" + bytes(5000))
-    ran = benchctl("history", folder, "--quiet")
+    ran = without_a_process("history", folder, "--quiet")
     assert ran.returncode == 0
     assert ran.stderr.count("\n") == 1
     assert "made anew from the recordings" in ran.stderr

@@ -3,8 +3,10 @@
 import json
 from pathlib import Path
 
+import pytest
+
 from benchctl.bench import template
-from tests.benchctl.cli.processes import benchctl
+from tests.benchctl.cli.processes import benchctl, without_a_process
 
 INTERLOCKS = """
 [[interlocks]]
@@ -31,7 +33,7 @@ def _bench(folder: Path) -> Path:
 
 
 def test_check_says_which_are_armed(tmp_path: Path) -> None:
-    result = benchctl("check", "static", "--bench", _bench(tmp_path), "--offline")
+    result = without_a_process("check", "static", "--bench", _bench(tmp_path), "--offline")
     assert result.returncode == 0, result.stderr
     assert (
         "interlocks: gyro_v above 2 (stop), gyro_v below -2 (stop), gyro_c above 70 for 30 s (hold)"
@@ -39,6 +41,7 @@ def test_check_says_which_are_armed(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_one_that_stops_the_run_is_a_line_on_stderr_and_an_event_in_the_journal(tmp_path: Path) -> None:
     campaign = tmp_path / "campaign"
     result = benchctl("run", "rate_sweep", "--bench", _bench(tmp_path), "--out", campaign)

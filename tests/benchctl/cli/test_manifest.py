@@ -85,9 +85,9 @@ def test_verify_names_what_was_deleted_and_what_was_added(campaign: Path, capsys
 @pytest.mark.parametrize(
     ("verb", "new"),
     [
-        (("fit", "CAMPAIGN"), []),
+        pytest.param(("fit", "CAMPAIGN"), [], marks=pytest.mark.slow),
         (("allan", "CAMPAIGN", "--scale-v-per-dps", "0.05"), ["allan.csv", "allan.html"]),
-        (("compare", "SIMULATED", "CAMPAIGN"), ["comparison.html"]),
+        pytest.param(("compare", "SIMULATED", "CAMPAIGN"), ["comparison.html"], marks=pytest.mark.slow),
     ],
 )
 def test_what_a_verb_adds_to_a_campaign_is_taken_into_its_manifest(

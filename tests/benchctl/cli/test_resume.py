@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from benchctl.recordings.reader import open_recording
-from tests.benchctl.cli.processes import benchctl, simulated_servers, started
+from tests.benchctl.cli.processes import simulated_servers, started, without_a_process
 
 PROCEDURE = """
 from benchctl.plan import ConstantRate, Soak, Static, procedure
@@ -32,7 +32,7 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no 
 
 def _run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "benchctl", *arguments]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=50, stdin=subprocess.DEVNULL)
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=150, stdin=subprocess.DEVNULL)
 
 
 def _kill_when(folder: Path, seen: str, *arguments: str) -> str:
@@ -40,7 +40,7 @@ def _kill_when(folder: Path, seen: str, *arguments: str) -> str:
     with subprocess.Popen(
         [sys.executable, "-m", "benchctl", *arguments], cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
     ) as process:
-        deadline_s = time.monotonic() + 30
+        deadline_s = time.monotonic() + 150
         while not list(folder.glob(seen)):
             assert process.poll() is None, process.communicate()
             assert time.monotonic() < deadline_s, f"{seen} never came"
@@ -61,7 +61,7 @@ def crashed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 def test_a_campaign_whose_program_was_killed_is_said_to_be_aborted(crashed: Path) -> None:
-    shown = _run(crashed, "show", "c")
+    shown = without_a_process("show", "c", folder=crashed)
     assert shown.stdout.startswith("c: aborted, unit SIM-0001")
     assert "its program died" in shown.stdout
     assert "--bench BENCH --resume c goes on with it" in shown.stdout
@@ -76,7 +76,7 @@ def test_without_a_terminal_nothing_moves_unless_yes_is_said(crashed: Path) -> N
 
 
 def test_another_parameter_is_refused_and_named(crashed: Path) -> None:
-    refused = _run(crashed, *RESUME, "--yes", "-p", "run_s=20")
+    refused = without_a_process(*RESUME, "--yes", "-p", "run_s=20", folder=crashed)
     assert refused.returncode == 2
     assert refused.stderr == (
         "benchctl: --resume: this is not the campaign that was begun: parameter run_s was 60.0, is 20.0; "
@@ -85,7 +85,7 @@ def test_another_parameter_is_refused_and_named(crashed: Path) -> None:
 
 
 def test_a_folder_of_its_own_and_a_campaign_to_go_on_with_exclude_each_other(crashed: Path) -> None:
-    refused = _run(crashed, *RESUME, "--out", "d")
+    refused = without_a_process(*RESUME, "--out", "d", folder=crashed)
     assert refused.returncode == 2
     assert "--out d: a campaign that is resumed stays in its folder, c" in refused.stderr
 
@@ -103,7 +103,7 @@ def test_at_a_terminal_somebody_is_asked_and_a_no_leaves_all_as_it_was(crashed: 
         while b"[y/N]" not in asked:
             asked += os.read(ours, 4096)
         os.write(ours, b"n\n")
-        assert process.wait(timeout=30) == 2
+        assert process.wait(timeout=150) == 2
     os.close(ours)
     assert b"The chamber will be soaked and the table will move. Is everybody clear of it?" in asked
     assert sorted((file, file.stat().st_mtime_ns) for file in crashed.glob("c/steps/*")) == before
@@ -147,7 +147,7 @@ def test_a_bench_that_is_in_use_is_refused_to_a_second_run_and_to_a_check_and_a_
         simulated_servers(tmp_path / "bench.toml", "--speed", "2") as _,
         started("run", tmp_path / "turns.py", "--bench", tmp_path / "bench.toml", "--out", tmp_path / "c") as process,
     ):
-        deadline_s = time.monotonic() + 30
+        deadline_s = time.monotonic() + 150
         while not (tmp_path / "c" / "campaign.h5").exists():
             assert process.poll() is None, process.communicate()
             assert time.monotonic() < deadline_s
@@ -182,12 +182,12 @@ def test_recover_closes_the_recording_of_a_killed_program_says_what_is_whole_and
     assert told["steps"]["whole"] == 2
     assert told["reason"].startswith("its program died, last heard of at 2")
     assert "2 steps are whole" in closed.stdout
-    again = _run(tmp_path, "recover", "c")
+    again = without_a_process("recover", "c", folder=tmp_path)
     assert again.returncode == 0
     assert "was closed before, nothing to do; aborted (its program died" in again.stdout
-    assert _run(tmp_path, "verify", "c").returncode == 0
+    assert without_a_process("verify", "c", folder=tmp_path).returncode == 0
 
 
 def test_a_folder_without_a_campaign_is_refused(tmp_path: Path) -> None:
-    refused = benchctl("recover", tmp_path)
+    refused = without_a_process("recover", tmp_path)
     assert (refused.returncode, "is no campaign" in refused.stderr) == (2, True)

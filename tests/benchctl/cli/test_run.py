@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from benchctl.calibration.coefficients import read_coefficients
-from tests.benchctl.cli.processes import benchctl
+from tests.benchctl.cli.processes import benchctl, without_a_process
 
 SMALL = ("-p", "points=4", "-p", "sweep_rates=6", "-p", "rates=2", "-p", "run_s=6", "-p", "zero_s=10")
 
@@ -88,7 +88,7 @@ def test_the_recording_opens_without_this_package(campaign: tuple[Path, dict[str
 
 def test_show_and_verify_find_it_whole(campaign: tuple[Path, dict[str, Any], str], tmp_path: Path) -> None:
     assert benchctl("verify", campaign[0]).returncode == 0
-    shown = benchctl("show", campaign[0], "--json", "-")
+    shown = without_a_process("show", campaign[0], "--json", "-")
     document = json.loads(shown.stdout)
     assert document["schema"] == "benchctl-show/1"
     assert document["digest_ok"] is True
@@ -104,7 +104,7 @@ def test_a_changed_sample_is_found_and_named_with_exit_status_one(
     copy.write_bytes((campaign[0] / "recording.h5").read_bytes())
     with h5py.File(copy, "r+") as file:
         file["steps/0003/gyro_v"][7] += 1e-9
-    verified = benchctl("verify", copy, "--json", tmp_path / "v.json")
+    verified = without_a_process("verify", copy, "--json", tmp_path / "v.json")
     assert verified.returncode == 1
     assert "gyro_v" in verified.stderr
     assert json.loads((tmp_path / "v.json").read_text())["ok"] is False
@@ -115,7 +115,7 @@ def test_a_changed_recording_is_not_fitted(campaign: tuple[Path, dict[str, Any],
     copy.write_bytes((campaign[0] / "recording.h5").read_bytes())
     with h5py.File(copy, "r+") as file:
         file.attrs["unit_serial"] = "another"
-    fitted = benchctl("fit", copy)
+    fitted = without_a_process("fit", copy)
     assert fitted.returncode == 2
     assert "changed since it was written, and so not fitted" in fitted.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["copy.h5"]

@@ -87,7 +87,7 @@ def test_without_the_extra_it_says_how_to_install_it(tmp_path: Path) -> None:
         "from benchctl.cli.app import run_verb\n"
         f"sys.exit(run_verb(['serve', {str(tmp_path)!r}]))"
     )
-    ended = subprocess.run([sys.executable, "-c", hidden], capture_output=True, text=True, timeout=50)
+    ended = subprocess.run([sys.executable, "-c", hidden], capture_output=True, text=True, timeout=150)
     assert ended.returncode == 2
     assert ended.stderr.strip() == (
         'benchctl: serve needs uvicorn, which is not installed; pip install "benchctl[dashboard]"'

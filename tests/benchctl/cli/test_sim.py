@@ -3,6 +3,7 @@
 import json
 import socket
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -14,7 +15,7 @@ from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 from benchctl.bench import load_bench, template
 from benchctl.recordings.reader import open_recording
 from instruments.catalog import models
-from tests.benchctl.cli.processes import benchctl, simulated_servers, started
+from tests.benchctl.cli.processes import benchctl, simulated_servers, started, without_a_process
 from tests.instruments.chambers.lab_controllers import ACME
 
 needs_terminals = pytest.mark.skipif(sys.platform == "win32", reason="a pty is a thing of POSIX")
@@ -27,28 +28,35 @@ def bench_with(path: Path, kind: str, model: str, more: str = "") -> Path:
     return path
 
 
-def test_one_line_of_json_names_the_addresses_and_all_of_them_answer(tmp_path: Path) -> None:
-    with simulated_servers(tmp_path / "bench.toml") as addresses:
-        assert set(addresses) == {"rate_table", "chamber", "digitizer", "digitizer_stream"}
-        table = urlsplit(addresses["rate_table"])
-        with socket.create_connection((table.hostname, table.port), timeout=5) as line, line.makefile("rb") as replies:
-            line.sendall(b":int:close 1\r\n:mode:rate 1\r\n:dem:rate 1,10\r\n:mode? 1\r\n")
-            answers = [replies.readline() for _ in range(4)]
-            assert [answer[8:].strip() for answer in answers] == [b"OK", b"OK", b"OK", b"Rate"]
-        digitizer = urlsplit(addresses["digitizer"])
-        with ModbusTcpClient(str(digitizer.hostname), port=int(digitizer.port or 0)) as client:
-            assert client.read_holding_registers(55100, count=2).registers == [0x0011, 0x2233]
-        chamber = urlsplit(addresses["chamber"])
-        with ModbusTcpClient(str(chamber.hostname), port=int(chamber.port or 0)) as client:
-            words = client.read_holding_registers(2820, count=2).registers
-            air_c = client.convert_from_registers(words, client.DATATYPE.FLOAT32, word_order="little")
-            assert air_c == pytest.approx(23.0, abs=0.5)
-
-
-def test_the_bench_file_that_it_writes_reaches_the_servers(tmp_path: Path) -> None:
-    path = tmp_path / "bench.toml"
+@pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, dict[str, str]]]:
+    """The bench.toml that the servers wrote, and the addresses that they said; they run for the tests of this file."""
+    path = tmp_path_factory.mktemp("served") / "bench.toml"
     with simulated_servers(path, "--speed", "20") as addresses:
-        bench = load_bench(str(path))
+        yield path, addresses
+
+
+def test_one_line_of_json_names_the_addresses_and_all_of_them_answer(served: tuple[Path, dict[str, str]]) -> None:
+    _, addresses = served
+    assert set(addresses) == {"rate_table", "chamber", "digitizer", "digitizer_stream"}
+    table = urlsplit(addresses["rate_table"])
+    with socket.create_connection((table.hostname, table.port), timeout=5) as line, line.makefile("rb") as replies:
+        line.sendall(b":int:close 1\r\n:mode:rate 1\r\n:dem:rate 1,10\r\n:mode? 1\r\n")
+        answers = [replies.readline() for _ in range(4)]
+        assert [answer[8:].strip() for answer in answers] == [b"OK", b"OK", b"OK", b"Rate"]
+    digitizer = urlsplit(addresses["digitizer"])
+    with ModbusTcpClient(str(digitizer.hostname), port=int(digitizer.port or 0)) as client:
+        assert client.read_holding_registers(55100, count=2).registers == [0x0011, 0x2233]
+    chamber = urlsplit(addresses["chamber"])
+    with ModbusTcpClient(str(chamber.hostname), port=int(chamber.port or 0)) as client:
+        words = client.read_holding_registers(2820, count=2).registers
+        air_c = client.convert_from_registers(words, client.DATATYPE.FLOAT32, word_order="little")
+        assert air_c == pytest.approx(23.0, abs=0.5)
+
+
+def test_the_bench_file_that_it_writes_reaches_the_servers(served: tuple[Path, dict[str, str]]) -> None:
+    path, addresses = served
+    bench = load_bench(str(path))
     assert not bench.simulated
     assert bench.time_factor == 20.0
     assert bench.rate_table.address == addresses["rate_table"]
@@ -111,7 +119,8 @@ def test_somebody_at_miniterm_sets_the_p300_on_its_serial_line(tmp_path: Path) -
 
 
 def test_options_that_no_driver_takes_are_refused_before_anything_is_served(tmp_path: Path) -> None:
-    ended = benchctl("sim", "--bench", bench_with(tmp_path / "b.toml", "chamber", "watlow_f4", "options = {unit = 7}"))
+    bench = bench_with(tmp_path / "b.toml", "chamber", "watlow_f4", "options = {unit = 7}")
+    ended = without_a_process("sim", "--bench", bench)
     assert (ended.returncode, ended.stdout) == (2, "")
     assert "chamber.options: watlow_f4 cannot be made with them: " in ended.stderr
     assert "Traceback" not in ended.stderr

@@ -1,4 +1,4 @@
-"""A fleet on a real local cluster: processes, one for all tests of this file."""
+"""A fleet on a real local cluster, one for all tests of this file: a scheduler, and another process that works."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from tests.benchctl.fleet.made import fitted, points
 
 @pytest.fixture(scope="module")
 def scheduler() -> Iterator[str]:
-    """The address of a cluster of two processes on this machine."""
-    with connected(None, 2) as client:
+    """The address of a cluster on this machine, whose one worker is a process of its own."""
+    with connected(None, 1) as client:
         yield client.scheduler.address
 
 

@@ -71,6 +71,7 @@ def test_of_a_recording_with_nothing_missing_it_says_nothing(rows: Rows) -> None
 
 @needs_pysindy
 @needs_shared("recordings/examples")
+@pytest.mark.slow
 def test_a_low_pass_is_taken_for_several_things() -> None:
     with open_recording(SHARED / "recordings" / "examples" / "single") as recording:
         found = regress(recording)

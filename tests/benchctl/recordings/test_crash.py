@@ -39,7 +39,7 @@ def _lines(process: subprocess.Popen[str], count: int | None = None) -> list[str
     return [process.stdout.readline() for _ in range(count)] if count else process.stdout.readlines()
 
 
-@pytest.mark.parametrize("period_s", [0.02, 0.2, 0.45])
+@pytest.mark.parametrize("period_s", [pytest.param(0.02, marks=pytest.mark.slow), 0.2, 0.45])
 def test_at_most_half_a_second_is_lost(tmp_path: Path, period_s: float) -> None:
     folder = tmp_path / "c"
     behind = []
@@ -65,7 +65,9 @@ def _part(folder: Path) -> Step:
         return recording.step(2)
 
 
-@pytest.mark.parametrize("delay_s", [0.1, 0.6, 0.73, 0.97])
+@pytest.mark.parametrize(
+    "delay_s", [0.1, pytest.param(0.6, marks=pytest.mark.slow), 0.73, pytest.param(0.97, marks=pytest.mark.slow)]
+)
 def test_of_points_written_one_by_one_all_that_are_half_a_second_old_are_recovered(
     tmp_path: Path, delay_s: float
 ) -> None:
@@ -112,7 +114,9 @@ def test_another_process_reads_what_is_being_written(tmp_path: Path) -> None:
     assert 0 < seen[0] < seen[1] < seen[2]
 
 
-@pytest.mark.parametrize("delay_s", [0.0, 0.013, 0.05, 0.11, 0.2, 0.37])
+@pytest.mark.parametrize(
+    "delay_s", [0.0, 0.05, 0.2, *(pytest.param(delay_s, marks=pytest.mark.slow) for delay_s in (0.013, 0.11, 0.37))]
+)
 def test_killed_at_any_moment_every_finished_step_is_whole(tmp_path: Path, delay_s: float) -> None:
     folder = tmp_path / "c"
     with _writing(folder, "fast", 12) as process:

@@ -32,9 +32,8 @@ def _described(folder: Path) -> dict[str, list[dict[str, object]]]:
 
 
 @needs_shared("recordings/examples")
-@pytest.mark.parametrize(
-    "example", ["single", pytest.param("pair", marks=pytest.mark.slow), pytest.param("null", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("example", ["single", "pair", "null"])
+@pytest.mark.slow
 def test_the_examples_come_back_to_the_last_digit(tmp_path: Path, example: str) -> None:
     source = SHARED / "recordings/examples" / example
     path = tmp_path / "a.h5"

@@ -120,6 +120,7 @@ def test_what_was_gathered_beforehand_is_the_same_recording(tmp_path: Path) -> N
     writer.release()
 
 
+@pytest.mark.slow
 def test_a_long_campaign_is_finished_with_what_came_after_the_last_look_too(writer: CampaignWriter) -> None:
     _wait_until(lambda: bool(_left(writer.folder)))
     _write(writer, range(COUNT + 1, COUNT + 3))
@@ -136,6 +137,7 @@ def test_a_short_campaign_starts_no_process(tmp_path: Path, monkeypatch: pytest.
     assert ahead.begun() is None
 
 
+@pytest.mark.slow
 def test_where_no_process_can_be_started_all_is_gathered_at_the_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

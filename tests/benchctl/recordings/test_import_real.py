@@ -24,9 +24,9 @@ EXAMPLES = SHARED / "recordings" / "examples"
 @needs_shared("recordings/examples")
 @pytest.mark.parametrize("name", ["null", "pair", "single"])
 def test_an_example_gives_its_own_digits_back(name: str, tmp_path: Path) -> None:
-    began = time.perf_counter()
+    began = time.process_time()
     meta, steps = read_open_recording(EXAMPLES / name)
-    assert time.perf_counter() - began < 5  # 0.5 to 0.9 s where nothing else runs
+    assert time.process_time() - began < 5  # 0.5 to 0.9 s where nothing else runs
     lines = gzip.decompress((EXAMPLES / name / "samples.csv.gz").read_bytes()).decode().splitlines()
     assert sum(step.info.samples for step in steps) == len(lines) - 1
     assert len(steps) == len(json.loads((EXAMPLES / name / "recording.json").read_text())["steps"])

@@ -147,6 +147,7 @@ def test_runs_that_the_fit_itself_kept_aside_are_counted_so(campaign):
     assert [group.steps for group in groups if group.use == "not used"] == [1]
 
 
+@pytest.mark.slow
 def test_one_temperature_is_a_limitation_not_an_empty_panel():
     page = Page(calibration_page(*campaign_arguments(example(temperatures=1)), digest=DIGEST))
     assert "20 °C: where it was measured" in page.words.replace("\u00a0", " ")
@@ -159,6 +160,7 @@ def test_without_a_joint_fit_the_stages_stand_alone(no_figures):
     assert "and 0.18 % after stage 2." in page.words
 
 
+@pytest.mark.slow
 def test_a_result_without_stages_or_runs_is_still_a_page(campaign):
     result, infos = campaign
     bare = dataclasses.replace(

@@ -123,6 +123,7 @@ def test_an_effect_that_is_not_in_the_vocabulary_is_told_from_the_finding_alone(
     assert strange.says in told
 
 
+@pytest.mark.slow
 def test_the_page_needs_nothing_else_has_each_id_once_and_is_the_same_twice(pair_html):
     assert page_of(pair()) == pair_html
     page = Page(pair_html)
@@ -306,6 +307,7 @@ def test_ranges_have_as_many_decimals_as_the_shortest_needs_and_the_unit_of_the_
     assert "output, −0.025 to −0.012 and 1 to 1.333\u00a0N m;" in words.place(where, "N m")
 
 
+@pytest.mark.slow
 def test_a_long_diagnosis_becomes_a_page_without_a_hang(tmp_path):
     one = pair()
     many = tuple(replace(step, t_start=step.t_start + 3600.0 * k) for k in range(6) for step in one.steps)

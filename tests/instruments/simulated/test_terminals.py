@@ -251,11 +251,11 @@ def test_an_effect_reaches_the_terminals(stage: Stage) -> None:
 
 def test_a_single_scan_after_hours_of_sleep_costs_milliseconds() -> None:
     clock, world = turning(WorldSettings(), 37.0)
-    before = time.perf_counter()
+    before = time.process_time()
     for _ in range(20):
         clock.sleep(5 * 3600.0)
         world.inputs.sample(clock.now(), 0.002, 1)
-    assert time.perf_counter() - before < 0.5
+    assert time.process_time() - before < 0.5
 
 
 @pytest.mark.parametrize(

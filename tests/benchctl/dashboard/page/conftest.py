@@ -56,7 +56,7 @@ def campaigns(tmp_path_factory: pytest.TempPathFactory) -> Path:
     procedure = tmp_path_factory.mktemp("procedures") / "turns.py"
     procedure.write_text(_TURNS)
     runs = [run(root / TURNS, str(procedure)), run(root / REST, *_REST)]
-    assert [one.wait(timeout=50) for one in runs] == [0, 0]
+    assert [one.wait(timeout=150) for one in runs] == [0, 0]
     name_with_markup(root / REST, root / EVIL.replace("/", ""))
     (root / "torn.h5").write_bytes((root / REST / "recording.h5").read_bytes()[:20_000])
     return root

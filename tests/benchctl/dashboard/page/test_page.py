@@ -171,6 +171,7 @@ def dots_of(page: Page) -> int:
     return found
 
 
+@pytest.mark.slow
 def test_a_step_in_the_table_is_shown_when_it_is_chosen(seen: Seen) -> None:
     page = seen.page
     open_campaign(page, TURNS)
@@ -208,6 +209,7 @@ def test_names_that_are_markup_are_shown_as_text(seen: Seen) -> None:
     assert page.title() != "owned"
 
 
+@pytest.mark.slow
 def test_two_campaigns_are_compared_by_time_and_by_step_and_their_differences_told(seen: Seen) -> None:
     page = seen.page
     for name in (REST, TURNS):
@@ -270,6 +272,7 @@ def test_nothing_is_wider_than_a_telephone(browser: Browser, served: Served) -> 
             assert sideways(page) <= 0, place
 
 
+@pytest.mark.slow
 def test_a_finger_moves_a_plot_and_two_widen_it(browser: Browser, served: Served) -> None:
     with a_page(browser, served.url, TELEPHONE) as seen:
         page = seen.page

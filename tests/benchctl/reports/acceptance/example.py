@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,8 @@ from benchctl.metrology.result import (
 )
 from benchctl.metrology.said import said
 from benchctl.recordings.model import BenchFacts, Meta, StepInfo, Unit
+from benchctl.reports.acceptance.build import report_of
+from benchctl.reports.acceptance.document import Report
 from benchctl.reports.acceptance.recording_facts import RecordingFacts
 from benchctl.reports.coefficient_tables import Coefficient
 
@@ -270,3 +273,9 @@ def facts(serial: str = "VG-0917", **changes: object) -> RecordingFacts:
         ),
     }
     return RecordingFacts(**(values | changes))  # type: ignore[arg-type]
+
+
+@cache
+def report(language: str) -> Report:
+    """The report on it, whose pictures are drawn once for page and PDF."""
+    return report_of(acceptance(), facts(), language)

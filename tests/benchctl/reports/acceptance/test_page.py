@@ -12,7 +12,7 @@ from benchctl.recordings.model import Unit
 from benchctl.reports.acceptance.build import report_of
 from benchctl.reports.acceptance.catalogue import LANGUAGES
 from benchctl.reports.acceptance.page import page
-from tests.benchctl.reports.acceptance.example import DIGESTS, HOSTILE, acceptance, facts
+from tests.benchctl.reports.acceptance.example import DIGESTS, HOSTILE, acceptance, facts, report
 from tests.benchctl.reports.page import Page
 
 _NAMES = "acceptance benchctl bench python numpy scipy points soak_s limits toml rate_sweep misalignment verify"
@@ -21,7 +21,7 @@ _NAMES = "acceptance benchctl bench python numpy scipy points soak_s limits toml
 
 @pytest.fixture(scope="module")
 def pages() -> dict[str, str]:
-    return {language: page(report_of(acceptance(), facts(), language)) for language in LANGUAGES}
+    return {language: page(report(language)) for language in LANGUAGES}
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

@@ -13,7 +13,7 @@ from benchctl.recordings.model import Unit
 from benchctl.reports.acceptance.build import report_of
 from benchctl.reports.acceptance.catalogue import LANGUAGES, catalogue
 from benchctl.reports.acceptance.pdf import pdf
-from tests.benchctl.reports.acceptance.example import DIGESTS, HOSTILE, acceptance, facts
+from tests.benchctl.reports.acceptance.example import DIGESTS, HOSTILE, acceptance, facts, report
 
 A4_PT = (595.28, 841.89)
 MARGIN_PT = 40.0
@@ -43,7 +43,7 @@ def beyond_the_margins(document: bytes) -> list[str]:
 
 @pytest.fixture(scope="module")
 def documents() -> dict[str, bytes]:
-    return {language: pdf(report_of(acceptance(), facts(), language)) for language in LANGUAGES}
+    return {language: pdf(report(language)) for language in LANGUAGES}
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -63,13 +63,13 @@ def test_each_page_has_the_unit_the_verdict_and_its_number(documents: dict[str, 
 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_it_says_what_the_page_says(documents: dict[str, bytes], language: str) -> None:
-    report = report_of(acceptance(), facts(), language)
     told = letters(" ".join(text_of(documents[language])))
-    sentences = [report.tally, report.rule, *report.anomalies, *report.deviations]
-    sentences += [text for row in report.header + report.environment + report.traceability for text in row]
-    sentences += [text for row in report.summary for text in (row.test, row.value, row.limit, row.verdict.text)]
-    sentences += [text for row in report.equipment for text in (row.role, row.model, row.serial, row.until)]
-    for test in report.sections:
+    stated = report(language)
+    sentences = [stated.tally, stated.rule, *stated.anomalies, *stated.deviations]
+    sentences += [text for row in stated.header + stated.environment + stated.traceability for text in row]
+    sentences += [text for row in stated.summary for text in (row.test, row.value, row.limit, row.verdict.text)]
+    sentences += [text for row in stated.equipment for text in (row.role, row.model, row.serial, row.until)]
+    for test in stated.sections:
         sentences += [test.name, test.definition, test.formula, test.refused, test.remedy, *test.notes]
         sentences += [text for row in (*test.result, *test.conditions) for text in row]
         if test.budget:

@@ -15,6 +15,7 @@ from tests.benchctl.recordings import made
 from tests.benchctl.reports.acceptance.example import acceptance, facts
 
 
+@pytest.mark.slow
 def test_the_four_files_are_written_in_the_language(tmp_path: Path) -> None:
     paths = write_acceptance(acceptance(), facts(), tmp_path / "new", "ru")
     names = ["acceptance.html", "acceptance.pdf", "acceptance.xml", "acceptance.json"]

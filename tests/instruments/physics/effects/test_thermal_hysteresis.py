@@ -64,6 +64,6 @@ def test_the_sentence_says_which_way_is_lower() -> None:
 @pytest.mark.slow
 def test_an_hour_of_samples_takes_hundredths_of_a_second() -> None:
     x = 20.0 + np.random.default_rng(1).normal(size=400_000)
-    begin = time.perf_counter()
+    begin = time.process_time()
     play(x, 1.0, 20.0)
-    assert time.perf_counter() - begin < 0.1
+    assert time.process_time() - begin < 0.1
