@@ -26,8 +26,11 @@ SAMPLES = 10_000_000
 MANY = 100_000_000
 RATE_HZ = 100.0
 GOAL = 0.05
-SAME = 1e-12
-"""By so much of themselves the deviations may differ."""
+SAME = {SAMPLES: 1e-12, MANY: 1e-11}
+"""By so much of themselves the deviations may differ: allantools leaves the mean in what it adds up and loses digits.
+
+Over 2²⁰ to 2²⁵ of 10⁸ such rates its deviations are 1e-13 to 6e-13 off those in extended precision, ours 1e-14.
+"""
 GRIDS = ("octave", "decade")
 _TURNS, _TURNS_OF_MANY = 5, 2
 
@@ -63,7 +66,7 @@ def _by(means: str, rates: FloatArray, grids: Sequence[str] = GRIDS, turns: int 
         tau_s, expected, _, _ = oadev(rates, rate=RATE_HZ, data_type="freq", taus=grid)
         factors = np.round(tau_s * RATE_HZ).astype(np.int64)
         apart = float(np.max(np.abs(deviation(rates, factors, 1.0 / RATE_HZ) / expected - 1.0)))
-        if not apart <= SAME:
+        if not apart <= SAME[rates.size]:
             raise RuntimeError(f"{grid} grid, {means}: differs from allantools by {apart:.1e} of itself")
         ours_s, theirs_s = alternating(
             lambda factors=factors: _wall_s(lambda: deviation(rates, factors, 1.0 / RATE_HZ)),
