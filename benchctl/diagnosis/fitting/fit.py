@@ -18,7 +18,7 @@ from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.fitting.point import Free as Free
 from benchctl.diagnosis.fitting.point import Point as Point
 from benchctl.diagnosis.problem import Problem
-from benchctl.diagnosis.signals.blocks import block_starts
+from benchctl.diagnosis.signals.blocks import block_products
 from benchctl.diagnosis.signals.threads import cores, do_all, parts_of
 
 FloatArray = npt.NDArray[np.float64]
@@ -134,8 +134,7 @@ class Fit:
         """
         inverse_information = self.inverse_information
         usual = self.covariance
-        white, starts = self.white * self.fitted[step], block_starts(self.white.size)
-        sums = np.stack([np.add.reduceat(column * white, starts) for column in self.derivatives.T], axis=1)
+        sums = block_products(self.derivatives, self.white * self.fitted[step])
         scattered = np.diag(inverse_information @ (sums.T @ sums) @ inverse_information)
         usual_variance = np.diag(usual)
         ratio = np.where(usual_variance > 0.0, scattered / np.where(usual_variance > 0.0, usual_variance, 1.0), 1.0)
@@ -261,8 +260,7 @@ def _squares(problem: Problem, white: FloatArray, fitted: BoolArray) -> float:
 
 
 def _per_step(problem: Problem, values: FloatArray) -> FloatArray:
-    sums = np.bincount(problem.step, values, minlength=len(problem.step_names))
-    return sums.astype(np.float64)
+    return np.array([values[rows].sum() for rows in _rows_of_steps(problem)])
 
 
 def _derivatives(problem: Problem, point: Point, numbers: tuple[Free, ...], predicted: FloatArray) -> FloatArray:
@@ -315,7 +313,7 @@ def products_of(problem: Problem, derivatives: FloatArray, white: FloatArray, wh
 
     def fill(step: int) -> None:
         block = derivatives[rows_of[step]]
-        information[step] = block.T @ block
+        information[step] = np.dot(block.T, block)  # which lets other threads work, as @ does not
 
     do_all(fill, range(len(rows_of)))
     empty = Products(

@@ -112,7 +112,7 @@ class Whitener:
     def log_determinant(self) -> float:
         """Logarithm of the determinant of the noise's covariance, but for the variance of the innovations."""
         jumps = sum(math.log(power) for _, _, power in self._jumps)
-        return float(jumps - 2.0 * np.log(self.weight[self._rows.counted]).sum())
+        return jumps + self._rows.log_determinant
 
     def __call__(self, column: FloatArray) -> FloatArray:
         """The whitened column, shape (n,), or several, shape (k, n)."""
@@ -191,6 +191,11 @@ class _Rows:
     def counted(self) -> IntArray:
         """The rows that count."""
         return np.flatnonzero(self.weight > 0.0)
+
+    @cached_property
+    def log_determinant(self) -> float:
+        """That of their variances, relative to each other."""
+        return -2.0 * float(np.log(self.weight[self.counted]).sum())
 
     @cached_property
     def bridges(self) -> tuple[IntArray, IntArray, IntArray, FloatArray]:

@@ -190,12 +190,17 @@ class _Blocks:
     def best(self, process: Process, least_gain: float) -> tuple[float, float]:
         """The largest gain and the size, over the deviation of a sample's white noise, where it lies.
 
-        Sizes are a factor of two apart at first; only where one gains near `least_gain` it is looked at closer.
+        Sizes are a factor of four apart at first, two beside the best; only where one gains near `least_gain` it is
+        looked at closer.
         """
         if not self._fitted.any():
             return 0.0, float(_SIZES[0])
-        deviances = [self.deviance(process, size) for size in _SIZES.tolist()]
-        place = int(np.argmin(deviances))
+        deviances = {place: self.deviance(process, float(_SIZES[place])) for place in range(0, _SIZES.size, 2)}
+        first = min(deviances, key=deviances.__getitem__)
+        for place in (first - 1, first + 1):
+            if 0 <= place < _SIZES.size:
+                deviances[place] = self.deviance(process, float(_SIZES[place]))
+        place = min(deviances, key=deviances.__getitem__)
         without = self.deviance(process, 0.0)
         if without - deviances[place] < 0.5 * least_gain:
             return 0.0, float(_SIZES[place])

@@ -29,8 +29,11 @@ from instruments.physics.response_gyro import scaled_v
 
 FloatArray = npt.NDArray[np.float64]
 
-_KEPT = 3
-"""So many results of each stage are kept."""
+_KEPT = 2
+"""So many results of each stage are kept: what others begin with, and what was asked for last."""
+
+_TOGETHER = 1 << 15
+"""So many rows at once stay in a core's own memory from one term of the law to the next."""
 
 _COARSE_ORDER = 8.0
 """Errors of an encoder that change faster than so often a turn do not pass the filter of the rate as they are."""
@@ -48,7 +51,11 @@ class Law:
         """K0·k(T)·k(ω)·ω, shape (n,)."""
         K0, _, *terms = baseline.tolist()
         k_T, k_omega = terms[: self.temperature_terms], terms[self.temperature_terms :]
-        return scaled_v(K0, k_T, k_omega, rate_dps, coil_c - self.T0_c)
+        volts = np.empty_like(rate_dps)
+        for first in range(0, volts.size, _TOGETHER):
+            rows = slice(first, first + _TOGETHER)
+            volts[rows] = scaled_v(K0, k_T, k_omega, rate_dps[rows], coil_c[rows] - self.T0_c)
+        return volts
 
 
 @dataclass
@@ -123,9 +130,20 @@ class GyroChain:
             return replace(signals, sensed_rate_dps=signals.sensed_rate_dps + self.earth_dps)
 
         signals = self._remembered("Earth", asked.until("motion"), with_earth)
-        for stage in ("sensed_rate", "coil_temperature"):
-            signals = self._after(stage, asked, signals)
-        return signals
+        return self._heated(asked, self._after("sensed_rate", asked, signals))
+
+    def _heated(self, asked: _Asked, signals: Signals) -> Signals:
+        """The coil as warm as effects make it. How it is turned does not matter to that: all motions share it."""
+        own = tuple(effect for effect in asked.others if effect.stage == "coil_temperature")
+        if not own:
+            return signals
+
+        def heated() -> Signals:
+            of_table = self._remembered("table", asked.clocks, lambda: self._moved(asked.clocks))
+            return self._through("coil_temperature", of_table, own)
+
+        warm = self._remembered("coil_temperature", (asked.clocks, own), heated)
+        return replace(signals, coil_c=warm.coil_c, coil_rate_c_per_s=warm.coil_rate_c_per_s)
 
     def _after(self, stage: Stage, asked: _Asked, signals: Signals, values: tuple[float, ...] = ()) -> Signals:
         """What the effects of a stage make of signals, which depend on these values of the baseline."""
@@ -210,6 +228,11 @@ class _Asked:
     baseline: FloatArray
     moving: tuple[PhysicalEffect, ...]
     others: tuple[PhysicalEffect, ...]
+
+    @property
+    def clocks(self) -> tuple[PhysicalEffect, ...]:
+        """Those that change the instants at which all is known."""
+        return tuple(effect for effect in self.moving if isinstance(effect, ClockEffect))
 
     def until(self, stage: Stage) -> tuple[PhysicalEffect, ...]:
         """All effects that have acted after a stage."""

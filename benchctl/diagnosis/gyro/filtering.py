@@ -41,9 +41,11 @@ class Filters:
         padding = self._padding(effect.memory_s)
         spectra = iter(self._spectra(values, padding))
         passed = values.copy()
+        gains: dict[int, ComplexArray] = {}
         for length, size, alike in self._batches(padding):
-            gain = effect.response(scipy.fft.rfftfreq(size, self._interval_s))
-            for rows, back in zip(alike, scipy.fft.irfft(next(spectra) * gain, size), strict=True):
+            if size not in gains:
+                gains[size] = effect.response(scipy.fft.rfftfreq(size, self._interval_s))
+            for rows, back in zip(alike, scipy.fft.irfft(next(spectra) * gains[size], size), strict=True):
                 passed[rows] = back[:length]
         return passed
 

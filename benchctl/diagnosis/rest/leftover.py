@@ -23,7 +23,7 @@ import scipy.sparse
 import scipy.special
 import scipy.stats
 
-from benchctl.diagnosis.signals.blocks import BLOCK, block_starts
+from benchctl.diagnosis.signals.blocks import block_products, block_starts
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -57,7 +57,8 @@ class Leftover:
 
     def __init__(self, white: FloatArray, derivatives: FloatArray, rows: BoolArray) -> None:
         self.rows = rows.astype(np.float64)
-        known = derivatives * self.rows[:, None]
+        # row by row, as sparse columns are multiplied with it
+        known = np.multiply(derivatives, self.rows[:, None], order="C")
         size = np.sqrt(np.einsum("ij,ij->j", known, known))
         known /= np.where(size > 0.0, size, 1.0)
         self.known: FloatArray = known
@@ -107,12 +108,7 @@ class Leftover:
         profile = np.asarray(columns @ _like(columns, weights)) - self.known @ (self.inverse @ (crossed.T @ weights))
         rest = self.white - profile
         variance = max(self.squares - drop, 1e-12 * self.squares) / max(self.freedom - dof, 1.0)
-        blocks = _block_sums(columns, rest)
-        starts = block_starts(rest.size)
-        of_known = np.stack([np.add.reduceat(column * rest, starts) for column in self.known.T], axis=1)
-        blocks -= of_known @ (self.inverse @ crossed.T)
-        blocks = blocks @ root
-        scatter = blocks.T @ blocks / variance
+        scatter = root.T @ self._scattered(columns, crossed, rest) @ root / variance
         mean, square = float(np.trace(scatter)), float(np.sum(scatter * scatter))
         freedom = min(mean * mean / square, float(dof))
         scale = max(1.0, square / mean, dof / freedom)
@@ -124,6 +120,19 @@ class Leftover:
             inflation=max(1.0, mean / dof),
             profile=profile,
         )
+
+    def _scattered(self, columns: Columns, crossed: FloatArray, rest: FloatArray) -> FloatArray:
+        """Σ over blocks of the products of the scores of columns with what was fitted taken off, shape (k, k).
+
+        `crossed` (k, p) are the columns' products with what is known, `rest` (n,) is what the columns leave. A block
+        meets few of the columns that are sparse: so its sums are, and what was fitted is taken off their products.
+        """
+        sums, of_known = _block_sums(columns, rest), block_products(self.known, rest)
+        taken = self.inverse @ crossed.T
+        own = sums.T @ sums
+        both = np.asarray(sums.T @ of_known, dtype=np.float64) @ taken
+        own = np.asarray(own.toarray() if scipy.sparse.issparse(own) else own, dtype=np.float64)
+        return np.asarray(own - both - both.T + taken.T @ (of_known.T @ of_known) @ taken)
 
 
 def log_chance(chi_squared: float, freedom: float) -> float:
@@ -165,13 +174,13 @@ def _root(gram: FloatArray, known: FloatArray) -> FloatArray:
     return np.asarray(vectors[:, kept] / np.sqrt(values[kept]) * scale[:, None])
 
 
-def _block_sums(columns: Columns, values: FloatArray) -> FloatArray:
-    """Σ of columns times values over each block of rows, shape (blocks, k)."""
-    starts = block_starts(values.size)
+def _block_sums(columns: Columns, values: FloatArray) -> FloatArray | scipy.sparse.csr_array:
+    """Σ of columns times values over each block of rows, shape (blocks, k), sparse where they are."""
     if isinstance(columns, np.ndarray):
-        products = columns.T * _like(columns, values)
-        return np.add.reduceat(products, starts, axis=1).T.astype(np.float64)
-    many, count = columns.shape[1], np.diff(columns.indptr)
-    place = np.repeat(np.arange(values.size) // BLOCK * many, count) + columns.indices
-    sums = np.bincount(place, columns.data * np.repeat(values, count), minlength=starts.size * many)
-    return np.asarray(sums, dtype=np.float64).reshape(starts.size, many)
+        return block_products(columns, _like(columns, values))
+    starts = block_starts(values.size)
+    ends = np.append(columns.indptr[starts], columns.indptr[-1:])
+    products = columns.data * np.repeat(values, np.diff(columns.indptr))
+    sums = scipy.sparse.csr_array((products, columns.indices.copy(), ends), shape=(starts.size, columns.shape[1]))
+    sums.sum_duplicates()
+    return sums

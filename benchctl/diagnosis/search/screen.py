@@ -44,6 +44,8 @@ _WORTH = 8.0
 
 _BATCH, _BATCH_ROWS = 4, 16_000_000
 """So many probes are looked at together, or as many as have so many rows between them."""
+_TOGETHER = 1 << 13
+"""Rows of some columns that stay in a core's own memory."""
 _ROWS_ENOUGH = 1_000_000
 
 _DRAWS = 4000
@@ -118,10 +120,9 @@ def screen(
 
     def looked_at(some: Sequence[Probe]) -> tuple[list[Scored], SingleArray | None]:
         columns = beside.columns(problem, whitener, fitted, some, progress)
-        crossed = columns @ beside.known
-        power, own = beside.powers(columns, crossed)
-        scored = beside.scored(some, columns, crossed, power, own)
-        return scored, beside.directions(columns, crossed, own > 0.0) if drawn else None
+        products = beside.products(columns)
+        scored = beside.scored(some, columns, products)
+        return scored, beside.directions(columns, products) if drawn else None
 
     scored: list[Scored] = []
     directions: list[SingleArray] = []
@@ -138,6 +139,19 @@ def _in_batches(probes: Sequence[Probe], rows: int) -> list[Sequence[Probe]]:
     """Probes of which all columns, of so many rows, are looked at together: the fit's derivatives are read but once."""
     size = max(1, min(_BATCH, _BATCH_ROWS // max(rows, 1)))
     return [probes[first : first + size] for first in range(0, len(probes), size)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Products:
+    """Products of whitened columns with what is known (k, p), with the residual (k,) and with each other (k, k).
+
+    `own` (k,) is the sum of squares of each column's part that is its own, 0 where that is nothing.
+    """
+
+    known: FloatArray
+    white: FloatArray
+    each_other: FloatArray
+    own: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,23 +209,31 @@ class _Beside:
             changed *= whitener.weight * self.rows
         return changed
 
-    def powers(self, columns: FloatArray, crossed: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The sums of squares of columns (k, n) and of what of them is their own, shape (k,) each."""
-        power = np.einsum("kn,kn->k", columns, columns)
-        own = power - np.einsum("ki,ij,kj->k", crossed, self.covariance, crossed)
-        return power, np.where(own > _UNSEEN * power, own, 0.0)
+    def products(self, columns: FloatArray) -> _Products:
+        """The products of columns (k, n): some rows at a time, so that all three find them in a core's own memory."""
+        many = len(columns)
+        known, white, each_other = np.zeros((many, self.known.shape[1])), np.zeros(many), np.zeros((many, many))
+        for first in range(0, self.white.size, _TOGETHER):
+            rows = slice(first, first + _TOGETHER)
+            some = columns[:, rows]
+            # dot lets other threads work, as @ does not
+            known += np.dot(some, self.known[rows])
+            white += np.dot(some, self.white[rows])
+            each_other += np.dot(some, some.T)
+        power = np.diag(each_other)
+        own = power - np.einsum("ki,ij,kj->k", known, self.covariance, known)
+        return _Products(known=known, white=white, each_other=each_other, own=np.where(own > _UNSEEN * power, own, 0.0))
 
-    def scored(
-        self, probes: Sequence[Probe], columns: FloatArray, crossed: FloatArray, power: FloatArray, own: FloatArray
-    ) -> list[Scored]:
-        """What each of the probes promises; `crossed` (k, p) are the columns' products with what is known."""
+    def scored(self, probes: Sequence[Probe], columns: FloatArray, products: _Products) -> list[Scored]:
+        """What each of the probes promises, whose columns are (k, n)."""
         starts = block_starts(self.white.size)
         scored = []
         for probe, some in zip(probes, consecutive([len(probe.columns) for probe in probes]), strict=True):
-            seen = own[some] > 0.0
-            of_known = self.covariance @ crossed[some].T
-            gram = (columns[some] @ columns[some].T - crossed[some] @ of_known) * np.outer(seen, seen)
-            product = (columns[some] @ self.white - self._gradient @ of_known) * seen
+            own, crossed, each_other = products.own[some], products.known[some], products.each_other[some, some]
+            seen = own > 0.0
+            of_known = self.covariance @ crossed.T
+            gram = (each_other - crossed @ of_known) * np.outer(seen, seen)
+            product = (products.white[some] - self._gradient @ of_known) * seen
             weights = inverse(gram) @ product
             if not probe.sizes:  # there is no such thing as less than nothing of it
                 weights = np.maximum(weights, 0.0)
@@ -227,20 +249,20 @@ class _Beside:
                     gain=gain,
                     scatter=odd,
                     weights=weights,
-                    power=own[some] * self.count / self.total,
-                    followed=bool(power[some].any()) and not seen.any(),
+                    power=own * self.count / self.total,
+                    followed=bool(each_other.any()) and not seen.any(),
                 )
             )
         return scored
 
-    def directions(self, columns: FloatArray, crossed: FloatArray, seen: BoolArray) -> SingleArray:
-        """What of columns (k, n) is their own, in single precision; of those that are not `seen` nothing.
+    def directions(self, columns: FloatArray, products: _Products) -> SingleArray:
+        """What of columns (k, n) is their own, in single precision; of those that are not seen nothing.
 
         Of very many rows some are taken: how alike two columns are is known well enough from them.
         """
         some = slice(None, None, self.white.size // _ROWS_ENOUGH + 1)
-        own = columns[:, some] - (crossed @ self.covariance) @ self.known[some].T
-        own *= seen[:, None]
+        own = columns[:, some] - (products.known @ self.covariance) @ self.known[some].T
+        own *= (products.own > 0.0)[:, None]
         return np.asarray(own, np.float32)
 
     @cached_property

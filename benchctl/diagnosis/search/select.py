@@ -57,7 +57,8 @@ def select_between(
     """The same where there is another answer to what a recording does not state.
 
     As soon as something has been found, `better` is asked whether the recording is better explained under the other
-    answer; where it gives one, the search goes on with that problem, from what of the findings still holds.
+    answer; where it gives one, the search goes on with that problem, from what of the findings still holds. When
+    nothing more is found it is asked once more: the answer that it gives beside all of it counts.
     """
     search = _Search(problem, seed, progress, rounding_v2)
     chosen = search.run(better)
@@ -101,16 +102,12 @@ class _Search(Models):
         return self._problem
 
     def run(self, better: Better | None = None) -> Selection:
+        self._stated = self._problem
         untouched = Point(baseline=self._problem.baseline_start)
-        present = self._fit(untouched)
-        self._noise = self._noise.levelled(self._problem, present)
-        present, screening = self._grown(self._fit(present))
-        other = None if better is None else better(self._problem, present, self._noise.whitener)
-        if other is not None:
-            self._problem, self._bare = other, None
-            again = self._fit(present.point)
-            present = self._pruned(self._remeasured(again, self._least(again)), again.point.effects)
-            present, screening = self._grown(present)
+        present, screening = self._grown(self._begun(untouched), better)
+        answered = self._confirmed(present, better)
+        if answered is not present:
+            present, screening = self._grown(answered)
         present = self._remeasured(present, self._least(present))
         present, evidence = self._settled(present)
         plain = self._noise.plain
@@ -125,8 +122,44 @@ class _Search(Models):
             heldout=self._held,
         )
 
-    def _grown(self, present: Fit) -> tuple[Fit, Screening]:
-        """A model to which everything has been added that the data demand, and the last look that found no more."""
+    def _begun(self, untouched: Point) -> Fit:
+        """The first fit, of rows weighed by the noise that it leaves."""
+        present = self._fit(untouched)
+        self._noise = self._noise.levelled(self._problem, present)
+        return self._fit(present)
+
+    def _answered(self, present: Fit, better: Better | None) -> Fit:
+        """The model under the other answer to what is not stated, where that is better; else as it is."""
+        other = None if better is None else better(self._problem, present, self._noise.whitener)
+        return present if other is None else self._reviewed(self._under(other, present))
+
+    def _confirmed(self, present: Fit, better: Better | None) -> Fit:
+        """The model under the answer that holds beside all that was found; as it is, where that is the one it has.
+
+        One that was taken early was taken beside less, and what was still missing may have looked like it.
+        """
+        if better is None or self._problem is self._stated:
+            return self._answered(present, better)
+        whitener = self._noise.whitener
+        as_stated = fit(self._stated, whitener, present.point, self._fitted, rounds=0)
+        if better(self._stated, as_stated, whitener) is not None:
+            return present
+        return self._reviewed(self._under(self._stated, present))
+
+    def _under(self, problem: Problem, present: Fit) -> Fit:
+        """The model fitted under another answer, which is taken from now on."""
+        self._problem, self._bare = problem, None
+        return self._fit(present.point)
+
+    def _reviewed(self, present: Fit) -> Fit:
+        """The model with its noise measured anew, and without what is no longer needed."""
+        return self._pruned(self._remeasured(present, self._least(present)), present.point.effects)
+
+    def _grown(self, present: Fit, better: Better | None = None) -> tuple[Fit, Screening]:
+        """A model to which everything has been added that the data demand, and the last look that found no more.
+
+        With every effect it is asked for the other answer: the sooner that is known, the less is looked for twice.
+        """
         number = 0
         while True:
             screening = self._screened(present, (_share_done(number), _share_done(number + 1)))
@@ -147,6 +180,9 @@ class _Search(Models):
             if tried is None:
                 return present, screening
             present = self._remeasured(self._pruned(tried.fit, tried.fit.point.effects[:-1]), least)
+            del tried  # its derivatives are as large as those of what took its place
+            if self._problem is self._stated:
+                present = self._answered(present, better)
 
     def _remeasured(self, present: Fit, threshold: float) -> Fit:
         """The fit with what was found of the noise measured beside it."""

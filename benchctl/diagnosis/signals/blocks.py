@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -12,6 +14,19 @@ BLOCK = 64
 def block_starts(rows: int) -> npt.NDArray[np.int64]:
     """The first row of each block of so many rows, as `numpy.add.reduceat` takes them."""
     return np.arange(0, rows, BLOCK)
+
+
+def block_products(
+    columns: npt.NDArray[np.floating[Any]], values: npt.NDArray[np.floating[Any]]
+) -> npt.NDArray[np.float64]:
+    """Σ of columns (n, k) times values (n,) over each block of rows, shape (blocks, k)."""
+    rows, many = columns.shape
+    whole, left = divmod(rows, BLOCK)
+    cut = whole * BLOCK
+    sums = np.empty((whole + (left > 0), many))
+    sums[:whole] = (values[:cut].reshape(whole, 1, BLOCK) @ columns[:cut].reshape(whole, BLOCK, many))[:, 0]
+    sums[whole:] = values[cut:] @ columns[cut:]
+    return sums
 
 
 def step_starts(step: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:

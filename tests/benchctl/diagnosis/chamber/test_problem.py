@@ -54,6 +54,7 @@ def test_what_a_chamber_does_beside_is_found_and_nothing_else(
     assert found[effect].values == pytest.approx(parameters, rel=0.1)
 
 
+@pytest.mark.slow
 def test_two_effects_at_once_are_both_found() -> None:
     found = found_in(chamber_problem(recording_of(chamber_channels(Truth(second_lag_s=30.0, radiation=0.5), 1))))
     assert set(found) == {"second_lag", "radiation"}

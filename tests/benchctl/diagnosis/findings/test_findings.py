@@ -53,6 +53,7 @@ def noisy(effect: str, size: float, log_error: float, chosen: Selection) -> Sele
     return replace(chosen, noise=replace(chosen.noise, found={effect: one}))
 
 
+@pytest.mark.slow
 def test_the_intervals_hold_nineteen_times_of_twenty() -> None:
     truth = Decay(amplitude_v=5e-3, tau_s=150.0)
     inside = {"amplitude_v": 0, "tau_s": 0}

@@ -57,7 +57,8 @@ def asked() -> list[tuple[FloatArray, tuple[PhysicalEffect, ...]]]:
     """Models with every effect alone and with its neighbours, at several values of the baseline, in a chance order."""
     alone = [(made(name),) for name in NAMES]
     pairs = [(made(one), made(other)) for one, other in itertools.pairwise(NAMES)]
-    all_of_them = [(baseline, some) for some in ((), *alone, *pairs) for baseline in BASELINES]
+    lagging = [(made(one), made("thermal_lag")) for one in NAMES[: NAMES.index("dead_zone")]]
+    all_of_them = [(baseline, some) for some in ((), *alone, *pairs, *lagging) for baseline in BASELINES]
     order = np.random.default_rng(3).permutation(len(all_of_them))
     return [all_of_them[place] for place in order.tolist()]
 

@@ -49,6 +49,7 @@ def test_what_is_hidden_is_proposed_at_its_place_and_promises_most(name: str) ->
             assert place.gain == pytest.approx(exact[place.value], rel=0.15)
 
 
+@pytest.mark.slow
 def test_where_nothing_is_hidden_no_place_promises_more_than_chance() -> None:
     problem, whitener, fitted = _fitted("null", 2)
     scored = screen(problem, whitener, fitted, proposals(problem, whitener, fitted), seed=0).scored

@@ -199,6 +199,7 @@ def test_look_alikes_cost_less_than_effects_that_have_nothing_in_common() -> Non
     assert chi2.ppf(0.999, 1) - 0.5 < alike < apart < chi2.ppf(0.999, 2) + 5.0
 
 
+@pytest.mark.slow
 def test_the_threshold_is_what_white_noise_reaches_as_often_as_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     """One time in ten here, so that a few hundred draws can count it; the draws are screened like any recording."""
     monkeypatch.setattr(screening, "_CHANCE", 0.1)

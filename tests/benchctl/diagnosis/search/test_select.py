@@ -72,6 +72,7 @@ def test_two_effects_are_found_together_whichever_is_larger() -> None:
         assert names(selected(toy(RIPPLE, CUBIC, DECAY, seed=seed))) == {"ripple", "cubic", "decay"}
 
 
+@pytest.mark.slow
 def test_on_white_noise_nothing_is_found_in_two_hundred_recordings() -> None:
     found = [names(selected(toy(seed=seed))) for seed in range(1000, 1200)]
     assert sum(map(bool, found)) <= 1
