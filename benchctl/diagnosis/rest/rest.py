@@ -256,8 +256,9 @@ def threshold_of(looked: int) -> float:
 
 
 def _rank(one: Looked) -> tuple[bool, float]:
-    # what a single spike explains may be much, and is no structure
-    return one.log_p < math.log(1e-6), one.promise
+    # What a single spike explains may be much, and is no structure. Of two that are equal but for the last digits, as a
+    # rate and an output without noise are, the first that was looked at is the better: no order of summing decides.
+    return one.log_p < math.log(1e-6), float(f"{one.promise:.9g}")
 
 
 def _groups(problem: Problem, fit: Fitted, left: Leftover, *, slow: bool = False) -> Iterator[Group]:
