@@ -25,7 +25,7 @@ _SHORT = 1 << 13
 """The longest of the short lags."""
 _SPAN = 1 << 20
 """Points in a row of a core's piece."""
-_COLUMNS = 1 << 16
+_COLUMNS = 1 << 17
 """Points of a piece that is made of columns."""
 _NARROWEST = 1 << 6
 """Columns of one at least: where there are thousands of rows, they are in no core's own cache."""
