@@ -24,8 +24,10 @@ _LITTLE_BYTES = 10**9
 _READER_LIMIT_S = 30.0
 _SAMPLES = 1000
 _READER = """
-import sys, h5py
-with h5py.File(sys.argv[1], "r", swmr=True, locking=False) as file:
+import sys
+from pathlib import Path
+from benchctl.recordings.opening import open_growing
+with open_growing(Path(sys.argv[1])) as file:
     print(len(file["samples"]))
 """
 
@@ -92,13 +94,14 @@ def locks_finding(folder: Path) -> Finding:
 
 def growing_file_finding(folder: Path) -> Finding:
     """Whether another process reads an HDF5 file (SWMR) while it is being written, as whoever watches a run does."""
-    import h5py  # where it is broken, the other findings are still told
     import numpy as np
+
+    from benchctl.recordings.opening import create_hdf5  # where h5py is broken, the other findings are still told
 
     path = folder / "trial.h5"
     do = "name a folder on a local disk with --out DIR"
     try:
-        with h5py.File(path, "w", libver="latest", locking=False) as file:
+        with create_hdf5(path, growing=True) as file:
             samples = file.create_dataset("samples", (0,), maxshape=(None,), dtype="f8", chunks=(_SAMPLES,))
             file.swmr_mode = True
             samples.resize((_SAMPLES,))
