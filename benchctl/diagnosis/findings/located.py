@@ -15,6 +15,7 @@ from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Slice, StepFigures, Where
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.signals.bins import bin_of
+from benchctl.diagnosis.signals.threads import shared_out
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -40,33 +41,40 @@ def left_of(problem: Problem, fit: Fit, whitener: Whitener) -> FloatArray:
 
 def slices_of(problem: Problem, chosen: Selection) -> tuple[Slice, ...]:
     """The residual's mean in bins of every coordinate that the recording varies."""
-    weight = chosen.whitener.weight
     residuals = chosen.before.residual, left_of(problem, chosen.after, chosen.whitener)
-    slices = []
-    for name, known_values in problem.coordinates.items():
+
+    def along(coordinate: tuple[str, FloatArray]) -> Slice | None:
+        name, known_values = coordinate
         values = _without_noise(name, problem, chosen, known_values)
-        known = (weight > 0.0) & np.isfinite(values)
-        edges = _edges(values[known])
-        if edges is None:
-            continue
-        place = bin_of(values[known], edges)
-        count = np.bincount(place, minlength=edges.size - 1).astype(np.float64)
-        least = np.maximum(count, 1.0)
-        before, after = (np.bincount(place, one[known], minlength=count.size) / least for one in residuals)
-        variance = np.bincount(place, weight[known] ** -2.0, minlength=count.size) / least
-        slices.append(
-            Slice(
-                coordinate=name,
-                edges=edges,
-                count=count,
-                before_v=before,
-                after_v=after,
-                standard_error_v=chosen.after.deviation * np.sqrt(variance / least),
-                threshold=math.inf,
-            )
-        )
+        return _slice_of(name, values, residuals, chosen.whitener.weight, chosen.after.deviation)
+
+    slices = [one for one in shared_out(along, problem.coordinates.items()) if one is not None]
     bins = sum(int((one.count > 0).sum()) for one in slices)
     return tuple(replace(one, threshold=float(ndtri(1.0 - 0.5 * _CHANCE / bins))) for one in slices)
+
+
+def _slice_of(
+    name: str, values: FloatArray, residuals: tuple[FloatArray, FloatArray], weight: FloatArray, deviation: float
+) -> Slice | None:
+    """One coordinate's, of residuals before and after; None where it does not vary. The threshold is still missing."""
+    known = (weight > 0.0) & np.isfinite(values)
+    edges = _edges(values[known])
+    if edges is None:
+        return None
+    place = bin_of(values[known], edges)
+    count = np.bincount(place, minlength=edges.size - 1).astype(np.float64)
+    least = np.maximum(count, 1.0)
+    before, after = (np.bincount(place, one[known], minlength=count.size) / least for one in residuals)
+    variance = np.bincount(place, weight[known] ** -2.0, minlength=count.size) / least
+    return Slice(
+        coordinate=name,
+        edges=edges,
+        count=count,
+        before_v=before,
+        after_v=after,
+        standard_error_v=deviation * np.sqrt(variance / least),
+        threshold=math.inf,
+    )
 
 
 def _without_noise(name: str, problem: Problem, chosen: Selection, values: FloatArray) -> FloatArray:

@@ -6,7 +6,6 @@ the residual. What it leaves on steps that it was not fitted to then costs no lo
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,6 +16,8 @@ import numpy.typing as npt
 from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.fitting.point import Free as Free
 from benchctl.diagnosis.fitting.point import Point as Point
+from benchctl.diagnosis.fitting.products import Products as Products
+from benchctl.diagnosis.fitting.products import products_of, squares_of, with_residual
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.signals.blocks import block_products
 from benchctl.diagnosis.signals.threads import cores, do_all, parts_of
@@ -31,25 +32,6 @@ _CLOSE = 0.02
 """Rounds end when twice the log likelihood is expected to gain less."""
 _RIDGE = 1e-10
 _NUDGE = 1e-4
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Products:
-    """Sums over each step's rows: information (m, p, p), gradient (m, p), squares (m,) and rows that count (m,)."""
-
-    information: FloatArray
-    gradient: FloatArray
-    squares: FloatArray
-    rows: FloatArray
-
-    def of(self, steps: BoolArray) -> tuple[FloatArray, FloatArray, float, float]:
-        """Their sums over some steps, given as a mask of shape (m,)."""
-        return (
-            self.information[steps].sum(axis=0),
-            self.gradient[steps].sum(axis=0),
-            float(self.squares[steps].sum()),
-            float(self.rows[steps].sum()),
-        )
 
 
 def solve(information: FloatArray, gradient: FloatArray) -> FloatArray:
@@ -154,7 +136,7 @@ def fit(
     numbers = tuple(point.free(problem.baseline_names))
     predicted = start.predicted if isinstance(start, Fit) else problem.predict(point.baseline, point.effects)
     white = whitener(problem.measured - predicted)
-    squares = _squares(problem, white, fitted)
+    squares = float(squares_of(problem, white)[fitted].sum())
     taken = start.raw_derivatives if isinstance(start, Fit) else _derivatives(problem, point, numbers, predicted)
     raw, derivatives = _whitened(whitener, taken)
     products = products_of(problem, derivatives, white, whitener)
@@ -169,7 +151,7 @@ def fit(
         trial = point.moved(numbers, values + step)
         trial_predicted = problem.predict(trial.baseline, trial.effects)
         trial_white = whitener(problem.measured - trial_predicted)
-        trial_squares = _squares(problem, trial_white, fitted)
+        trial_squares = float(squares_of(problem, trial_white)[fitted].sum())
         if not trial_squares <= squares + 1e-9 * variance:
             damping = max(10.0 * damping, 1e-3)
             if damping > 1e6:
@@ -178,7 +160,7 @@ def fit(
         gained = (squares - trial_squares) / variance
         point, predicted, white, squares = trial, trial_predicted, trial_white, trial_squares
         if damping == 0.0 and expected < _CLOSE:  # so near, the derivatives are what they were
-            products = _with_residual(problem, products, derivatives, white)
+            products = with_residual(problem, products, derivatives, white)
             break
         damping = damping / 10.0 if damping > 1e-3 else 0.0
         del taken, raw, derivatives  # each as large as what takes its place
@@ -255,14 +237,6 @@ def _squares_kept(one: Fit, folds: IntArray) -> float:
     return total
 
 
-def _squares(problem: Problem, white: FloatArray, fitted: BoolArray) -> float:
-    return float(_per_step(problem, white * white)[fitted].sum())
-
-
-def _per_step(problem: Problem, values: FloatArray) -> FloatArray:
-    return np.array([values[rows].sum() for rows in _rows_of_steps(problem)])
-
-
 def _derivatives(problem: Problem, point: Point, numbers: tuple[Free, ...], predicted: FloatArray) -> FloatArray:
     """Derivatives of the prediction by all numbers, shape (n, p)."""
     derivatives = np.empty((predicted.size, len(numbers)), order="F")
@@ -290,7 +264,11 @@ def _whitened(whitener: Whitener, raw: FloatArray) -> tuple[FloatArray | None, F
     """Derivatives (n, p), where a filter changes them, and the whitened ones; those given are used up."""
     if whitener.slow:
         return raw, whitened_columns(whitener, raw)
-    raw *= whitener.weight[:, None]
+
+    def weigh(column: FloatArray) -> None:
+        column *= whitener.weight
+
+    do_all(weigh, raw.T)
     return None, raw
 
 
@@ -303,37 +281,6 @@ def whitened_columns(whitener: Whitener, columns: FloatArray) -> FloatArray:
 
     do_all(fill, parts_of(columns.shape[1], cores()))
     return white
-
-
-def products_of(problem: Problem, derivatives: FloatArray, white: FloatArray, whitener: Whitener) -> Products:
-    """The products per step of whitened derivatives (n, p) and residuals (n,)."""
-    count = derivatives.shape[1]
-    information = np.zeros((len(problem.step_names), count, count))
-    rows_of = _rows_of_steps(problem)
-
-    def fill(step: int) -> None:
-        block = derivatives[rows_of[step]]
-        information[step] = np.dot(block.T, block)  # which lets other threads work, as @ does not
-
-    do_all(fill, range(len(rows_of)))
-    empty = Products(
-        information=information,
-        gradient=np.zeros((0, count)),
-        squares=np.zeros(0),
-        rows=_per_step(problem, (whitener.weight > 0.0).astype(np.float64)),
-    )
-    return _with_residual(problem, empty, derivatives, white)
-
-
-def _with_residual(problem: Problem, products: Products, derivatives: FloatArray, white: FloatArray) -> Products:
-    """The products with another residual (n,) of the same derivatives."""
-    gradient = np.stack([white[rows] @ derivatives[rows] for rows in _rows_of_steps(problem)])
-    return replace(products, gradient=gradient, squares=_per_step(problem, white * white))
-
-
-def _rows_of_steps(problem: Problem) -> list[slice]:
-    bounds = np.searchsorted(problem.step, np.arange(len(problem.step_names) + 1)).tolist()
-    return [slice(first, last) for first, last in itertools.pairwise(bounds)]
 
 
 def _nudge(problem: Problem, number: Free, value: float, index: int) -> float:

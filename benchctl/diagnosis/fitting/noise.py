@@ -23,6 +23,8 @@ import numpy.typing as npt
 import scipy.optimize
 import scipy.signal
 
+from benchctl.diagnosis.fitting.runs import filtered, without_innovations
+
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
@@ -121,11 +123,7 @@ class Whitener:
         values = np.atleast_2d(column).copy()
         spoilt, before, after, share = self._rows.bridges
         values[:, spoilt] = (1.0 - share) * values[:, before] + share * values[:, after]
-        white = np.zeros_like(values)
-        state = np.zeros((len(self._sections), len(values), 2))
-        for (rows, _), carried in zip(self._rows.runs, self._carried, strict=True):
-            state = _carried_on(carried, state)
-            white[:, rows], state = scipy.signal.sosfilt(self._sections, values[:, rows], zi=state)
+        white = filtered(self._sections, values, [rows for rows, _ in self._rows.runs], self._carried)
         white *= self.weight
         for rows, response, power in self._jumps:
             part = white[:, rows]
@@ -147,7 +145,7 @@ class Whitener:
 
         It goes on as the processes do without a push: so nothing is taken for seen.
         """
-        free = _free(self._sections)
+        free = without_innovations(self._sections)
         after: dict[int, FloatArray] = {}
         for _, missing in self._rows.runs:
             if missing not in after:
@@ -223,30 +221,6 @@ class _Rows:
         stops = [*(before[long] + 1).tolist(), int(good[-1]) + 1]
         rows = [slice(first, stop) for first, stop in zip(starts, stops, strict=True)]
         return list(zip(rows, [0, *missing[long].tolist()], strict=True))
-
-
-def _carried_on(carried: FloatArray, state: FloatArray) -> FloatArray:
-    """The states of a chain of sections, shape (sections, k, 2), after a pause."""
-    sections, columns, _ = state.shape
-    after = carried @ state.transpose(0, 2, 1).reshape(2 * sections, columns)
-    return after.reshape(sections, 2, columns).transpose(0, 2, 1)
-
-
-def _free(sections: FloatArray) -> FloatArray:
-    """What a step without an innovation makes of the state of a chain of sections, shape (2·m, 2·m).
-
-    Without an innovation nothing leaves the last section: what enters each then follows from its state alone.
-    """
-    columns = []
-    for state in np.eye(2 * len(sections)):
-        left, after = 0.0, np.empty((len(sections), 2))
-        for k in range(len(sections) - 1, -1, -1):
-            _, b1, b2, _, a1, a2 = sections[k]
-            entered = left - state[2 * k]
-            after[k] = b1 * entered - a1 * left + state[2 * k + 1], b2 * entered - a2 * left
-            left = entered
-        columns.append(after.ravel())
-    return np.stack(columns, axis=1)
 
 
 def _wandered(process: Slow, samples: int) -> float:

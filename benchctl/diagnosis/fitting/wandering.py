@@ -18,6 +18,7 @@ from benchctl.diagnosis.fitting.fit import Fit, inverse, whitened_columns
 from benchctl.diagnosis.fitting.noise import Slow, Whitener, flicker, walk
 from benchctl.diagnosis.fitting.noisy import Noisy
 from benchctl.diagnosis.problem import Problem
+from benchctl.diagnosis.signals.blocks import gram
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -146,7 +147,7 @@ def _deviance(whitener: Whitener, columns: FloatArray, rows: BoolArray) -> float
 
 def _left(columns: FloatArray) -> float:
     """The sum of squares of the first column that the others leave."""
-    products = columns.T @ columns
+    products = gram(columns)
     gradient = products[1:, 0]
     return max(float(products[0, 0] - gradient @ inverse(products[1:, 1:]) @ gradient), 1e-300)
 

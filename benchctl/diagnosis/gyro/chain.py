@@ -21,7 +21,9 @@ import numpy.typing as npt
 from benchctl.diagnosis.gyro.filtering import Filters, spline_at
 from benchctl.diagnosis.gyro.frame import Frame
 from benchctl.diagnosis.gyro.laid import Laid, laid_out
+from benchctl.diagnosis.signals.blocks import in_cache
 from benchctl.diagnosis.signals.motion import rates_of
+from benchctl.diagnosis.signals.threads import do_all, parts_of
 from instruments.physics.chain import STAGES, Signals, Stage
 from instruments.physics.effects.effect import PhysicalEffect
 from instruments.physics.effects.kinds import ClockEffect, EncoderEffect, FilterEffect
@@ -32,8 +34,8 @@ FloatArray = npt.NDArray[np.float64]
 _KEPT = 2
 """So many results of each stage are kept: what others begin with, and what was asked for last."""
 
-_TOGETHER = 1 << 15
-"""So many rows at once stay in a core's own memory from one term of the law to the next."""
+_PART = 1 << 18
+"""So many rows are worth a thread of their own."""
 
 _COARSE_ORDER = 8.0
 """Errors of an encoder that change faster than so often a turn do not pass the filter of the rate as they are."""
@@ -52,9 +54,12 @@ class Law:
         K0, _, *terms = baseline.tolist()
         k_T, k_omega = terms[: self.temperature_terms], terms[self.temperature_terms :]
         volts = np.empty_like(rate_dps)
-        for first in range(0, volts.size, _TOGETHER):
-            rows = slice(first, first + _TOGETHER)
-            volts[rows] = scaled_v(K0, k_T, k_omega, rate_dps[rows], coil_c[rows] - self.T0_c)
+
+        def fill(part: slice) -> None:
+            for rows in in_cache(part):
+                volts[rows] = scaled_v(K0, k_T, k_omega, rate_dps[rows], coil_c[rows] - self.T0_c)
+
+        do_all(fill, parts_of(volts.size, -(-volts.size // _PART)))
         return volts
 
 

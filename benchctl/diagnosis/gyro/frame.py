@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -97,7 +98,7 @@ def frame_of(recording: Recording, *, temperature_c: float | None = None) -> Fra
     origins_s = tuple(max(one for one in (0.0, *recording.starts_s) if one <= time_s[part.start]) for part in stretches)
     unwrapped = [np.unwrap(columns["encoder_deg"][part], period=360.0) for part in stretches]
     beyond = goes_beyond(unwrapped, 1.0 / interval_s)
-    motions = _motions(unwrapped, 1.0 / interval_s, beyond)
+    motion, motions = _end_to_end(_motions(unwrapped, 1.0 / interval_s, beyond), stretches)
     name, thermistors = _thermistors(recording, steps, sorted(set(origins_s)), temperature_c)
     temperatures = [thermistors[at].at(time_s[part]) for at, part in zip(origins_s, stretches, strict=True)]
     extras = set.intersection(*(set(step.channels) for step in steps)) - {*NEEDED, THERMISTOR, AIR, FILLED}
@@ -110,10 +111,7 @@ def frame_of(recording: Recording, *, temperature_c: float | None = None) -> Fra
         origins_s=origins_s,
         motions=motions,
         encoder_deg=np.concatenate(unwrapped),
-        angle_deg=np.concatenate([motion.angle_deg for motion in motions]),
-        rate_dps=np.concatenate([motion.rate_dps for motion in motions]),
-        acceleration_dps2=np.concatenate([motion.acceleration_dps2 for motion in motions]),
-        sudden=np.concatenate([motion.sudden for motion in motions]),
+        **motion,
         volts=columns["gyro_v"],
         temp_c=np.concatenate([temp for temp, _ in temperatures]),
         temp_rate_c_per_s=np.concatenate([rate for _, rate in temperatures]),
@@ -133,6 +131,20 @@ def _motions(unwrapped: Sequence[FloatArray], sample_rate_hz: float, beyond: boo
         return tuple(wide_motion(angle, sample_rate_hz) for angle in unwrapped)
     ripple = ripple_of(unwrapped, sample_rate_hz)
     return motions_of(unwrapped, sample_rate_hz, ripple)
+
+
+def _end_to_end(
+    motions: Sequence[Motion], stretches: Sequence[slice]
+) -> tuple[dict[str, FloatArray], tuple[Motion, ...]]:
+    """The motions of all stretches in one row, by name, and each as a part of it, so that they are held but once."""
+    names = ("angle_deg", "rate_dps", "acceleration_dps2", "sudden")
+    whole = {name: np.concatenate([getattr(motion, name) for motion in motions]) for name in names}
+
+    def part(motion: Motion, rows: slice) -> Motion:
+        own: dict[str, Any] = {name: values[rows] for name, values in whole.items()}
+        return replace(motion, **own)
+
+    return whole, tuple(map(part, motions, stretches))
 
 
 def _has_scans(step: Step) -> bool:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -214,12 +215,7 @@ def _hats(values: FloatArray, knots: FloatArray, factor: FloatArray | None = Non
     left = np.clip(np.searchsorted(knots, values, side="right") - 1, 0, knots.size - 2)
     width = knots[left + 1] - knots[left]
     part = np.clip((values - knots[left]) / np.where(width > 0.0, width, 1.0), 0.0, 1.0)
-    data = np.stack([1.0 - part, part], axis=1)
-    if factor is not None:
-        data *= factor[:, None]
-    place = np.stack([left, left + 1], axis=1).astype(np.int32)
-    ends = np.arange(0, 2 * values.size + 1, 2, dtype=np.int32)
-    return scipy.sparse.csr_array((data.ravel(), place.ravel(), ends), shape=(values.size, knots.size))
+    return _pairs(left, left + 1, part, factor, knots.size)
 
 
 def _levels(values: FloatArray, factor: FloatArray | None) -> scipy.sparse.csr_array:
@@ -239,9 +235,22 @@ def _ring(angle_deg: FloatArray, count: int, factor: FloatArray | None = None) -
     place = np.mod(angle_deg, _TURN) * (count / _TURN)
     left = place.astype(np.int32) % count
     part = place - np.floor(place)
-    data = np.stack([1.0 - part, part], axis=1)
+    return _pairs(left, (left + 1) % count, part, factor, count)
+
+
+def _pairs(
+    left: npt.NDArray[np.integer[Any]],
+    right: npt.NDArray[np.integer[Any]],
+    part: FloatArray,
+    factor: FloatArray | None,
+    count: int,
+) -> scipy.sparse.csr_array:
+    """1 − part in the column `left`, part in `right`, times a factor, each (n,): a sparse matrix (n, count)."""
+    data, places = np.empty((part.size, 2)), np.empty((part.size, 2), np.int32)
+    np.subtract(1.0, part, out=data[:, 0])
+    data[:, 1] = part
     if factor is not None:
         data *= factor[:, None]
-    places = np.stack([left, (left + 1) % count], axis=1).astype(np.int32)
-    ends = np.arange(0, 2 * angle_deg.size + 1, 2, dtype=np.int32)
-    return scipy.sparse.csr_array((data.ravel(), places.ravel(), ends), shape=(angle_deg.size, count))
+    places[:, 0], places[:, 1] = left, right
+    ends = np.arange(0, 2 * part.size + 1, 2, dtype=np.int32)
+    return scipy.sparse.csr_array((data.ravel(), places.ravel(), ends), shape=(part.size, count))

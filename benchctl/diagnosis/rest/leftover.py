@@ -23,7 +23,7 @@ import scipy.sparse
 import scipy.special
 import scipy.stats
 
-from benchctl.diagnosis.signals.blocks import block_products, block_starts
+from benchctl.diagnosis.signals.blocks import block_products, block_starts, gram
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -62,9 +62,9 @@ class Leftover:
         size = np.sqrt(np.einsum("ij,ij->j", known, known))
         known /= np.where(size > 0.0, size, 1.0)
         self.known: FloatArray = known
-        self.inverse: FloatArray = _pseudo_inverse(known.T @ known)
+        self.inverse: FloatArray = _pseudo_inverse(gram(known))
         white = white * self.rows
-        self.white: FloatArray = white - known @ (self.inverse @ (known.T @ white))
+        self.white: FloatArray = white - np.dot(known, self.inverse @ np.dot(known.T, white))
         self.squares = float(self.white @ self.white)
         self.freedom = max(float(self.rows.sum()) - known.shape[1], 1.0)
 
@@ -96,16 +96,18 @@ class Leftover:
         columns = _masked(columns, self.rows)
         products = np.asarray(columns.T @ _like(columns, self.white), dtype=np.float64)
         crossed = np.asarray(columns.T @ _like(columns, self.known), dtype=np.float64)
-        gram = columns.T @ columns
-        gram = np.asarray(gram.toarray() if scipy.sparse.issparse(gram) else gram, dtype=np.float64)
-        root = _root(gram, crossed @ self.inverse @ crossed.T)
+        each_other = columns.T @ columns
+        each_other = np.asarray(each_other.toarray() if scipy.sparse.issparse(each_other) else each_other, np.float64)
+        root = _root(each_other, crossed @ self.inverse @ crossed.T)
         dof = root.shape[1]
         if dof == 0 or self.squares <= 0.0:
             return Seen(gain=0.0, drop=0.0, dof=0, log_p=0.0, inflation=1.0, profile=np.zeros_like(self.white))
         scores = root.T @ products
         weights = root @ scores
         drop = float(scores @ scores)
-        profile = np.asarray(columns @ _like(columns, weights)) - self.known @ (self.inverse @ (crossed.T @ weights))
+        profile = np.asarray(columns @ _like(columns, weights)) - np.dot(
+            self.known, self.inverse @ (crossed.T @ weights)
+        )
         rest = self.white - profile
         variance = max(self.squares - drop, 1e-12 * self.squares) / max(self.freedom - dof, 1.0)
         scatter = root.T @ self._scattered(columns, crossed, rest) @ root / variance
@@ -144,6 +146,13 @@ def log_chance(chi_squared: float, freedom: float) -> float:
     return -0.5 * chi_squared + (half - 1.0) * math.log(0.5 * chi_squared) - float(scipy.special.gammaln(half))
 
 
+def for_entries(columns: scipy.sparse.csr_array, values: FloatArray) -> FloatArray:
+    """A value of each row, shape (n,), for each of the entries of sparse columns (n, k)."""
+    entries = np.diff(columns.indptr)
+    alike = entries.size > 0 and bool((entries == entries[0]).all())
+    return np.repeat(values, int(entries[0]) if alike else entries)
+
+
 def _pseudo_inverse(information: FloatArray) -> FloatArray:
     if information.size == 0:
         return information
@@ -155,7 +164,7 @@ def _masked(columns: Columns, rows: FloatArray) -> Columns:
     if isinstance(columns, np.ndarray):
         columns *= rows[:, None].astype(columns.dtype)
     else:
-        columns.data *= np.repeat(rows, np.diff(columns.indptr))
+        columns.data *= for_entries(columns, rows)
     return columns
 
 
@@ -180,7 +189,7 @@ def _block_sums(columns: Columns, values: FloatArray) -> FloatArray | scipy.spar
         return block_products(columns, _like(columns, values))
     starts = block_starts(values.size)
     ends = np.append(columns.indptr[starts], columns.indptr[-1:])
-    products = columns.data * np.repeat(values, np.diff(columns.indptr))
+    products = columns.data * for_entries(columns, values)
     sums = scipy.sparse.csr_array((products, columns.indices.copy(), ends), shape=(starts.size, columns.shape[1]))
     sums.sum_duplicates()
     return sums

@@ -21,7 +21,7 @@ import numpy.typing as npt
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.rest.events import bump, jump, lines
 from benchctl.diagnosis.rest.groups import Group, groups_of
-from benchctl.diagnosis.rest.leftover import Columns, Leftover, Seen
+from benchctl.diagnosis.rest.leftover import Columns, Leftover, Seen, for_entries
 from benchctl.diagnosis.result import COORDINATE_UNITS
 from benchctl.diagnosis.signals.bins import bin_of
 from benchctl.diagnosis.signals.threads import shared_out
@@ -277,7 +277,7 @@ def _weighted(weight: FloatArray) -> Whitened:
         if isinstance(columns, np.ndarray):
             columns *= weight[:, None]
             return columns
-        columns.data *= np.repeat(weight, np.diff(columns.indptr))
+        columns.data *= for_entries(columns, weight)
         return columns
 
     return whitened

@@ -19,7 +19,8 @@ from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.held_out import dealt, held_out_steps
 from benchctl.diagnosis.search.probes import probes_of
 from benchctl.diagnosis.search.scans import SCANNED, proposals
-from benchctl.diagnosis.search.screen import Scored, Screening, scatter, screen
+from benchctl.diagnosis.search.scatter import scatter
+from benchctl.diagnosis.search.screen import Scored, Screening, screen
 from benchctl.diagnosis.signals.blocks import block_starts
 from instruments.physics.effects.effect import DescribedEffect
 

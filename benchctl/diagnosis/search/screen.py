@@ -5,15 +5,13 @@ off. By how much twice the log likelihood falls is then a matter of scalar produ
 missing those products are normal with a covariance that is known, the columns' own: so the largest fall that chance
 brings, over all probes of this very procedure and noise, is drawn a few thousand times without simulating a sample.
 
-Where noise is not as white as it is taken for (the encoder's own, through the filter of the rate), a product scatters
-more than that: by how much is read off its parts, summed over half a second each (White, Econometrica 48, 1980; Newey &
-West, Econometrica 55, 1987), and the gain counts for so much less.
+Where noise is not as white as it is taken for, a product scatters more than that, and the gain counts for so much less.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
@@ -26,7 +24,8 @@ from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.keys import Place, place_of
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.probes import Probe
-from benchctl.diagnosis.signals.blocks import block_starts
+from benchctl.diagnosis.search.scatter import Scatter
+from benchctl.diagnosis.signals.blocks import block_starts, in_cache
 from benchctl.diagnosis.signals.series import consecutive
 from benchctl.diagnosis.signals.threads import shared_out
 
@@ -42,10 +41,8 @@ _CHOICES, _NEARLY = 2, 0.05
 _WORTH = 8.0
 """Gains below it are not looked at twice."""
 
-_BATCH, _BATCH_ROWS = 4, 16_000_000
+_BATCH, _BATCH_ROWS = 4, 32_000_000
 """So many probes are looked at together, or as many as have so many rows between them."""
-_TOGETHER = 1 << 13
-"""Rows of some columns that stay in a core's own memory."""
 _ROWS_ENOUGH = 1_000_000
 
 _DRAWS = 4000
@@ -156,9 +153,10 @@ class _Products:
 
 @dataclass(frozen=True, kw_only=True)
 class _Beside:
-    """The fit that probes are held against: residual `white` (n,) and derivatives `known` (n, p), both whitened.
+    """The fit that probes are held against: derivatives `known` (n, p) and residual `white` (n,), both whitened.
 
-    They are 0 on rows of steps that it was not fitted to (`rows` (n,)). `covariance` (p, p) is that of its numbers for
+    Columns, the residual and the noise's `weight` (n,) are 0 on rows of steps that it was not fitted to (`rows` (n,)),
+    so that their products with the derivatives are those of the others. `covariance` (p, p) is that of its numbers for
     noise of one; `count` is how many rows are free.
     """
 
@@ -167,16 +165,18 @@ class _Beside:
     covariance: FloatArray
     count: float
     rows: BoolArray
+    weight: FloatArray
 
     @classmethod
     def of(cls, problem: Problem, whitener: Whitener, fitted: Fit) -> Self:
         rows = fitted.fitted[problem.step]
         return cls(
             white=fitted.white * rows,
-            known=fitted.derivatives * rows[:, None],
+            known=fitted.derivatives,
             covariance=fitted.inverse_information,
             count=max(float((whitener.weight[rows] > 0.0).sum()) - len(fitted.numbers), 1.0),
             rows=rows,
+            weight=whitener.weight * rows,
         )
 
     @cached_property
@@ -199,22 +199,27 @@ class _Beside:
             progress(probe.identifier)
             for effect, column in zip(probe.columns, filled, strict=False):
                 predicted = problem.predict(fitted.point.baseline, (*fitted.point.effects, effect))
-                np.subtract(predicted, fitted.predicted, out=column)
-                if not np.isfinite(column).all():
-                    column[:] = 0.0
+                self._fill(column, predicted, fitted.predicted, None if whitener.slow else self.weight)
         if whitener.slow:
             changed = whitener(changed)
             changed *= self.rows
-        else:
-            changed *= whitener.weight * self.rows
         return changed
+
+    def _fill(self, column: FloatArray, predicted: FloatArray, known: FloatArray, weight: FloatArray | None) -> None:
+        """The column (n,) of what is predicted beyond what is known, weighed; 0 where it is not a number somewhere."""
+        for rows in self._in_cache():
+            part = np.subtract(predicted[rows], known[rows], out=column[rows])
+            if not np.isfinite(part).all():
+                column[:] = 0.0
+                return
+            if weight is not None:
+                part *= weight[rows]
 
     def products(self, columns: FloatArray) -> _Products:
         """The products of columns (k, n): some rows at a time, so that all three find them in a core's own memory."""
         many = len(columns)
         known, white, each_other = np.zeros((many, self.known.shape[1])), np.zeros(many), np.zeros((many, many))
-        for first in range(0, self.white.size, _TOGETHER):
-            rows = slice(first, first + _TOGETHER)
+        for rows in self._in_cache():
             some = columns[:, rows]
             # dot lets other threads work, as @ does not
             known += np.dot(some, self.known[rows])
@@ -226,7 +231,6 @@ class _Beside:
 
     def scored(self, probes: Sequence[Probe], columns: FloatArray, products: _Products) -> list[Scored]:
         """What each of the probes promises, whose columns are (k, n)."""
-        starts = block_starts(self.white.size)
         scored = []
         for probe, some in zip(probes, consecutive([len(probe.columns) for probe in probes]), strict=True):
             own, crossed, each_other = products.own[some], products.known[some], products.each_other[some, some]
@@ -241,8 +245,7 @@ class _Beside:
             gain = -self.count * math.log1p(-drop / self.total)
             odd = 1.0
             if gain > _WORTH:
-                explained = weights @ columns[some] - self.known @ (of_known @ weights)
-                odd = scatter(explained, self.white, starts)
+                odd = self._scatter(columns[some], weights, of_known @ weights)
             scored.append(
                 Scored(
                     probe=probe,
@@ -260,10 +263,28 @@ class _Beside:
 
         Of very many rows some are taken: how alike two columns are is known well enough from them.
         """
-        some = slice(None, None, self.white.size // _ROWS_ENOUGH + 1)
-        own = columns[:, some] - (products.known @ self.covariance) @ self.known[some].T
+        own = columns[:, self._enough] - (products.known @ self.covariance) @ self._enough_known
         own *= (products.own > 0.0)[:, None]
         return np.asarray(own, np.float32)
+
+    def _scatter(self, columns: FloatArray, weights: FloatArray, of_known: FloatArray) -> float:
+        """That of what columns (k, n) explain with weights (k,), less what of it the model can follow (p,)."""
+        found = Scatter()
+        for rows in self._in_cache():
+            explained = np.dot(weights, columns[:, rows]) - np.dot(self.known[rows], of_known) * self.rows[rows]
+            found.add(explained, self.white[rows], block_starts(explained.size))
+        return found.ratio
+
+    def _in_cache(self) -> Iterator[slice]:
+        return in_cache(slice(0, self.white.size))
+
+    @property
+    def _enough(self) -> slice:
+        return slice(None, None, self.white.size // _ROWS_ENOUGH + 1)
+
+    @cached_property
+    def _enough_known(self) -> FloatArray:
+        return np.ascontiguousarray(self.known[self._enough].T) * self.rows[self._enough]
 
     @cached_property
     def _gradient(self) -> FloatArray:
@@ -277,19 +298,6 @@ def _correlation(directions: Sequence[SingleArray]) -> FloatArray:
     size = np.sqrt(np.diag(products))
     scale = np.where(size > 0.0, 1.0 / np.where(size > 0.0, size, 1.0), 0.0)
     return np.asarray(products * np.outer(scale, scale))
-
-
-def scatter(explained: FloatArray, white: FloatArray, starts: IntArray) -> float:
-    """By how much a gain varies more than white noise lets it, at least 1.
-
-    `explained` (n,) is what is taken off the residual `white` (n,), `starts` the first rows of the parts that noise
-    does not reach across; rows that do not count are zero in the first two.
-    """
-    column, rest = explained, white - explained
-    sums = np.add.reduceat(column * rest, starts)
-    variance = float(rest @ rest) / max(int(np.count_nonzero(rest)), 1)
-    usual = variance * float(column @ column)
-    return max(float(sums @ sums) / usual, 1.0) if usual > 0.0 else 1.0
 
 
 def _threshold(correlation: FloatArray, groups: Sequence[slice], count: float, seed: int) -> float:

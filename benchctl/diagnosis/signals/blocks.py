@@ -1,7 +1,11 @@
-"""Blocks of rows over which products are summed to see how they scatter: half a second each, or a step each."""
+"""Blocks of rows: those that stay in a core's own memory, and those over which sums are taken to see how they scatter.
+
+The latter are half a second each, or a step each.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -9,6 +13,23 @@ import numpy.typing as npt
 
 BLOCK = 64
 """Rows of a block."""
+
+_TOGETHER = BLOCK << 7
+"""Rows of some columns that stay in a core's own memory."""
+
+
+def in_cache(rows: slice) -> Iterator[slice]:
+    """Rows from the first to the last, so many at a time that one pass after another finds them in a core's memory."""
+    for first in range(rows.start, rows.stop, _TOGETHER):
+        yield slice(first, min(first + _TOGETHER, rows.stop))
+
+
+def gram(columns: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """The products of columns (n, k) with each other, shape (k, k)."""
+    total = np.zeros((columns.shape[1], columns.shape[1]))
+    for rows in in_cache(slice(0, len(columns))):
+        total += np.dot(columns[rows].T, columns[rows])  # which lets other threads work, as @ does not
+    return total
 
 
 def block_starts(rows: int) -> npt.NDArray[np.int64]:

@@ -84,7 +84,8 @@ def motions_of(
     even = [angle - more for angle, more in zip(angles_deg, added, strict=True)]
     of_stretches = zip(*shared_out(lambda kernel: filtered_each(even, kernel), kernels), strict=True)
 
-    def mixed(of_stretch: tuple[FloatArray, ...], angle_deg: FloatArray, more: FloatArray) -> Motion:
+    def mixed(one: tuple[tuple[FloatArray, ...], FloatArray, FloatArray]) -> Motion:
+        of_stretch, angle_deg, more = one
         narrow, wide, *others = of_stretch
         smooth, turning = others[:2], others[2:]
         sudden = _sudden(wide - narrow, sample_rate_hz)
@@ -102,7 +103,7 @@ def motions_of(
             ripple=ripple,
         )
 
-    return tuple(map(mixed, of_stretches, angles_deg, added))
+    return tuple(shared_out(mixed, zip(of_stretches, angles_deg, added, strict=True)))
 
 
 def _still(rate_dps: FloatArray, noise: float, sample_rate_hz: float) -> FloatArray:

@@ -168,15 +168,6 @@ def test_under_coloured_noise_the_robust_errors_are_those_of_repeated_draws() ->
     assert (drawn > 4.0 * np.mean(usual, axis=0)).all()
 
 
-def test_the_products_per_step_add_up_to_those_of_all_rows() -> None:
-    one = fitted(toy(), Squared(size_v=1e-3))
-    information, gradient, squares, rows = one.products.of(EVERYTHING)
-    assert information == pytest.approx(one.derivatives.T @ one.derivatives)
-    assert gradient == pytest.approx(one.derivatives.T @ one.white, abs=1e-7)
-    assert squares == pytest.approx(float(one.white @ one.white))
-    assert rows == TOTAL
-
-
 def test_a_gain_is_the_fall_of_twice_the_log_likelihood() -> None:
     problem = toy(Squared(size_v=1e-3))
     worse, better = fitted(problem), fitted(problem, Squared(size_v=1e-3))

@@ -8,7 +8,7 @@ import scipy.signal
 import scipy.sparse
 import scipy.stats
 
-from benchctl.diagnosis.rest.leftover import FloatArray, Leftover, log_chance
+from benchctl.diagnosis.rest.leftover import FloatArray, Leftover, for_entries, log_chance
 
 N = 6000
 
@@ -125,3 +125,12 @@ def test_chances_too_small_for_a_number_go_on_as_the_tail_does() -> None:
     near, far = log_chance(1400.0, 9.0), log_chance(5000.0, 9.0)
     assert math.isfinite(far)
     assert far < near < -600.0
+
+
+def test_a_row_has_its_value_for_each_of_its_entries() -> None:
+    values = np.array([1.0, 2.0, 3.0])
+    uneven = scipy.sparse.csr_array(np.array([[5.0, 0.0], [0.0, 0.0], [6.0, 7.0]]))
+    assert for_entries(uneven, values).tolist() == [1.0, 3.0, 3.0]
+    even = scipy.sparse.csr_array(np.ones((3, 2)))
+    assert for_entries(even, values).tolist() == [1.0, 1.0, 2.0, 2.0, 3.0, 3.0]
+    assert for_entries(scipy.sparse.csr_array((0, 2)), np.zeros(0)).size == 0

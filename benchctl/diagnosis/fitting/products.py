@@ -1,0 +1,77 @@
+"""What a fit needs of the rows, kept per step: products of whitened derivatives with each other and the residual.
+
+A step is summed up some rows at a time, which stay in a core's own memory; several cores take some steps each.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.diagnosis.fitting.noise import Whitener
+from benchctl.diagnosis.problem import Problem
+from benchctl.diagnosis.signals.blocks import gram, in_cache
+from benchctl.diagnosis.signals.threads import cores, parts_of, shared_out
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+_PARTS = 8
+"""For each thread: steps are not of one length."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Products:
+    """Sums over each step's rows: information (m, p, p), gradient (m, p), squares (m,) and rows that count (m,)."""
+
+    information: FloatArray
+    gradient: FloatArray
+    squares: FloatArray
+    rows: FloatArray
+
+    def of(self, steps: BoolArray) -> tuple[FloatArray, FloatArray, float, float]:
+        """Their sums over some steps, given as a mask of shape (m,)."""
+        return (
+            self.information[steps].sum(axis=0),
+            self.gradient[steps].sum(axis=0),
+            float(self.squares[steps].sum()),
+            float(self.rows[steps].sum()),
+        )
+
+
+def products_of(problem: Problem, derivatives: FloatArray, white: FloatArray, whitener: Whitener) -> Products:
+    """The products per step of whitened derivatives (n, p) and residuals (n,)."""
+    empty = Products(
+        information=_over_steps(problem, lambda rows: gram(derivatives[rows])),
+        gradient=np.zeros((0, derivatives.shape[1])),
+        squares=np.zeros(0),
+        rows=_over_steps(problem, lambda rows: float(np.count_nonzero(whitener.weight[rows]))),
+    )
+    return with_residual(problem, empty, derivatives, white)
+
+
+def with_residual(problem: Problem, products: Products, derivatives: FloatArray, white: FloatArray) -> Products:
+    """The products with another residual (n,) of the same derivatives."""
+
+    def gradient(rows: slice) -> FloatArray:
+        return sum((np.dot(white[some], derivatives[some]) for some in in_cache(rows)), np.zeros(derivatives.shape[1]))
+
+    return replace(products, gradient=_over_steps(problem, gradient), squares=squares_of(problem, white))
+
+
+def squares_of(problem: Problem, white: FloatArray) -> FloatArray:
+    """The sums of squares of whitened values (n,) over each step's rows, shape (m,)."""
+    return _over_steps(problem, lambda rows: sum(float(np.dot(white[some], white[some])) for some in in_cache(rows)))
+
+
+def _over_steps(problem: Problem, summed: Callable[[slice], FloatArray | float]) -> FloatArray:
+    """What is summed over the rows of every step, shape (m, …); each thread takes some steps in a row."""
+    bounds = np.searchsorted(problem.step, np.arange(len(problem.step_names) + 1)).tolist()
+    steps = [slice(first, last) for first, last in itertools.pairwise(bounds)]
+    parts = parts_of(len(steps), _PARTS * cores())
+    sums = shared_out(lambda part: [summed(rows) for rows in steps[part]], parts)
+    return np.array([one for part in sums for one in part])
