@@ -18,7 +18,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
 
-from benchctl.metrology.kernels import FloatArray, IntArray, Kernels
+from benchctl.metrology.kernels import FloatArray, IntArray, Kernels, room
 from benchctl.side_by_side import cores, in_order
 
 _SHORT = 1 << 13
@@ -28,7 +28,8 @@ _SPAN = 1 << 20
 _COLUMNS = 1 << 17
 """Points of a piece that is made of columns."""
 _NARROWEST = 1 << 6
-"""Columns of one at least: where there are thousands of rows, they are in no core's own cache."""
+"""Columns of one at least: where there are thousands of rows, they are in no core's own cache. Always some eights of
+them, so that all rows lie alike in the cache's lines."""
 
 
 def sums_of_squares(phase: FloatArray, lags: IntArray, order: int, kernels: Kernels) -> FloatArray:
@@ -60,7 +61,7 @@ def _pieces(points: int, lags: list[int]) -> Iterator[tuple[int, IntArray, slice
         base = lags[0]
         multiples = np.array([lag // base for lag in lags if lag % base == 0])
         rows, longer = divmod(points, base)
-        width = max(_COLUMNS // (rows + 1), _NARROWEST)
+        width = max(_COLUMNS // (rows + 1) // 8 * 8, _NARROWEST)
         for first, last in ((0, longer), (longer, base)):
             for begin in range(first, last, width):
                 yield base, multiples, slice(begin, min(begin + width, last))
@@ -72,4 +73,6 @@ def _copied(phase: FloatArray, base: int, columns: slice) -> FloatArray:
     (step,) = phase.strides
     rows = (phase.size - columns.start - 1) // base + 1
     shape = rows, columns.stop - columns.start
-    return as_strided(phase[columns.start :], shape, (base * step, step), writeable=False).copy()
+    copied = room(shape[0] * shape[1]).reshape(shape)
+    copied[:] = as_strided(phase[columns.start :], shape, (base * step, step), writeable=False)
+    return copied

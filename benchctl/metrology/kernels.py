@@ -19,20 +19,28 @@ RUN = 1 << 15
 """Points that are worked on at a time, which stay in a core's cache."""
 _PAYS = 2_000_000_000
 """From so many differences on numba is quicker although it must be loaded first, which takes half a second."""
+_LINE = 64
+"""Bytes of a cache line, and of the widest registers."""
+
+
+def room(points: int) -> FloatArray:
+    """Unfilled, shape (points,), from the beginning of a cache line on: a register is filled from one, not from two."""
+    wider = np.empty(points + _LINE // 8)
+    return wider[-(wider.ctypes.data // 8) % (_LINE // 8) :][:points]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Kernels:
     """Each lets other threads work meanwhile.
 
-    `running_sum(rates, mean, before, sums)` fills `sums` with those of the rates less their mean, from `before` on, and
-    returns the last one.
+    `running_sums(rates, mean, sums)` fills `sums` with those of the rates less their mean, each row by itself, and
+    returns the last of each row; rates and sums have shape (rows, n).
     `squares(phase, lags, order, begin, end)` are the sums of squares of the differences that begin there, over lags of
     shape (k,) that a core's cache holds; shape (k,). The order is 2 or 3; a difference that would end behind the phase
     does not count.
     """
 
-    running_sum: Callable[[FloatArray, float, float, FloatArray], float]
+    running_sums: Callable[[FloatArray, float, FloatArray], FloatArray]
     squares: Callable[[FloatArray, IntArray, int, int, int], FloatArray]
 
 
@@ -46,7 +54,7 @@ def by_numpy() -> Kernels:
     """Those that are always there."""
     from benchctl.metrology import kernels_numpy as made
 
-    return Kernels(running_sum=made.running_sum, squares=made.squares)
+    return Kernels(running_sums=made.running_sums, squares=made.squares)
 
 
 def compiled() -> Kernels:
@@ -55,4 +63,4 @@ def compiled() -> Kernels:
         from benchctl.metrology import kernels_numba as made
     except (ImportError, RuntimeError):
         return by_numpy()
-    return Kernels(running_sum=made.running_sum, squares=made.squares)
+    return Kernels(running_sums=made.running_sums, squares=made.squares)

@@ -81,3 +81,24 @@ def test_lags_that_share_their_pieces_give_what_each_gives_alone(lags: list[int]
     phase = np.cumsum(np.random.default_rng(4).standard_normal(300_007))
     expected = [at_once(phase, lag, 2) for lag in lags]
     assert sums_of_squares(phase, np.array(lags), 2, kernels) == pytest.approx(expected, rel=1e-13)
+
+
+@pytest.mark.parametrize("order", [2, 3])
+@pytest.mark.parametrize("lags", [[1, 2, 4, 8], [10, 20, 40, 100], [3, 5, 10, 20, 21], [4096, 8192, 16_384, 32_768]])
+@pytest.mark.parametrize("points", [9, 25, 81, 200, 32_769, 32_800, 60_000, 131_072])
+def test_lags_that_are_doubled_twice_count_every_difference_of_each(
+    points: int, lags: list[int], order: int, kernels: Kernels
+) -> None:
+    phase = np.cumsum(np.random.default_rng(points).standard_normal(points))
+    expected = [at_once(phase, lag, order) for lag in lags]
+    assert sums_of_squares(phase, np.array(lags), order, kernels) == pytest.approx(expected, rel=1e-13, abs=0.0)
+
+
+@pytest.mark.parametrize("lag", [1, 5, 100])
+def test_where_the_longest_of_three_lags_ends_the_shorter_go_on(lag: int, kernels: Kernels) -> None:
+    lags = np.array([lag, 2 * lag, 4 * lag])
+    for points in (2 * lag + 1, 4 * lag, 4 * lag + 1, 8 * lag, 8 * lag + 1, 9 * lag):
+        phase = np.random.default_rng(points).standard_normal(points)
+        found = sums_of_squares(phase, lags, 2, kernels)
+        assert found == pytest.approx([at_once(phase, one, 2) for one in lags.tolist()], rel=1e-13, abs=0.0)
+        assert [bool(one) for one in found] == [points > 2 * one for one in lags.tolist()]

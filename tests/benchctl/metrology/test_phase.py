@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from benchctl.metrology import phase
-from benchctl.metrology.kernels import by_numpy
+from benchctl.metrology.kernels import Kernels, by_numpy, compiled
 from benchctl.metrology.phase import integrated
 from instruments.errors import UsageError
 
@@ -32,6 +34,19 @@ def test_the_number_of_cores_changes_no_bit(workers: int, monkeypatch: pytest.Mo
     before = integrated(rates, by_numpy())
     monkeypatch.setattr(phase, "cores", lambda: workers)
     assert np.array_equal(integrated(rates, by_numpy()), before)
+
+
+@pytest.mark.parametrize("samples", [3, 999, 1000, 1001, 1999, 2000, 2001, 3000, 3500, 4000, 6001])
+@pytest.mark.parametrize("step", [1, 3])
+@pytest.mark.parametrize("made", [by_numpy, compiled])
+def test_it_is_the_same_however_the_samples_fall_into_pieces(
+    samples: int, step: int, made: Callable[[], Kernels], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rates = np.random.default_rng(samples).standard_normal(step * samples)[::step]
+    monkeypatch.setattr(phase, "_SPAN", 1000)
+    found = integrated(rates, made())
+    assert found[0] == 0.0
+    assert np.max(np.abs(found[1:] - np.cumsum((rates - rates.mean()).astype(np.longdouble)))) < 1e-11
 
 
 def test_the_rates_stay_as_they_are() -> None:
