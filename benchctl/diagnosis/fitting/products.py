@@ -58,14 +58,14 @@ def with_residual(problem: Problem, products: Products, derivatives: FloatArray,
     """The products with another residual (n,) of the same derivatives."""
 
     def gradient(rows: slice) -> FloatArray:
-        return sum((np.dot(white[some], derivatives[some]) for some in in_cache(rows)), np.zeros(derivatives.shape[1]))
+        return sum((white[some] @ derivatives[some] for some in in_cache(rows)), np.zeros(derivatives.shape[1]))
 
     return replace(products, gradient=_over_steps(problem, gradient), squares=squares_of(problem, white))
 
 
 def squares_of(problem: Problem, white: FloatArray) -> FloatArray:
     """The sums of squares of whitened values (n,) over each step's rows, shape (m,)."""
-    return _over_steps(problem, lambda rows: sum(float(np.dot(white[some], white[some])) for some in in_cache(rows)))
+    return _over_steps(problem, lambda rows: sum(float(white[some] @ white[some]) for some in in_cache(rows)))
 
 
 def _over_steps(problem: Problem, summed: Callable[[slice], FloatArray | float]) -> FloatArray:

@@ -39,11 +39,11 @@ def filtered(
             ends[i] = states[:, :, place]
     state = np.zeros((2 * len(sections), len(values)))
     for i, (rows, through) in enumerate(zip(runs, carried, strict=True)):
-        state = np.dot(through, state)
+        state = through @ state
         if i in ends:
             response, onward = free[rows.stop - rows.start]
-            white[:, rows] += np.dot(response, state).T
-            state = np.dot(onward, state) + ends[i]
+            white[:, rows] += (response @ state).T
+            state = onward @ state + ends[i]
         else:
             white[:, rows], state = _passed(sections, values[:, rows], state)
     return white

@@ -64,7 +64,7 @@ class Leftover:
         self.known: FloatArray = known
         self.inverse: FloatArray = _pseudo_inverse(gram(known))
         white = white * self.rows
-        self.white: FloatArray = white - np.dot(known, self.inverse @ np.dot(known.T, white))
+        self.white: FloatArray = white - known @ (self.inverse @ (known.T @ white))
         self.squares = float(self.white @ self.white)
         self.freedom = max(float(self.rows.sum()) - known.shape[1], 1.0)
 
@@ -105,9 +105,7 @@ class Leftover:
         scores = root.T @ products
         weights = root @ scores
         drop = float(scores @ scores)
-        profile = np.asarray(columns @ _like(columns, weights)) - np.dot(
-            self.known, self.inverse @ (crossed.T @ weights)
-        )
+        profile = np.asarray(columns @ _like(columns, weights)) - self.known @ (self.inverse @ (crossed.T @ weights))
         rest = self.white - profile
         variance = max(self.squares - drop, 1e-12 * self.squares) / max(self.freedom - dof, 1.0)
         scatter = root.T @ self._scattered(columns, crossed, rest) @ root / variance

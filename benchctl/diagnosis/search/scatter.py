@@ -36,9 +36,9 @@ class Scatter:
         """Take more rows in, as `scatter` has them."""
         rest = white - explained
         sums = np.add.reduceat(explained * rest, starts)
-        self._explained += float(np.dot(explained, explained))
-        self._rest += float(np.dot(rest, rest))
-        self._sums += float(np.dot(sums, sums))
+        self._explained += float(explained @ explained)
+        self._rest += float(rest @ rest)
+        self._sums += float(sums @ sums)
         self._rows += int(np.count_nonzero(rest))
 
     @property

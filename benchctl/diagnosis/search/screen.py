@@ -221,10 +221,9 @@ class _Beside:
         known, white, each_other = np.zeros((many, self.known.shape[1])), np.zeros(many), np.zeros((many, many))
         for rows in self._in_cache():
             some = columns[:, rows]
-            # dot lets other threads work, as @ does not
-            known += np.dot(some, self.known[rows])
-            white += np.dot(some, self.white[rows])
-            each_other += np.dot(some, some.T)
+            known += some @ self.known[rows]
+            white += some @ self.white[rows]
+            each_other += some @ some.T
         power = np.diag(each_other)
         own = power - np.einsum("ki,ij,kj->k", known, self.covariance, known)
         return _Products(known=known, white=white, each_other=each_other, own=np.where(own > _UNSEEN * power, own, 0.0))
@@ -271,7 +270,7 @@ class _Beside:
         """That of what columns (k, n) explain with weights (k,), less what of it the model can follow (p,)."""
         found = Scatter()
         for rows in self._in_cache():
-            explained = np.dot(weights, columns[:, rows]) - np.dot(self.known[rows], of_known) * self.rows[rows]
+            explained = weights @ columns[:, rows] - (self.known[rows] @ of_known) * self.rows[rows]
             found.add(explained, self.white[rows], block_starts(explained.size))
         return found.ratio
 
