@@ -67,6 +67,7 @@ def diagnose(
         problem = other
         chosen = select(problem, seed=seed, progress=told, rounding_v2=rounding_v2)
     told("what is left", 0.95)
+    problem.forget()  # what is left is found without predictions
     chosen, unexplained, owed = named(problem, chosen, rounding_v2=rounding_v2, seed=seed)
     findings = (*findings_of(problem, chosen), *fault_findings(problem, faults))
     baseline = baseline_of(problem, chosen)

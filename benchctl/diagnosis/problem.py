@@ -109,6 +109,9 @@ class Problem(Protocol):
     def predict(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
         """The model's value of `measured`, shape (n,), for baseline parameters (p,) and effects."""
 
+    def forget(self) -> None:
+        """Let go of what is only kept so that the next prediction is quick."""
+
     def otherwise(self) -> Self | None:
         """The same recording under the other answer to what it does not state; None where there is no such question."""
 

@@ -33,6 +33,9 @@ class Stepped(ABC):
         """Their kinds."""
         return tuple(info.kind for info in self.steps)
 
+    def forget(self) -> None:  # noqa: B027 - those that keep nothing have nothing to do
+        """Nothing large is kept."""
+
     def otherwise(self) -> Self | None:
         """None: everything that matters is stated."""
         return None

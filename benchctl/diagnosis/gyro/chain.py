@@ -92,6 +92,13 @@ class GyroChain:
         volts.flags.writeable = False
         return volts
 
+    def forget(self) -> None:
+        """Let go of all that is kept for the next call."""
+        with self._lock:
+            self._volts.clear()
+            self._kept.clear()
+            self.__dict__.pop("_filters", None)
+
     @cached_property
     def _laid(self) -> tuple[Laid, Signals]:
         return laid_out(self.frame)

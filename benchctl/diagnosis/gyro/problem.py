@@ -178,6 +178,10 @@ class GyroProblem(Stepped):
         """Volts, shape (n,)."""
         return self._slow(self.chain.predict(baseline, effects))
 
+    def forget(self) -> None:
+        """What the stages of the chain made last, arrays as long as the recording."""
+        self.chain.forget()
+
     def _kept(self, values: FloatArray) -> FloatArray:
         return values if self.band is None else values[self.band.rows]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import weakref
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -87,3 +88,15 @@ def test_a_prediction_cannot_be_spoilt_for_the_next_who_asks(effects_of: tuple[s
     volts = chain.predict(BASELINES[0], [made(name) for name in effects_of])
     with pytest.raises(ValueError, match="read-only"):
         volts += 1.0
+
+
+def test_what_was_kept_is_let_go_of_and_made_again(frame: Frame) -> None:
+    chain = GyroChain(frame, LAW, EARTH_DPS)
+    some = (made("sensor_bandwidth"), made("thermal_lag"))
+    volts = chain.predict(BASELINES[0], some)
+    held, expected = weakref.ref(volts.base), volts.copy()
+    del volts
+    assert held() is not None
+    chain.forget()
+    assert held() is None
+    np.testing.assert_array_equal(chain.predict(BASELINES[0], some), expected)
