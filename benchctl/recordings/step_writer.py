@@ -6,7 +6,8 @@ once more: compressed, sealed, with what became of it, under a temporary name th
 Only then does the `.part` go.
 
 Samples go into the file a fifth of a second after the first of them came, by a timer: what came before a silence is
-as safe as the rest, and whoever appends need not look at the clock.
+as safe as the rest, and whoever appends need not look at the clock. A step that is over by then, as most are on a bench
+whose time jumps, is finished from memory.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+
+import h5py
 
 from benchctl.atomic import disk_errors, require_room, whole_file
 from benchctl.recordings.digests import seal_recording
@@ -151,13 +154,30 @@ class StepWriter:
         """
         if not self._open or info.index != self.info.index:
             raise UsageError(f"step {info.index} cannot be finished: step {self.info.index} is the last that was begun")
-        self.flush()
-        with whole_file(self._finished) as temporary, new_file(temporary, self._meta) as file:
-            written = write_step(file, info, self._datasets, self._meta)
-            seal_recording(file, meta_attributes(self._meta))
+        samples = self._samples()
+        try:
+            with whole_file(self._finished) as temporary, new_file(temporary, self._meta) as file:
+                written = write_step(file, info, samples, self._meta)
+                seal_recording(file, meta_attributes(self._meta))
+        except BaseException:
+            self.flush()  # what could not be finished is to be found in the `.part` file
+            raise
         self.release()
         self.path.unlink()
         return written
+
+    def _samples(self) -> Mapping[str, FloatArray | h5py.Dataset]:
+        """All samples of the step: those in memory where none is in the file yet, else those in the file.
+
+        What is in memory waits there on, for the timer: a closing that takes its time loses no more than anything else.
+        """
+        with self._writing:
+            if not any(waiting.written for waiting in self._waiting.values()):
+                taken = [(waiting.names, waiting.take()) for waiting in self._waiting.values()]
+                columns = {name: column for names, rows in taken for name, column in zip(names, rows.T, strict=True)}
+                return {name: columns[name] for name in self._datasets}
+        self.flush()
+        return self._datasets
 
     def cut(self, info: StepInfo | None = None) -> StepInfo:
         """Finish a step that did not come to its end: as `close`, with `whole=False`.

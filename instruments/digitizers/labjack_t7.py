@@ -179,11 +179,8 @@ class LabJackT7:
         self._refuse_after_restart()
         gyro, thermistor = self._inputs
         count = np.uint32(self._registers.read(reg.ef_read_a(self._encoder)))
-        scan = SingleScan(
-            encoder_count=int(count.astype(np.int32)),
-            gyro_v=self._registers.read(reg.ain(gyro)),
-            thermistor_v=self._registers.read(reg.ain(thermistor)),
-        )
+        gyro_v, thermistor_v = self._registers.read_together((reg.ain(gyro), reg.ain(thermistor)))
+        scan = SingleScan(encoder_count=int(count.astype(np.int32)), gyro_v=gyro_v, thermistor_v=thermistor_v)
         self._check(lambda: refuse_at_rail(scan.thermistor_v, self._range_v))
         return scan
 
@@ -338,21 +335,21 @@ class LabJackT7:
         gyro, thermistor = self._inputs
         scan_list = (reg.ef_read_a(self._encoder), reg.STREAM_DATA_CAPTURE_16, reg.ain(gyro), reg.ain(thermistor))
         scans_a_packet = max(1, min(int(rate_hz * LONGEST_PACKET_S), MOST_SAMPLES // SCAN_LENGTH))
-        settings = [
-            (reg.STREAM_SCANRATE_HZ, rate_hz),
-            (reg.STREAM_NUM_ADDRESSES, SCAN_LENGTH),
-            (reg.STREAM_SAMPLES_PER_PACKET, scans_a_packet * SCAN_LENGTH),
-            (reg.STREAM_SETTLING_US, 0.0),
-            (reg.STREAM_RESOLUTION_INDEX, 0),
-            (reg.STREAM_BUFFER_SIZE_BYTES, BUFFER_BYTES),
-            (reg.STREAM_CLOCK_SOURCE, 0),
-            (reg.STREAM_AUTO_TARGET, ETHERNET),
-            (reg.STREAM_NUM_SCANS, 0),
-            (reg.STREAM_TRIGGER_INDEX, 0),
-            *((reg.stream_scanlist(index), register.address) for index, register in enumerate(scan_list)),
-        ]
-        for register, value in settings:
-            self._registers.keep(register, value)
+        self._registers.keep(
+            {
+                reg.STREAM_SCANRATE_HZ: rate_hz,
+                reg.STREAM_NUM_ADDRESSES: SCAN_LENGTH,
+                reg.STREAM_SAMPLES_PER_PACKET: scans_a_packet * SCAN_LENGTH,
+                reg.STREAM_SETTLING_US: 0.0,
+                reg.STREAM_RESOLUTION_INDEX: 0,
+                reg.STREAM_BUFFER_SIZE_BYTES: BUFFER_BYTES,
+                reg.STREAM_CLOCK_SOURCE: 0,
+                reg.STREAM_AUTO_TARGET: ETHERNET,
+                reg.STREAM_NUM_SCANS: 0,
+                reg.STREAM_TRIGGER_INDEX: 0,
+                **{reg.stream_scanlist(index): register.address for index, register in enumerate(scan_list)},
+            }
+        )
         self._registers.write(reg.STREAM_DATATYPE, 0)  # in no register map, so perhaps not to be read
 
     def _forget_stream(self) -> None:

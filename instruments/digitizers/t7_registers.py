@@ -8,17 +8,19 @@ LabJack's public C examples, the address of LAST_ERR_DETAIL from memory. Not tri
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from instruments.errors import InstrumentError
 from instruments.links.modbus import ModbusLink
-from instruments.protocols.words import f32_from_words, words_from_f32, words_from_u32
+from instruments.protocols.words import f32_from_words, u32_from_words, words_from_f32, words_from_u32
 
 _AS_WRITTEN = 1e-6
 """What the rounding to a single may change of a number."""
 
 WORD_ORDER: Literal["high_first"] = "high_first"
+WORDS = 2  # of a 32-bit number
 
 ERROR_WORDS = {
     2603: "not possible in spontaneous mode",
@@ -129,6 +131,18 @@ class T7Registers:
         except InstrumentError as err:
             raise self._explained(err, f"reading {register.name}") from err
 
+    def read_together(self, registers: Sequence[Register]) -> list[float]:
+        """The numbers in 32-bit registers, in their order; those that follow on each other come with one request."""
+        numbers: list[float] = []
+        for run in _runs(registers):
+            try:
+                words = self._link.read(run[0].address, WORDS * len(run))
+            except InstrumentError as err:
+                raise self._explained(err, f"reading {', '.join(register.name for register in run)}") from err
+            for place, register in enumerate(run):
+                numbers.append(_number(register, words[WORDS * place : WORDS * (place + 1)]))
+        return numbers
+
     def write(self, register: Register, value: float, *, once: bool = False) -> None:
         """Write a number; `once` does not repeat it where no answer comes."""
         words = [int(value)] if register.kind == "u16" else _words(register, value)
@@ -147,10 +161,12 @@ class T7Registers:
                 f"{got:g}; check that no other program uses it"
             )
 
-    def keep(self, register: Register, value: float) -> None:
-        """Make sure that a number is there, and write it only where it is not."""
-        if not math.isclose(self.read(register), value, rel_tol=_AS_WRITTEN):
-            self.set(register, value)
+    def keep(self, settings: Mapping[Register, float]) -> None:
+        """Make sure that numbers are there, and write only those that are not."""
+        there = self.read_together(list(settings))
+        for got, (register, value) in zip(there, settings.items(), strict=True):
+            if not math.isclose(got, value, rel_tol=_AS_WRITTEN):
+                self.set(register, value)
 
     def read_flash(self, flash_address: int, count: int) -> list[float]:
         """`count` singles from the internal flash."""
@@ -172,3 +188,18 @@ class T7Registers:
 
 def _words(register: Register, value: float) -> list[int]:
     return words_from_f32(value, WORD_ORDER) if register.kind == "f32" else words_from_u32(int(value), WORD_ORDER)
+
+
+def _number(register: Register, words: Sequence[int]) -> float:
+    return f32_from_words(words, WORD_ORDER) if register.kind == "f32" else u32_from_words(words, WORD_ORDER)
+
+
+def _runs(registers: Sequence[Register]) -> list[list[Register]]:
+    """Registers in their order, parted wherever the next one does not follow on the one before."""
+    runs: list[list[Register]] = []
+    for register in registers:
+        if runs and register.address == runs[-1][-1].address + WORDS:
+            runs[-1].append(register)
+        else:
+            runs.append([register])
+    return runs

@@ -104,6 +104,33 @@ def test_after_the_disk_refused_what_was_held_whoever_appends_next_is_told_and_n
     assert _in_file(step)["time_s"].tolist() == [0.0, 1.0, 2.0]
 
 
+def test_a_step_is_the_same_whether_its_samples_had_come_into_the_part_file_or_not(tmp_path: Path) -> None:
+    steps = []
+    for name in ("at once", "later"):
+        (tmp_path / name).mkdir()
+        step = StepWriter(tmp_path / name, made.info(1), CHANNELS, made.meta(status="running"))
+        step.append({name: np.array([value, value]) for name, value in _point(1.0).items()})
+        step.append_point({"poll_time_s": 0.5, "poll_chamber_temp_c": 21.0})
+        if name == "later":
+            step.flush()
+        step.append_point(_point(2.0))
+        steps.append(_closed(step))
+    assert steps[0].info == steps[1].info
+    assert list(steps[0].channels) == list(steps[1].channels)
+    for name, samples in steps[0].channels.items():
+        np.testing.assert_array_equal(samples, steps[1].channels[name])
+
+
+def test_of_a_step_that_could_not_be_finished_every_point_is_in_the_part_file(step: StepWriter) -> None:
+    step.append_point(_point(0.0))
+    step.path.with_suffix("").mkdir()  # its name is taken
+    with pytest.raises(UsageError, match="cannot be written"):
+        step.close(made.info(1))
+    assert _in_file(step)["time_s"].tolist() == [0.0]
+    step.path.with_suffix("").rmdir()
+    assert _closed(step)["time_s"].tolist() == [0.0]
+
+
 def test_a_step_that_is_over_takes_nothing_more_and_leaves_no_thread(step: StepWriter) -> None:
     step.append_point(_point(0.0))
     assert _closed(step).info.samples == 1

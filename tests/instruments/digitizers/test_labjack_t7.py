@@ -13,6 +13,7 @@ from instruments.digitizers.labjack_t7 import LabJackT7
 from instruments.errors import InstrumentError, LinkError, UsageError
 from instruments.interfaces import Digitizer
 from instruments.links.modbus import ModbusLink
+from instruments.links.wirelog import WireLog
 from instruments.protocols.t7_stream import StreamReader
 from instruments.simulated.clock import ScaledClock, VirtualClock
 from instruments.simulated.labjack_t7 import SimulatedLabJackT7
@@ -60,6 +61,28 @@ def test_single_readings_are_signed_counts_and_volts(t7: LabJackT7, inputs: Fake
     assert (scan.gyro_v, scan.thermistor_v) == pytest.approx((-5.0, 0.25), abs=2e-6)
     inputs.clock.sleep(80.0)
     assert t7.read_once().encoder_count == -500 + int(80 * 1234.5)
+
+
+@pytest.mark.parametrize(("gyro_ain", "thermistor_ain"), [(2, 3), (3, 2), (0, 5)])
+def test_single_readings_are_those_of_the_inputs_that_are_wired_neighbours_or_not(
+    inputs: FakeInputs, gyro_ain: int, thermistor_ain: int
+) -> None:
+    with (
+        SimulatedLabJackT7(inputs, gyro_ain=gyro_ain, thermistor_ain=thermistor_ain) as wired,
+        LabJackT7(
+            wired.address, wired.stream_address, clock=inputs.clock, gyro_ain=gyro_ain, thermistor_ain=thermistor_ain
+        ) as t7,
+    ):
+        scan = t7.read_once()
+    assert (scan.gyro_v, scan.thermistor_v) == pytest.approx((-5.0, 0.25), abs=2e-6)
+
+
+def test_neighbouring_inputs_are_read_with_one_request(server: SimulatedLabJackT7, inputs: FakeInputs) -> None:
+    wire_log = WireLog()
+    with LabJackT7(server.address, server.stream_address, clock=inputs.clock, wire_log=wire_log) as t7:
+        t7.read_once()
+    asked = [entry.data[-4:] for entry in wire_log.last(20) if entry.direction == "sent"]
+    assert asked[-1] == bytes([0, 0, 0, 4])  # registers 0 to 3: AIN0 and AIN1
 
 
 def test_a_stream_brings_every_scan_once_with_its_true_count_and_volts(t7: LabJackT7, inputs: FakeInputs) -> None:
