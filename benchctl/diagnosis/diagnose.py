@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from threadpoolctl import threadpool_limits
 
 from benchctl.diagnosis.cleaned import cleaned, coarse_step_of, fault_findings
 from benchctl.diagnosis.findings.findings import findings_of, noise_effects
@@ -49,7 +50,19 @@ def diagnose(
 
     Raises `UsageError` where the recording names no model, or holds too little of the part.
     """
-    told = progress or (lambda _name, _share: None)
+    # the cores have threads of ours, and digits would depend on how many of its own BLAS has
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _diagnosis(recording, model, part, seed, without, progress or (lambda _name, _share: None))
+
+
+def _diagnosis(
+    recording: Recording,
+    model: Mapping[str, Any] | None,
+    part: Part,
+    seed: int,
+    without: Collection[str],
+    told: Callable[[str, float], None],
+) -> Diagnosis:
     problem, faults = cleaned(problem_of(recording, part, model=model, without=without))
     step_v = coarse_step_of(problem, faults)
     rounding_v2 = step_v**2 / 12.0

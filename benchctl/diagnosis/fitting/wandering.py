@@ -19,6 +19,7 @@ from benchctl.diagnosis.fitting.noise import Slow, Whitener, flicker, walk
 from benchctl.diagnosis.fitting.noisy import Noisy
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.signals.blocks import gram
+from benchctl.diagnosis.signals.threads import shared_out
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -58,12 +59,13 @@ def wandering(
     columns = np.vstack([fitted.residual, fitted.raw_derivatives.T]).T
     usable = np.asarray(whitener.weight > 0.0, np.float64)
     blocks = _Blocks(problem, usable, columns, fitted.fitted, max(1, round(_BLOCK_S / problem.interval_s)))
-    sized = {name: blocks.best(PROCESSES[name], least_gain) for name in kinds}
-    found = [
-        _measured(problem, whitener, fitted, columns, name, size, rival)
-        for name, (gain, size) in sized.items()
-        if gain > least_gain
-    ]
+    best = shared_out(lambda name: blocks.best(PROCESSES[name], least_gain), kinds)
+    sized = {name: size for name, (gain, size) in zip(kinds, best, strict=True) if gain > least_gain}
+
+    def measured(name: str) -> Noisy:
+        return _measured(problem, whitener, fitted, columns, name, sized[name], rival)
+
+    found = list(shared_out(measured, list(sized)))
     if all(one.gain <= rival for one in found):
         return []
     return [one for one in found if one.gain > least_gain]
@@ -170,8 +172,9 @@ class _Blocks:
             if part.stop - part.start >= self._samples
         ]
         self._first = np.concatenate(starts) if starts else np.zeros(0, np.int64)
-        self._power = self._summed(weight**2)
-        means = [self._summed(np.where(weight > 0.0, one * weight**2, 0.0)) for one in columns.T]
+        power = weight**2
+        self._power = self._summed(power)
+        means = list(shared_out(lambda one: self._summed(np.where(weight > 0.0, one * power, 0.0)), columns.T))
         self._columns = (np.stack(means) / np.where(self._power > 0.0, self._power, 1.0)).T
         self._fitted = fitted[problem.step[self._first]]
         self._whitener = Whitener(

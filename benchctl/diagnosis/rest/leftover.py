@@ -186,8 +186,8 @@ def _block_sums(columns: Columns, values: FloatArray) -> FloatArray | scipy.spar
     if isinstance(columns, np.ndarray):
         return block_products(columns, _like(columns, values))
     starts = block_starts(values.size)
+    entries = columns.data * for_entries(columns, values)
     ends = np.append(columns.indptr[starts], columns.indptr[-1:])
-    products = columns.data * for_entries(columns, values)
-    sums = scipy.sparse.csr_array((products, columns.indices.copy(), ends), shape=(starts.size, columns.shape[1]))
+    sums = scipy.sparse.csr_array((entries, columns.indices.copy(), ends), shape=(starts.size, columns.shape[1]))
     sums.sum_duplicates()
     return sums

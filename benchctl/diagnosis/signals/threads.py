@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sized
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache, partial
 from typing import TypeVar
@@ -34,9 +34,11 @@ def cores() -> int:
 def shared_out(work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
     """`work` done on every item, in turn; some items ahead of the one that is asked for, but never many.
 
-    Work that is itself shared out stays in its thread.
+    Work that is itself shared out stays in its thread. One item alone is done by the thread that asks, so that it may
+    share out its parts.
     """
-    if cores() == 1 or getattr(_inside, "busy", False):
+    alone = isinstance(items, Sized) and len(items) == 1
+    if alone or cores() == 1 or getattr(_inside, "busy", False):
         yield from map(work, items)
         return
     yield from in_order_by(_pool(), partial(_marked, work), items, cores())
