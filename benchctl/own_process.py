@@ -7,6 +7,8 @@ import subprocess
 import sys
 from collections.abc import Sequence
 
+from benchctl.processors import set_free
+
 if sys.platform == "win32":  # neither Ctrl-C nor the console's end reaches it; elsewhere it has a session of its own
     _OF_ITS_OWN = subprocess.CREATE_NEW_PROCESS_GROUP | subprocess.CREATE_NO_WINDOW
 else:
@@ -18,7 +20,7 @@ def own_process(module: str, arguments: Sequence[str] = (), *, stderr: int | Non
 
     `stderr` is as of `subprocess.Popen`. Raises `OSError` where the system has no room for another process.
     """
-    return subprocess.Popen(  # noqa: S603 - this Python, a module of ours
+    process = subprocess.Popen(  # noqa: S603 - this Python, a module of ours
         [sys.executable, "-P", "-m", module, *arguments],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
@@ -28,3 +30,5 @@ def own_process(module: str, arguments: Sequence[str] = (), *, stderr: int | Non
         start_new_session=True,
         creationflags=_OF_ITS_OWN,
     )
+    set_free(process.pid)
+    return process

@@ -9,6 +9,7 @@ from typing import Any
 
 from benchctl.bench import Bench, InstrumentEntry
 from benchctl.campaign.hands import Hands, NoHands, SimulatedHands, hands_at_the_terminal
+from benchctl.campaign.one_processor import on_one_processor
 from benchctl.campaign.reserved import reserved
 from instruments.catalog import Kind, driver
 from instruments.errors import BenchError, BenchNotReadyError, UsageError
@@ -59,6 +60,7 @@ def open_bench(
     """Open every instrument of a bench, and close them all on the way out.
 
     `wires=False` takes the simulated instruments without their protocols: the same physics, for simulations in a hurry.
+    With wires they take turns with this thread, which is kept on one processor meanwhile, where Linux lets it.
     `elapsed_s` is the bench time since the start of the recording that is gone on with. Instruments at addresses are
     this process' alone meanwhile; `purpose` is what others are told.
 
@@ -80,6 +82,7 @@ def open_bench(
         elif wires:
             reached = "simulated, over their wires"
             virtual = VirtualClock()
+            stack.enter_context(on_one_processor())
             simulated = stack.enter_context(simulated_bench(bench, virtual))
             clock, instruments = virtual, drivers_at(bench, virtual, simulated.addresses)
             hands = SimulatedHands(simulated.world)
