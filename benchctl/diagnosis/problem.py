@@ -109,6 +109,9 @@ class Problem(Protocol):
     def predict(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
         """The model's value of `measured`, shape (n,), for baseline parameters (p,) and effects."""
 
+    def thinned(self) -> Self | None:
+        """The same with fewer rows, for a first look at what may be missing; None where all are few enough."""
+
     def forget(self) -> None:
         """Let go of what is only kept so that the next prediction is quick."""
 

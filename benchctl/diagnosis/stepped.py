@@ -33,6 +33,10 @@ class Stepped(ABC):
         """Their kinds."""
         return tuple(info.kind for info in self.steps)
 
+    def thinned(self) -> Self | None:
+        """None: there are never many rows."""
+        return None
+
     def forget(self) -> None:  # noqa: B027 - those that keep nothing have nothing to do
         """Nothing large is kept."""
 

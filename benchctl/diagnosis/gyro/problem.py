@@ -17,6 +17,7 @@ from benchctl.diagnosis.gyro.limits import at_rest, limits_of
 from benchctl.diagnosis.gyro.model import checked_model
 from benchctl.diagnosis.gyro.rounding import rounding_between
 from benchctl.diagnosis.gyro.seen_by_both import lines_of_angle
+from benchctl.diagnosis.gyro.thinned import pieces_of, thinned
 from benchctl.diagnosis.keys import tables_of
 from benchctl.diagnosis.signals.band_limited import half_of
 from benchctl.diagnosis.signals.free_band import Band, band_of
@@ -35,6 +36,8 @@ IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 
 _TURN = 360.0
+_MANY, _PIECE = 3_000_000, 8
+"""Rows from which on a first look at fewer pays; the length of its pieces, in reaches of the filters."""
 _FEWEST_STEPS = 12
 """Of fewer steps none can be held out; they are cut into pieces."""
 
@@ -197,6 +200,21 @@ class GyroProblem(Stepped):
             return None
         chain = self.chain
         return replace(self, chain=GyroChain(chain.frame, chain.law, 0.0 if chain.earth_dps else self.earth_dps))
+
+    def thinned(self) -> Self | None:
+        """Some seconds of each step, more of a long one, of a recording of very many rows."""
+        one_recording = len(set(self.frame.origins_s)) == 1
+        if self.frame.rows < _MANY or self.band is not None or not one_recording:
+            return None
+        reach = half_of(1.0 / self.frame.interval_s)
+        frame, rows = thinned(self.frame, pieces_of(self.frame, _PIECE * reach))
+        usable = self.usable[rows]
+        for part in frame.stretches:  # filters of the output see no further
+            usable[part.start : part.start + reach] = False
+            usable[max(part.stop - reach, part.start) : part.stop] = False
+        chain = GyroChain(frame, self.chain.law, self.chain.earth_dps)
+        rounding_v = None if self.rounding_v is None else self.rounding_v[rows]
+        return replace(self, frame=frame, chain=chain, usable=usable, rounding_v=rounding_v)
 
     def unrounded(self, predicted: FloatArray, step_v: float) -> Self:
         """Without what the steps of a coarse converter make of an output that would be `predicted`, shape (n,)."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.fitting.noisy import Noisy
 from benchctl.diagnosis.fitting.occam import occam
 from benchctl.diagnosis.fitting.wandering import PROCESSES
-from benchctl.diagnosis.keys import keys_of, place_of
+from benchctl.diagnosis.keys import Place, keys_of, place_of
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.models import Models, Tried
 from benchctl.diagnosis.search.screen import Screening
@@ -26,8 +26,14 @@ Better = Callable[[Problem, Fit, Whitener], Problem | None]
 _MOST_FINDINGS = 5
 _RIVALS = 3
 _MOST_SWAPS = 6
+_FIRST_LOOK = 0.1
 _SEARCHED, _EACH_ROUND = 0.9, 0.5
 """Share of a diagnosis that is the search, and of what is left of it that each further effect is taken to need."""
+
+
+def _later(share: float) -> float:
+    """How much of a diagnosis is done behind the first look, of which a share is."""
+    return _FIRST_LOOK + (1.0 - _FIRST_LOOK) * share
 
 
 def _share_done(rounds: int) -> float:
@@ -59,9 +65,19 @@ def select_between(
     As soon as something has been found, `better` is asked whether the recording is better explained under the other
     answer; where it gives one, the search goes on with that problem, from what of the findings still holds. When
     nothing more is found it is asked once more: the answer that it gives beside all of it counts.
+
+    Of very many rows a first look at few of them finds what is plain; all of them say whether it holds, and what else
+    there is.
     """
-    search = _Search(problem, seed, progress, rounding_v2)
-    chosen = search.run(better)
+    few = problem.thinned()
+    if few is None:
+        search = _Search(problem, seed, progress, rounding_v2)
+        chosen = search.run(better)
+    else:
+        first = _Search(few, seed, lambda name, share: progress(name, _FIRST_LOOK * share), rounding_v2)
+        plain = first.look(better)
+        search = _Search(problem, seed, lambda name, share: progress(name, _later(share)), rounding_v2)
+        chosen = search.run(better, plain)
     return search.problem, chosen
 
 
@@ -93,6 +109,14 @@ def _dropped(point: Point, keys: Collection[str]) -> Point:
     return replace(point, effects=tuple(effect for key, effect in named if key not in keys))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Plain:
+    """What a first look has found, and by the place of each what else it was tried against."""
+
+    effects: tuple[DescribedEffect, ...]
+    rivals: Mapping[Place, tuple[str, ...]]
+
+
 class _Search(Models):
     """What grows a model, and lets it settle."""
 
@@ -101,10 +125,22 @@ class _Search(Models):
         """The problem, under the answer that explains the recording better."""
         return self._problem
 
-    def run(self, better: Better | None = None) -> Selection:
+    def look(self, better: Better) -> _Plain:
+        """Find what is plain, for another search to begin with."""
+        self._stated = self._problem
+        present, _ = self._grown(self._begun(Point(baseline=self._problem.baseline_start)), better)
+        return _Plain(effects=present.point.effects, rivals=self._rivals)
+
+    def run(self, better: Better | None = None, first: _Plain | None = None) -> Selection:
+        """Find all, beginning with what a `first` look has found."""
         self._stated = self._problem
         untouched = Point(baseline=self._problem.baseline_start)
-        present, screening = self._grown(self._begun(untouched), better)
+        begun = self._begun(untouched)
+        if first is not None and first.effects:
+            self._rivals |= first.rivals
+            begun = self._pruned(self._fit(replace(begun.point, effects=first.effects)), first.effects)
+            begun = self._answered(begun, better)
+        present, screening = self._grown(begun, better)
         answered = self._confirmed(present, better)
         if answered is not present:
             present, screening = self._grown(answered)

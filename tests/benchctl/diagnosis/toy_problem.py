@@ -140,6 +140,9 @@ class Toy:
     baseline_names: tuple[str, ...] = ("K0_v_per_dps", "U0_v")
     baseline_units: tuple[str, ...] = ("V/(deg/s)", "V")
 
+    def thinned(self) -> None:
+        return None
+
     @cached_property
     def time_s(self) -> FloatArray:
         return _TIME_S

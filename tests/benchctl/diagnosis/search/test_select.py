@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,7 +12,7 @@ import pytest
 from benchctl.diagnosis.fitting.fit import Fit, Point, fit, gain_of
 from benchctl.diagnosis.search.held_out import held_out_steps
 from benchctl.diagnosis.search.screen import Screening
-from benchctl.diagnosis.search.select import _Search, reduced, select
+from benchctl.diagnosis.search.select import _Search, reduced, select, select_between
 from benchctl.diagnosis.search.selection import Selection
 from instruments.physics.effects.effect import DescribedEffect, Parameter
 from tests.benchctl.diagnosis.toy_problem import (
@@ -293,3 +293,38 @@ def test_a_selection_is_reduced_by_what_was_found_of_the_noise() -> None:
     assert less.noise.found == {}
     assert less.whitener.slow == ()
     assert less.after.deviation > 1.1 * chosen.after.deviation / chosen.whitener.innovation
+
+
+@dataclass(frozen=True, kw_only=True)
+class Many(Toy):
+    """A toy of so many rows that `few` are looked at first."""
+
+    few: Toy
+
+    def thinned(self) -> Toy:
+        return self.few
+
+
+def begun_with(few: Toy, problem: Toy) -> tuple[Selection, list[float]]:
+    """What is selected where few rows are looked at first, and the shares that were told meanwhile."""
+    own = {field.name: getattr(problem, field.name) for field in fields(Toy)}
+    shares: list[float] = []
+    many = Many(**own, few=few)
+    _, chosen = select_between(many, lambda *_: None, seed=0, progress=lambda _, share: shares.append(share))
+    return chosen, shares
+
+
+def test_what_few_rows_show_and_all_bear_out_is_what_all_alone_would_show() -> None:
+    problem = toy(DECAY, SQUARED)
+    chosen, shares = begun_with(toy(DECAY, SQUARED, seed=1), problem)
+    alone = selected(problem)
+    assert names(chosen) == names(alone) == {"decay", "squared"}
+    assert chosen.whole.squares == pytest.approx(alone.whole.squares, rel=1e-6)
+    assert shares == sorted(shares)
+    assert shares[-1] < 1.0
+
+
+@pytest.mark.parametrize("shown", [(), (DECAY,), (CUBIC, SQUARED), (RIPPLE,)], ids=lambda some: str(len(some)))
+def test_whatever_few_rows_show_all_of_them_decide(shown: tuple[ToyEffect, ...]) -> None:
+    chosen, _ = begun_with(toy(*shown, seed=2), toy(DECAY, SQUARED))
+    assert names(chosen) == {"decay", "squared"}
