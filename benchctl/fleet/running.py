@@ -18,6 +18,8 @@ from instruments.errors import BenchError, LinkError, in_line
 _LOOK_S = 0.02
 _AHEAD = 256
 """Jobs that are handed over at once, or two for each thread of a larger cluster."""
+_DONE_AGAIN = ("lost", "pending")
+"""Of a job that had ended: its worker died before the outcome was taken from it, and the cluster asks another one."""
 
 
 def outcomes(client: Any, jobs: Sequence[Job], stop: StopRequest) -> Iterator[tuple[Job, Outcome]]:
@@ -49,7 +51,11 @@ def outcomes(client: Any, jobs: Sequence[Job], stop: StopRequest) -> Iterator[tu
                 time.sleep(_LOOK_S)
                 continue
             for future in ended.next_batch(block=False):
-                outcome = _outcome_of(future, given[future.key])
+                status = future.status
+                if status in _DONE_AGAIN:
+                    ended.add(future)
+                    continue
+                outcome = _outcome_of(future, status, given[future.key])
                 del futures[future.key]
                 job = given.pop(future.key)
                 if outcome is None:
@@ -66,17 +72,17 @@ def outcomes(client: Any, jobs: Sequence[Job], stop: StopRequest) -> Iterator[tu
             client.cancel(list(futures.values()), force=True)
 
 
-def _outcome_of(future: Any, job: Job) -> Outcome | None:
-    """How a job ended; None where a scheduler has given it up whose workers died, but not of it.
+def _outcome_of(future: Any, status: str, job: Job) -> Outcome | None:
+    """How a job ended whose future has this status; None where a scheduler gave it up whose workers died, not of it.
 
     Raises `OSError` or `CancelledError` where the scheduler is gone.
     """
     from distributed.scheduler import KilledWorker
 
-    if future.status == "finished":
+    if status == "finished":
         outcome: Outcome = future.result()
         return outcome
-    if future.status != "error":
+    if status != "error":
         raise CancelledError
     error = future.exception()
     if isinstance(error, KilledWorker) and _starts(job) < MOST_STARTS:

@@ -21,7 +21,7 @@ from benchctl.recordings.journal import (
 )
 from benchctl.recordings.model import Meta, Status, StepInfo
 from benchctl.recordings.schema import CAMPAIGN, JOURNAL, LOCK, RECORDING, STEPS, UNREADABLE
-from benchctl.recordings.torn import described_step, put_in_order
+from benchctl.recordings.torn import described_step, put_in_order, remove_leftovers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,6 +57,7 @@ def recover(folder: Path) -> Recovered:
         lock = campaign_lock(folder)
         lock.acquire("benchctl recover")
         try:
+            remove_leftovers(folder)
             if unfinished:
                 _finish(folder, meta)
         finally:

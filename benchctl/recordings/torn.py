@@ -35,13 +35,19 @@ def put_in_order(folder: Path, meta: Meta) -> None:
     """
     (folder / STEPS).mkdir(exist_ok=True)
     mend_journal(folder / JOURNAL)
-    for leftover in [*folder.glob(".*.tmp"), *(folder / STEPS).glob(".*.tmp")]:
-        leftover.unlink()  # half of a file whose source is still there
+    remove_leftovers(folder)
     for finished in finished_steps(folder):
         if damage := _damage(finished):
             _put_aside(folder, finished, damage)
     for part in sorted((folder / STEPS).glob(f"[0-9]*{PART_SUFFIX}")):
         _close_part(folder, part, meta)
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Remove halves of files, which a death has left and whose sources are still there."""
+    with disk_errors(folder):
+        for leftover in [*folder.glob(".*.tmp"), *(folder / STEPS).glob(".*.tmp")]:
+            leftover.unlink(missing_ok=True)
 
 
 def described_step(path: Path) -> StepInfo:

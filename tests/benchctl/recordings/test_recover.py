@@ -165,6 +165,21 @@ def test_what_a_death_left_of_a_lock_is_removed_and_no_changed_file_becomes_good
     assert any("journal.jsonl" in str(problem) for problem in verify(folder))
 
 
+@pytest.mark.parametrize("written", [False, True])
+def test_half_of_a_manifest_that_a_death_left_is_removed(tmp_path: Path, written: bool) -> None:
+    folder = tmp_path / "c"
+    _begun(folder).release()
+    recover(folder)
+    if written:
+        (folder / "running.lock").touch()
+    else:
+        (folder / "manifest.json").unlink()
+    (folder / ".manifest.json.28085.tmp").write_text('{"schema":')
+    assert recover(folder).was_closed
+    assert sorted(item.name for item in folder.iterdir()) == ["journal.jsonl", "manifest.json", "recording.h5"]
+    assert verify(folder) == []
+
+
 @pytest.mark.parametrize("length", [0, 11, 48, 600])
 def test_a_step_whose_file_had_only_begun_held_no_sample_and_leaves_nothing(tmp_path: Path, length: int) -> None:
     folder = tmp_path / "c"
