@@ -202,7 +202,7 @@ class GyroProblem(Stepped):
         return replace(self, chain=GyroChain(chain.frame, chain.law, 0.0 if chain.earth_dps else self.earth_dps))
 
     def thinned(self) -> Self | None:
-        """Some seconds of each step, more of a long one, of a recording of very many rows."""
+        """Some seconds of many steps, more of a long one, of a recording of very many rows."""
         one_recording = len(set(self.frame.origins_s)) == 1
         if self.frame.rows < _MANY or self.band is not None or not one_recording:
             return None

@@ -1,4 +1,4 @@
-"""A recording's frame with fewer rows, for a first look: a few pieces of every stretch, more of a long one.
+"""A recording's frame with fewer rows, for a first look: a few pieces of a stretch, more of a long one.
 
 What happened in between is known to whatever remembers the temperature: each piece begins behind a pause in which the
 thermistor did what it did in the rows that were left out.
@@ -26,19 +26,26 @@ _OF_AIR = ("temp_c", "temp_rate_c_per_s", "chamber_c")
 _OF_MOTION = ("angle_deg", "rate_dps", "acceleration_dps2", "sudden")
 _POINT_S, _MOST_POINTS = 1.0, 2000
 """Between two points of a pause, and how many it has at most."""
+_MOST_PIECES = 800
+"""What has to be done for each piece takes longer than its rows; a campaign of weeks has thousands of steps."""
 
 
 def pieces_of(frame: Frame, length: int) -> list[tuple[int, slice]]:
     """Stretch and rows of the pieces, each of `length` rows or all that a step has in a stretch.
 
-    They are half as many as the root of what there is room for: ten times as long, three times as many.
+    They are half as many as the root of what there is room for: ten times as long, three times as many. Of too many
+    some are taken by lot, always the same: every other one might be all that turn to the left.
     """
-    return [
+    pieces = [
         (stretch, slice(first, min(first + length, rows.stop)))
         for stretch, whole in enumerate(frame.stretches)
         for rows in _of_one_step(frame, whole)
         for first in _begins(rows, length)
     ]
+    if len(pieces) <= _MOST_PIECES:
+        return pieces
+    drawn = np.random.default_rng(0).choice(len(pieces), _MOST_PIECES, replace=False)
+    return [pieces[place] for place in np.sort(drawn).tolist()]
 
 
 def _of_one_step(frame: Frame, stretch: slice) -> Iterator[slice]:

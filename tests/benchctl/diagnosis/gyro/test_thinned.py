@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchctl.diagnosis.gyro import problem as made
+from benchctl.diagnosis.gyro import thinned as cut
 from benchctl.diagnosis.gyro.problem import GyroProblem, gyro_problem
 from benchctl.diagnosis.gyro.thinned import _begins, pieces_of, thinned
 from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo, Unit
@@ -130,6 +131,17 @@ def test_pieces_behind_one_another_have_no_pause_between_them(whole: GyroProblem
     assert rows.size == whole.frame.stretches[0].stop
     apart, _ = thinned(whole.frame, pieces_of(whole.frame, 256))
     assert sum(pause is not None for pause in apart.pauses) > STEPS
+
+
+def test_of_too_many_pieces_some_are_drawn_the_same_each_time(
+    whole: GyroProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    everything = pieces_of(whole.frame, 256)
+    monkeypatch.setattr(cut, "_MOST_PIECES", 10)
+    some = pieces_of(whole.frame, 256)
+    assert len(everything) > len(some) == 10
+    assert some == [piece for piece in everything if piece in some]
+    assert some == pieces_of(whole.frame, 256)
 
 
 def test_of_few_rows_or_two_recordings_nothing_is_left_out(whole: GyroProblem, monkeypatch: pytest.MonkeyPatch) -> None:
