@@ -72,16 +72,21 @@ _MEMORY_SHARE = 0.9
 _LONGEST_SHOWN = 60
 
 
+def memory_bytes() -> int | None:
+    """How much memory this machine has; None where the system says so only in its own way (Windows)."""
+    if not hasattr(os, "sysconf"):
+        return None
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+
+
 def require_memory(path: Path, size: int, what: str) -> None:
     """Raise `UsageError` where `size` bytes are more than this machine could hold; `what` needs them.
 
-    A system that lends more memory than it has ends the program later, without a word. Where it says how much it has
-    only in its own way (Windows) nothing is checked: it does not lend.
+    A system that lends more memory than it has ends the program later, without a word. Where it does not say how much
+    it has (Windows) nothing is checked: it does not lend.
     """
-    if not hasattr(os, "sysconf"):
-        return
-    there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    if size > _MEMORY_SHARE * there:
+    there = memory_bytes()
+    if there is not None and size > _MEMORY_SHARE * there:
         raise UsageError(
             f"{path}: {what} needs {size / 1e9:.3g} GB of memory, this machine has {there / 1e9:.3g} GB; "
             "split the recording, or use a larger machine"

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from benchctl.diagnosis.gyro.taken import AIR, FILLED, NEEDED, THERMISTOR, Taken, taken_of
 from benchctl.diagnosis.signals.free_band import goes_beyond, wide_motion
 from benchctl.diagnosis.signals.motion import Motion, motions_of
 from benchctl.diagnosis.signals.ripple import ripple_of
-from benchctl.diagnosis.signals.temperature import Pause, Thermistor, thermistor_of
+from benchctl.diagnosis.signals.temperature import Pause, Readings, Thermistor, thermistor_of
 from benchctl.recordings.model import Step, StepInfo, axis_of
 from benchctl.recordings.reader import Recording
 from instruments.errors import UsageError
@@ -21,9 +22,6 @@ from instruments.errors import UsageError
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
-
-NEEDED = ("time_s", "encoder_deg", "gyro_v")
-THERMISTOR, AIR, FILLED = "gyro_temp_c", "chamber_temp_c", "filled"
 
 _FEWEST_ROWS = 2000
 _GAP = 1.5
@@ -41,8 +39,8 @@ class Frame:
     `origins_s` is when the recording began that a stretch belongs to, where several were joined.
     `time_s` counts from the start of the first. `temp_c` is the gyro's thermistor, smoothed; `thermistor` says what it
     is where the gyro has none. `pauses` are what the thermistor did before a stretch, where something is known of it.
-    `filled` rows were never measured. Where the motion goes `beyond` the band of the filters, the wide one made all of
-    it.
+    `filled` rows were never measured, and so many were `left_out` of a recording that has too many. Where the motion
+    goes `beyond` the band of the filters, the wide one made all of it.
     """
 
     infos: tuple[StepInfo, ...]
@@ -66,6 +64,7 @@ class Frame:
     pauses: tuple[Pause | None, ...] = ()
     filled: BoolArray | None = None
     beyond: bool = False
+    left_out: int = 0
 
     @property
     def rows(self) -> int:
@@ -73,12 +72,15 @@ class Frame:
         return int(self.time_s.size)
 
 
-def frame_of(recording: Recording, *, temperature_c: float | None = None) -> Frame:
+def frame_of(recording: Recording, *, temperature_c: float | None = None, most: int | None = None) -> Frame:
     """Read a recording into a frame; `temperature_c` is taken where neither gyro nor chamber has a thermometer.
+
+    Of a recording with more rows than `most` so many are taken.
 
     Raises `UsageError` where it has no scans of encoder and gyro, or too few of them, or they cannot be used.
     """
-    steps = [step for step in recording.steps() if _has_scans(step)]
+    taken = taken_of(recording, most)
+    steps = taken.steps
     if not steps:
         raise UsageError(
             f"{recording.path}: a diagnosis needs steps with the channels {', '.join(NEEDED)} in one scan;"
@@ -99,7 +101,7 @@ def frame_of(recording: Recording, *, temperature_c: float | None = None) -> Fra
     unwrapped = [np.unwrap(columns["encoder_deg"][part], period=360.0) for part in stretches]
     beyond = goes_beyond(unwrapped, 1.0 / interval_s)
     motion, motions = _end_to_end(_motions(unwrapped, 1.0 / interval_s, beyond), stretches)
-    name, thermistors = _thermistors(recording, steps, sorted(set(origins_s)), temperature_c)
+    name, thermistors = _thermistors(recording, taken, sorted(set(origins_s)), temperature_c)
     temperatures = [thermistors[at].at(time_s[part]) for at, part in zip(origins_s, stretches, strict=True)]
     extras = set.intersection(*(set(step.channels) for step in steps)) - {*NEEDED, THERMISTOR, AIR, FILLED}
     return Frame(
@@ -123,6 +125,7 @@ def frame_of(recording: Recording, *, temperature_c: float | None = None) -> Fra
         pauses=tuple(_pauses(time_s, stretches, origins_s, thermistors)),
         filled=np.concatenate([step.channels.get(FILLED, np.zeros(step["time_s"].size)) > 0.0 for step in steps]),
         beyond=beyond,
+        left_out=taken.left_out,
     )
 
 
@@ -145,10 +148,6 @@ def _end_to_end(
         return replace(motion, **own)
 
     return whole, tuple(map(part, motions, stretches))
-
-
-def _has_scans(step: Step) -> bool:
-    return not step.info.is_left_out and all(name in step.channels for name in NEEDED) and step["time_s"].size > 1
 
 
 def _channels_of(recording: Recording) -> str:
@@ -189,28 +188,30 @@ def _require_even(recording: Recording, time_s: FloatArray, interval_s: float) -
 
 
 def _thermistors(
-    recording: Recording, steps: Sequence[Step], origins_s: Sequence[float], temperature_c: float | None
+    recording: Recording, taken: Taken, origins_s: Sequence[float], temperature_c: float | None
 ) -> tuple[str, Mapping[float, Thermistor]]:
     """What the gyro's temperature was read from, and that temperature by when the recording began that has it."""
-    name = next((one for one in (THERMISTOR, AIR) if all(one in step.channels for step in steps)), "")
+    name = taken.thermometer
     if not name and temperature_c is None:
         raise UsageError(
             f"{recording.path}: no step has the gyro's thermistor ({THERMISTOR}); it has {_channels_of(recording)}; "
             "an import names it in its map"
         )
-    measured: dict[float, list[tuple[FloatArray, FloatArray]]] = {at: [] for at in origins_s}
+    measured: dict[float, list[Readings]] = {at: [] for at in origins_s}
 
-    def add(time_s: FloatArray, temp_c: FloatArray) -> None:
-        if time_s.size:
-            measured[max(at for at in origins_s if at <= time_s[0] or at == origins_s[0])].append((time_s, temp_c))
+    def add(one: Readings) -> None:
+        if one.time_s.size:
+            measured[max(at for at in origins_s if at <= one.time_s[0] or at == origins_s[0])].append(one)
 
-    for step in steps:
-        add(step["time_s"], step[name] if name else np.full(step["time_s"].size, temperature_c))
+    for step in taken.steps:
+        add(Readings(step["time_s"], step[name] if name else np.full(step["time_s"].size, temperature_c)))
+    for unseen in taken.unseen:
+        add(unseen)
     polled = f"poll_{THERMISTOR}"
     for info in recording.infos if name == THERMISTOR else ():
         if not info.is_left_out and polled in recording.channels(info.index):
             soak = recording.step(info.index, ("poll_time_s", polled))
-            add(soak["poll_time_s"], soak[polled])
+            add(Readings(soak["poll_time_s"], soak[polled]))
     return name, {at: thermistor_of(those) for at, those in measured.items()}
 
 

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from benchctl.diagnosis.gyro.frame import AIR, THERMISTOR, Frame
+from benchctl.diagnosis.gyro.frame import Frame
+from benchctl.diagnosis.gyro.taken import AIR, PIECE, THERMISTOR
 from benchctl.diagnosis.signals.band_limited import NARROW, edges_hz
 from benchctl.diagnosis.signals.free_band import Band
 
@@ -66,6 +67,11 @@ def _seen_deg(frame: Frame) -> float:
 
 
 def _limits(frame: Frame, simulation: Mapping[str, Any], band: Band | None) -> Iterator[str]:
+    if frame.left_out:
+        yield (
+            f"The recording has {frame.rows + frame.left_out:,} rows: {frame.rows:,} of them were looked at, pieces of"
+            f" {PIECE * frame.interval_s:.3g} s at most, drawn by lot from all steps; the thermometer throughout."
+        )
     if not _turns(frame):
         yield (
             "The table never turns in this recording: of the scale factor, of all that grows with the rate, of time and"

@@ -17,6 +17,7 @@ from benchctl.diagnosis.gyro.limits import at_rest, limits_of
 from benchctl.diagnosis.gyro.model import checked_model
 from benchctl.diagnosis.gyro.rounding import rounding_between
 from benchctl.diagnosis.gyro.seen_by_both import lines_of_angle
+from benchctl.diagnosis.gyro.taken import most_rows
 from benchctl.diagnosis.gyro.thinned import pieces_of, thinned
 from benchctl.diagnosis.keys import tables_of
 from benchctl.diagnosis.signals.band_limited import half_of
@@ -296,7 +297,7 @@ def gyro_problem(
         temperature_terms=len(simulation["k_T"]),
         rate_terms=len(simulation["k_omega"]),
     )
-    frame = at_rest(frame_of(recording, temperature_c=law.T0_c))
+    frame = at_rest(frame_of(recording, temperature_c=law.T0_c, most=most_rows()))
     frame = frame if whole_steps else _cut(frame)
     range_dps = recording.meta.unit.range_dps or float(np.abs(frame.rate_dps).max())
     facts = recording.meta.bench

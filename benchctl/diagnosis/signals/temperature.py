@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +27,14 @@ _STEADY = 50.0
 
 _PAUSE_S = 15.0
 _MOST_POINTS = 2000
+
+
+class Readings(NamedTuple):
+    """Times [s] and temperatures [°C], shape (n,) each, in any order; each is the mean of so many `samples`."""
+
+    time_s: FloatArray
+    temp_c: FloatArray
+    samples: FloatArray | float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,18 +75,19 @@ class Thermistor:
         return Pause(interval_s=interval_s, time_s=time_s, temp_c=temp, temp_rate_c_per_s=rate)
 
 
-def thermistor_of(measured: Sequence[tuple[FloatArray, FloatArray]]) -> Thermistor:
-    """The thermistor from all that was measured of it: times [s] and temperatures [°C], in any order."""
-    time_s = np.concatenate([times for times, _ in measured])
-    temp_c = np.concatenate([temps for _, temps in measured])
+def thermistor_of(measured: Sequence[Readings]) -> Thermistor:
+    """The thermistor from all that was measured of it."""
+    time_s = np.concatenate([one.time_s for one in measured])
+    temp_c = np.concatenate([one.temp_c for one in measured])
+    samples = np.concatenate([np.broadcast_to(one.samples, one.time_s.shape) for one in measured])
     finite = np.isfinite(temp_c)
-    time_s, temp_c = time_s[finite], temp_c[finite]
+    time_s, temp_c, samples = time_s[finite], temp_c[finite], samples[finite]
     begin_s, level_c = float(time_s.min()), float(np.median(temp_c))
     cell = ((time_s - begin_s) / _CELL_S).astype(np.int64)
     size = int(cell.max()) + 1
     offset = time_s - begin_s - (cell + 0.5) * _CELL_S
     sums = [
-        np.bincount(cell, values, minlength=size).astype(np.float64)
+        np.bincount(cell, samples * values, minlength=size).astype(np.float64)
         for values in (np.ones_like(offset), offset, offset**2, temp_c - level_c, (temp_c - level_c) * offset)
     ]
     temp, rate = np.full(size, np.nan), np.full(size, np.nan)
