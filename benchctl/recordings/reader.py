@@ -73,6 +73,7 @@ class Recording:
         self.notes = notes
         self.starts_s = starts_s
         self._source = source
+        self._by_index = {info.index: info for info in self.infos}
 
     def steps(self, kinds: Collection[str] | None = None, roles: Collection[str] | None = None) -> Iterator[Step]:
         """The steps in order, each loaded when its turn comes; of these kinds and roles where given."""
@@ -107,12 +108,11 @@ class Recording:
         self.close()
 
     def _info(self, index: int) -> StepInfo:
-        for info in self.infos:
-            if info.index == index:
-                return info
-        raise UsageError(
-            f"{self.path}: there is no step {index}; it has the steps {[info.index for info in self.infos]}"
-        )
+        if index not in self._by_index:
+            raise UsageError(
+                f"{self.path}: there is no step {index}; it has the steps {[info.index for info in self.infos]}"
+            )
+        return self._by_index[index]
 
 
 def open_recording(path: Path, digests: ReadDigests | None = None) -> Recording:

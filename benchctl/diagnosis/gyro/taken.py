@@ -6,7 +6,7 @@ as means: a gyro remembers its temperatures for minutes.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,17 +62,23 @@ def taken_of(recording: Recording, most: int | None = None) -> Taken:
     if most is None or sum(info.samples for info in recording.infos if not info.is_left_out) <= most:
         steps = [step for step in recording.steps() if _has_scans(step.info, step.channels) and len(step["time_s"]) > 1]
         return Taken(steps=steps, thermometer=_thermometer([step.channels for step in steps]))
-    stored = [step for step in recording.stored_steps() if _has_scans(step.info, step.names) and step.scans > 1]
-    thermometer = _thermometer([step.names for step in stored])
-    steps, unseen, left_out = [], [], 0
-    for step, rows in zip(stored, _drawn([step.scans for step in stored], most), strict=True):
-        seen, rest = _parted(step, rows, thermometer)
-        unseen.append(rest)
+    steps, readings, left_out = [], list[Mapping[str, Readings]](), 0
+    for info, firsts in _drawn([info for info in recording.infos if not info.is_left_out], most):
+        step = recording.stored_step(info.index)
+        if not _has_scans(info, step.names) or step.scans < 2:
+            continue
+        rows = np.zeros(step.scans, np.bool_)
+        for first in firsts:
+            rows[first : first + PIECE] = True
+        seen, unseen = _parted(step, rows)
+        readings.append(unseen)
         left_out += int(np.count_nonzero(~rows))
         if rows.any():
-            polls = recording.step(step.info.index, [name for name in step.names if name.startswith("poll_")])
-            steps.append(Step(step.info, {**seen, **polls.channels}))
-    return Taken(steps=steps, thermometer=thermometer, unseen=unseen, left_out=left_out)
+            polls = recording.step(info.index, [name for name in step.names if name.startswith("poll_")])
+            steps.append(Step(info, {**seen, **polls.channels}))
+    thermometer = _thermometer(readings)
+    unseen_by_it = [one[thermometer] for one in readings] if thermometer else []
+    return Taken(steps=steps, thermometer=thermometer, unseen=unseen_by_it, left_out=left_out)
 
 
 def _has_scans(info: StepInfo, channels: Collection[str]) -> bool:
@@ -83,28 +89,30 @@ def _thermometer(steps: Sequence[Collection[str]]) -> str:
     return next((one for one in (THERMISTOR, AIR) if all(one in channels for channels in steps)), "")
 
 
-def _drawn(scans: Sequence[int], most: int) -> list[BoolArray]:
-    """Which rows of each step are looked at, shape (scans,) each."""
-    pieces = [(step, first) for step, rows in enumerate(scans) for first in range(0, rows, PIECE)]
-    rows = np.array([min(PIECE, scans[step] - first) for step, first in pieces])
+def _drawn(infos: Sequence[StepInfo], most: int) -> Iterator[tuple[StepInfo, list[int]]]:
+    """Each step with the first rows of its pieces that are looked at, in order."""
+    pieces = [(step, first) for step, info in enumerate(infos) for first in range(0, info.samples, PIECE)]
+    rows = np.array([min(PIECE, infos[step].samples - first) for step, first in pieces])
     lot = np.random.default_rng(0).permutation(len(pieces))
-    drawn = [np.zeros(count, np.bool_) for count in scans]
-    for place in lot[np.cumsum(rows[lot]) <= most].tolist():
+    drawn: list[list[int]] = [[] for _ in infos]
+    for place in np.sort(lot[np.cumsum(rows[lot]) <= most]).tolist():
         step, first = pieces[place]
-        drawn[step][first : first + PIECE] = True
-    return drawn
+        drawn[step].append(first)
+    return zip(infos, drawn, strict=True)
 
 
-def _parted(step: StoredStep, rows: BoolArray, thermometer: str) -> tuple[dict[str, FloatArray], Readings]:
-    """The channels of some rows of a step, and what the thermometer said in the others."""
-    begin, seen, unseen = 0, list[Mapping[str, FloatArray]](), list[Readings]()
-    for part in step.parts(None if rows.any() else {"time_s", thermometer} & set(step.names)):
+def _parted(step: StoredStep, rows: BoolArray) -> tuple[dict[str, FloatArray], dict[str, Readings]]:
+    """The channels of some rows of a step, and what each of its thermometers said in the others."""
+    thermometers = [name for name in (THERMISTOR, AIR) if name in step.names]
+    begin, seen, unseen = 0, list[Mapping[str, FloatArray]](), list[list[Readings]]()
+    for part in step.parts(None if rows.any() else ("time_s", *thermometers)):
         own = rows[begin : begin + part["time_s"].size]
         begin += own.size
         seen.append({name: samples[own] for name, samples in part.channels.items()})
-        unseen.append(_means(part["time_s"][~own], part[thermometer][~own]) if thermometer else _NOTHING)
+        unseen.append([_means(part["time_s"][~own], part[name][~own]) for name in thermometers])
     whole = {name: np.concatenate([one[name] for one in seen]) for name in seen[0]}
-    return whole, Readings(*map(np.concatenate, zip(*unseen, strict=True)))
+    by_name = zip(thermometers, zip(*unseen, strict=True), strict=True)
+    return whole, {name: Readings(*map(np.concatenate, zip(*those, strict=True))) for name, those in by_name}
 
 
 def _means(time_s: FloatArray, temp_c: FloatArray) -> Readings:
