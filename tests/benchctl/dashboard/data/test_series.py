@@ -134,7 +134,7 @@ def test_while_an_overview_is_made_what_is_there_is_right_and_the_rest_is_none(
     time_s, values = _all_of(path, "gyro_v")
     first = reader.view(path, "gyro_v", 90.0, 450.0, 100)
     assert (first["complete"], first["samples"]) == (False, 12_000)
-    assert 0.0 <= first["done"] < 1.0
+    assert 0.0 <= first["done"] <= 1.0  # it may have been finished since the view was drawn
     low, high = brute.envelope(time_s, values, first["t_s"], 450.0)
     assert all(seen in (None, whole) for seen, whole in zip(first["low"], low, strict=True))
     assert all(seen in (None, whole) for seen, whole in zip(first["high"], high, strict=True))
