@@ -68,7 +68,6 @@ def diagnose(
     """
     from benchctl.cli.live import search_progress
     from benchctl.cli.places import report_folder
-    from benchctl.cli.settling import bench_of, foretell_next, refuse_other_files, run_next, write_next
     from benchctl.kept_memory import keep_memory
     from benchctl.recordings.campaign_manifest import add_to_manifest
     from benchctl.recordings.verify import refuse_changed
@@ -78,6 +77,8 @@ def diagnose(
 
     keep_memory()
     with result_of("diagnose", json_to, quiet) as result:
+        if following is not None or settle:  # who runs nothing does not load what runs
+            from benchctl.cli.settling import bench_of, foretell_next, refuse_other_files, run_next, write_next
         if following is not None:
             refuse_other_files(following)
         if dry_run and not settle:

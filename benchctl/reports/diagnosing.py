@@ -20,7 +20,6 @@ from benchctl.recordings.model import Meta, StepInfo
 from benchctl.recordings.reader import open_recording
 from benchctl.reports import diagnosis_words as words
 from benchctl.reports.diagnosis_file import write_diagnosis_file
-from benchctl.reports.diagnosis_page import write_diagnosis_report
 from benchctl.reports.results import make_folder, name_of, source_digest
 from instruments.errors import UsageError
 
@@ -71,6 +70,8 @@ def write_diagnosed(diagnosed: Diagnosed, folder: Path) -> dict[str, Path]:
 
     Raises `UsageError` where the folder may not be written to.
     """
+    from benchctl.reports.diagnosis_page import write_diagnosis_report  # matplotlib is slow to load
+
     make_folder(folder)
     written = {"report": folder / REPORT}
     write_diagnosis_report(

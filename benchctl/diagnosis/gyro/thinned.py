@@ -26,7 +26,7 @@ _OF_AIR = ("temp_c", "temp_rate_c_per_s", "chamber_c")
 _OF_MOTION = ("angle_deg", "rate_dps", "acceleration_dps2", "sudden")
 _POINT_S, _MOST_POINTS = 1.0, 2000
 """Between two points of a pause, and how many it has at most."""
-_MOST_PIECES = 800
+_MOST_PIECES = 500
 """What has to be done for each piece takes longer than its rows; a campaign of weeks has thousands of steps."""
 
 
