@@ -103,6 +103,7 @@ class SeriesReader:
         }
         if samples <= 2 * pixels:
             return said | _exact([part for track in tracks for part in found[track.name]])
+        done = self._done(tracks)  # before it is drawn: by what is shown, an overview may have been finished since
         envelope = Envelope(from_s, to_s, pixels)
         left = MOST_SAMPLES
         for track in tracks:
@@ -120,7 +121,7 @@ class SeriesReader:
                 _read(envelope, rest)
                 left -= missing
         if not said["complete"]:
-            said["done"] = self._done(tracks)
+            said["done"] = done
         return said | {
             "t_s": envelope.begins_s.tolist(),
             "low": or_none(envelope.low),

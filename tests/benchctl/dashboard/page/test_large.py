@@ -48,4 +48,4 @@ def test_a_long_recording_is_shown_while_its_overview_is_made_and_zoomed_quickly
             took_ms.append(float(page.locator(".zoom").get_attribute("data-drawn-ms") or "nan"))
         took_ms.sort()
         sys.stdout.write(f"zoomed: median {took_ms[len(took_ms) // 2]:.0f} ms, longest {took_ms[-1]:.0f} ms\n")
-        assert took_ms[len(took_ms) // 2] < _QUICK_MS  # a shared machine's worst moment says nothing of the page
+        assert took_ms[-1] < _QUICK_MS
