@@ -76,7 +76,7 @@ class Gathering:
             return b""
 
     def _remove(self) -> None:
-        with suppress(OSError):  # `put_in_order` tries it again
+        with suppress(OSError):  # `remove_leftovers` tries it again
             self._path.unlink(missing_ok=True)
 
 

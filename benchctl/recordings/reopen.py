@@ -17,7 +17,7 @@ from benchctl.recordings.gather import finished_steps
 from benchctl.recordings.hdf5_files import RecordingFile
 from benchctl.recordings.model import Meta, Step, StepInfo
 from benchctl.recordings.schema import CAMPAIGN, JOURNAL, RECORDING, STEPS
-from benchctl.recordings.torn import described_step, put_in_order, read_step, write_step_file
+from benchctl.recordings.torn import described_step, put_in_order, read_step, remove_leftovers, write_step_file
 from benchctl.recordings.writer import write_recording
 
 
@@ -32,6 +32,7 @@ def reopen(folder: Path, planned: int, lock: Lock) -> tuple[CampaignWriter, list
         (folder / MANIFEST).unlink(missing_ok=True)  # who closes the campaign again writes it anew
     if (folder / RECORDING).exists():
         _take_apart(folder, meta)
+    remove_leftovers(folder)
     put_in_order(folder, meta)
     infos = []
     for file in finished_steps(folder):

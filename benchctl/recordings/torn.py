@@ -35,7 +35,6 @@ def put_in_order(folder: Path, meta: Meta) -> None:
     """
     (folder / STEPS).mkdir(exist_ok=True)
     mend_journal(folder / JOURNAL)
-    remove_leftovers(folder)
     for finished in finished_steps(folder):
         if damage := _damage(finished):
             _put_aside(folder, finished, damage)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from benchctl.diagnosis.signals.temperature import Readings
 from benchctl.limits import memory_bytes
-from benchctl.recordings.model import Step, StepInfo
+from benchctl.recordings.model import Step, StepInfo, axis_of
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.stored import StoredStep
 
@@ -74,7 +74,7 @@ def taken_of(recording: Recording, most: int | None = None) -> Taken:
         readings.append(unseen)
         left_out += int(np.count_nonzero(~rows))
         if rows.any():
-            polls = recording.step(info.index, [name for name in step.names if name.startswith("poll_")])
+            polls = recording.step(info.index, [name for name in step.names if axis_of(name) == "poll_time_s"])
             steps.append(Step(info, {**seen, **polls.channels}))
     thermometer = _thermometer(readings)
     unseen_by_it = [one[thermometer] for one in readings] if thermometer else []

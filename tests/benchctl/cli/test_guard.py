@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +24,7 @@ from pymodbus.client import ModbusSerialClient
 from benchctl.bench import template
 from tests.benchctl.cli.foreign_eyes import ForeignEyes
 from tests.benchctl.cli.processes import simulated_servers, started
+from tests.waiting import wait_until
 
 PROCEDURE = """
 from benchctl.plan import ThermalRamp, procedure
@@ -35,13 +36,6 @@ def swing(to_c: float = 80.0):
 """
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no kill -9 and no SIGSTOP")
-
-
-def until(condition: Callable[[], bool], otherwise: str) -> None:
-    deadline_s = time.monotonic() + 10
-    while not condition():
-        assert time.monotonic() < deadline_s, otherwise
-        time.sleep(0.02)
 
 
 @dataclass
@@ -61,7 +55,7 @@ class Lab:
         ) as runner:
             self.eyes.wait_for_swing(runner)
             if self.serial_chamber:
-                until(lambda: any((self.campaign / "steps").glob("0001_*")), "the stream never began")
+                wait_until(lambda: any((self.campaign / "steps").glob("0001_*")), 10.0, "the stream never began")
             else:
                 self.eyes.wait_for_chamber(23.5, runner)
             yield runner
@@ -72,7 +66,7 @@ class Lab:
 
     def wait_for_guard(self) -> dict[str, Any]:
         """The guard's last word."""
-        until(lambda: "reason" in self.events("guard")[-1], "the guard said nothing")
+        wait_until(lambda: "reason" in self.events("guard")[-1], 10.0, "the guard said nothing")
         return self.events("guard")[-1]
 
     def guard_pid(self) -> int:
@@ -136,7 +130,7 @@ def test_a_guard_is_deaf_to_signals_and_one_that_is_killed_is_replaced_while_the
         time.sleep(1.0)
         assert lab.guard_pid() == first
         os.kill(first, signal.SIGKILL)
-        until(lambda: lab.guard_pid() != first, "no other guard was started")
+        wait_until(lambda: lab.guard_pid() != first, 10.0, "no other guard was started")
         second = lab.guard_pid()
         assert lab.events("guard")[-1]["says"] == (
             f"process {first} ended (exit status -9); process {second} takes its place"

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +14,7 @@ from benchctl.fleet.cluster import connected
 from benchctl.fleet.running import outcomes
 from tests.benchctl.fleet.clusters import LONGEST_S, dask_cluster
 from tests.benchctl.fleet.made import job_of, points
+from tests.waiting import wait_until
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
@@ -30,21 +29,14 @@ class _KillsBeforeTheOutcomeIsTaken(StopRequest):
     def heed(self) -> None:
         if self.landed_ns:
             return
-        _wait_until(lambda: self.results.exists() and "finished" in self._statuses())
+        wait_until(lambda: self.results.exists() and "finished" in self._statuses(), LONGEST_S)
         for process in self.client.run(os.getpid).values():
             os.kill(process, signal.SIGKILL)
         self.landed_ns = self.results.stat().st_mtime_ns
-        _wait_until(lambda: "lost" in self._statuses())
+        wait_until(lambda: "lost" in self._statuses(), LONGEST_S)
 
     def _statuses(self) -> set[str]:
         return {state.status for state in self.client.futures.values()}
-
-
-def _wait_until(true: Callable[[], bool]) -> None:
-    give_up_s = time.monotonic() + LONGEST_S
-    while not true():
-        assert time.monotonic() < give_up_s
-        time.sleep(0.005)
 
 
 def test_an_outcome_that_died_with_its_worker_is_asked_of_another_one_and_the_job_is_not_done_again(

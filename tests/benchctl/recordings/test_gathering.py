@@ -23,6 +23,7 @@ from benchctl.recordings.recover import recover
 from benchctl.recordings.verify import verify
 from instruments.errors import UsageError
 from tests.benchctl.recordings import made
+from tests.waiting import wait_until
 
 ROOT = Path(__file__).resolve().parents[3]
 COUNT = MANY + 8
@@ -49,13 +50,6 @@ def _write(writer: CampaignWriter, indices: range, *, told: bool = True) -> None
             writer.step_over(info)
 
 
-def _wait_until(is_so: Callable[[], bool]) -> None:
-    end_s = time.monotonic() + PATIENCE_S
-    while not is_so():
-        assert time.monotonic() < end_s
-        time.sleep(0.02)
-
-
 def _left(folder: Path) -> list[Path]:
     return list(folder.glob(".*"))
 
@@ -78,7 +72,7 @@ def _gatherer(folder: Path) -> int:
         numbers = [int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdecimal()]
         return [number for number in numbers if told in _command(number)]
 
-    _wait_until(lambda: bool(found()))
+    wait_until(lambda: bool(found()), PATIENCE_S)
     (number,) = found()
     return number
 
@@ -103,7 +97,7 @@ def test_what_was_gathered_beforehand_is_the_same_recording(tmp_path: Path) -> N
     ahead = Gathering(folder)
     for _ in range(MANY):
         ahead.step_over()
-    _wait_until(lambda: _all_gathered(folder))
+    wait_until(lambda: _all_gathered(folder), PATIENCE_S)
     begun, files = ahead.begun(), finished_steps(folder)
     assert begun is not None
     assert begun.files == tuple(file.name for file in files)
@@ -122,7 +116,7 @@ def test_what_was_gathered_beforehand_is_the_same_recording(tmp_path: Path) -> N
 
 @pytest.mark.slow
 def test_a_long_campaign_is_finished_with_what_came_after_the_last_look_too(writer: CampaignWriter) -> None:
-    _wait_until(lambda: bool(_left(writer.folder)))
+    wait_until(lambda: bool(_left(writer.folder)), PATIENCE_S)
     _write(writer, range(COUNT + 1, COUNT + 3))
     writer.finish("complete")
     assert sorted(item.name for item in writer.folder.iterdir()) == ["journal.jsonl", "recording.h5"]
@@ -182,10 +176,10 @@ def test_it_ends_with_the_program_that_started_it_and_leaves_nothing(tmp_path: P
             for _ in range(COUNT):
                 program.stdout.readline()
             process = _gatherer(folder)
-            _wait_until(lambda: bool(_left(folder)))
+            wait_until(lambda: bool(_left(folder)), PATIENCE_S)
         finally:
             program.kill()
-    _wait_until(lambda: not _command(process))
+    wait_until(lambda: not _command(process), PATIENCE_S)
     assert _left(folder) == []
     assert recover(folder).whole == COUNT
     assert _is_as_it_was_made(folder)
@@ -193,7 +187,7 @@ def test_it_ends_with_the_program_that_started_it_and_leaves_nothing(tmp_path: P
 
 @pytest.mark.slow
 def test_a_campaign_that_is_let_go_of_keeps_its_steps_and_nothing_of_what_was_gathered(writer: CampaignWriter) -> None:
-    _wait_until(lambda: bool(_left(writer.folder)))
+    wait_until(lambda: bool(_left(writer.folder)), PATIENCE_S)
     writer.release()
     assert _left(writer.folder) == []
     assert _is_as_it_was_made_in_steps(writer.folder)
