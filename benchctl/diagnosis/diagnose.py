@@ -74,11 +74,11 @@ def _diagnosis(
         if smooth is None:
             break
         problem, rounding_v2 = smooth, 0.0
-        chosen = select(problem, seed=seed, progress=told)
+        chosen = select(problem, seed=seed, progress=told, chosen=chosen)
     chosen = without_the_steps_own(problem, chosen, step_v)
     if not settled and (other := other_answer(problem, chosen)) is not None:
         problem = other
-        chosen = select(problem, seed=seed, progress=told, rounding_v2=rounding_v2)
+        chosen = select(problem, seed=seed, progress=told, rounding_v2=rounding_v2, chosen=chosen)
     told("what is left", 0.95)
     problem.forget()  # what is left is found without predictions
     chosen, unexplained, owed = named(problem, chosen, rounding_v2=rounding_v2, seed=seed)

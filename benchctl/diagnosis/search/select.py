@@ -42,14 +42,20 @@ def _share_done(rounds: int) -> float:
 
 
 def select(
-    problem: Problem, *, seed: int, progress: Callable[[str, float], None], rounding_v2: float = 0.0
+    problem: Problem,
+    *,
+    seed: int,
+    progress: Callable[[str, float], None],
+    rounding_v2: float = 0.0,
+    chosen: Selection | None = None,
 ) -> Selection:
-    """Find what a problem's data demand.
+    """Find what a problem's data demand, beginning with what was `chosen` for the same data looked at otherwise.
 
     `rounding_v2` [unit²] is the variance of what a coarse converter rounds off: where motion sweeps its steps slowly or
     alike each time, that is no noise, and what explains a small share of it only is not believed.
     """
-    return _Search(problem, seed, progress, rounding_v2).run()
+    first = None if chosen is None else _Plain.of(chosen)
+    return _Search(problem, seed, progress, rounding_v2).run(first=first)
 
 
 def select_between(
@@ -111,10 +117,17 @@ def _dropped(point: Point, keys: Collection[str]) -> Point:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Plain:
-    """What a first look has found, and by the place of each what else it was tried against."""
+    """What an earlier search has found, and by the place of each what else it was tried against."""
 
     effects: tuple[DescribedEffect, ...]
     rivals: Mapping[Place, tuple[str, ...]]
+
+    @staticmethod
+    def of(chosen: Selection) -> _Plain:
+        """What a search that came to its end has chosen."""
+        effects = chosen.after.point.effects
+        evidence = zip(effects, chosen.evidence.values(), strict=True)
+        return _Plain(effects=effects, rivals={place_of(one): tuple(its.rivals) for one, its in evidence})
 
 
 class _Search(Models):
@@ -132,7 +145,7 @@ class _Search(Models):
         return _Plain(effects=present.point.effects, rivals=self._rivals)
 
     def run(self, better: Better | None = None, first: _Plain | None = None) -> Selection:
-        """Find all, beginning with what a `first` look has found."""
+        """Find all, beginning with what a `first` search has found."""
         self._stated = self._problem
         untouched = Point(baseline=self._problem.baseline_start)
         begun = self._begun(untouched)

@@ -273,6 +273,17 @@ def test_progress_names_what_is_tried_and_goes_on_to_the_end() -> None:
     assert 0.0 <= shares[0] <= shares[-1] <= 1.0
 
 
+def test_a_search_that_is_done_again_begins_with_what_was_chosen_and_ends_where_one_from_nothing_does() -> None:
+    before, problem = toy(DECAY, RIPPLE), toy(DECAY, SQUARED, seed=1)
+    tried: dict[str, list[str]] = {"nothing": [], "chosen": []}
+    anew = select(problem, seed=0, progress=lambda name, _share: tried["nothing"].append(name))
+    again = select(problem, seed=0, progress=lambda name, _share: tried["chosen"].append(name), chosen=selected(before))
+    assert names(again) == names(anew) == {"decay", "squared"}  # the ripple is gone
+    assert again.after.squares == pytest.approx(anew.after.squares, rel=1e-6)
+    assert again.evidence.keys() == anew.evidence.keys()
+    assert len(tried["chosen"]) < len(tried["nothing"])
+
+
 def test_a_selection_is_reduced_by_a_name_and_the_rest_is_refitted() -> None:
     problem = toy(DECAY, SQUARED)
     chosen = selected(problem)
