@@ -10,7 +10,9 @@ from typing import Any
 from benchctl.diagnosis.comparison.pairing import with_predictions, with_recording
 from benchctl.diagnosis.comparison.parting import Parting, part
 from benchctl.diagnosis.gyro.frame import frame_of
+from benchctl.diagnosis.gyro.limits import not_all_rows
 from benchctl.diagnosis.gyro.predicted import predict
+from benchctl.limits import require_memory
 from benchctl.model_file import read_model
 from benchctl.recordings.model import Meta, StepInfo
 from benchctl.recordings.reader import open_recording
@@ -24,6 +26,8 @@ from instruments.errors import UsageError
 REPORT = "comparison.html"
 LAB, NEW = "the lab's model", "the new model"
 _MOST_ALONE, _MOST_LINES = 5, 12
+_BYTES_A_ROW = 350
+"""What a comparison of two recordings holds at its peak, measured."""
 _OVERLAID = (
     "Steps are laid over each other by the encoder's rate; what the motions still differ by is taken off by the scale "
     "factor. The noise is that of both recordings."
@@ -48,6 +52,8 @@ def compare_recordings(simulated: Path, real: Path) -> Compared:
     with open_recording(simulated) as theirs, open_recording(real) as ours:
         if theirs.digest and theirs.digest == ours.digest:
             raise UsageError(f"{simulated}, {real}: the samples are the same, they part nowhere; name two recordings")
+        rows = sum(info.samples for info in (*ours.infos, *theirs.infos))
+        require_memory(real, _BYTES_A_ROW * rows, f"laying it and {simulated} over each other")
         steps, alone = with_recording(frame_of(ours), frame_of(theirs), name_of(simulated))
         remarks = [
             *alone[:_MOST_ALONE],
@@ -91,7 +97,7 @@ def compare_with_models(path: Path, model: Path | None) -> Compared:
             infos=recording.infos,
             digest=source_digest(recording),
             unit=text.unit_text(recording.meta.output_unit),
-            remarks=(),
+            remarks=not_all_rows(frame),
         )
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import uniform_filter1d
 
 from benchctl.diagnosis.signals.bins import bin_of
 
@@ -179,7 +180,7 @@ def _furthest_off(step: ComparedStep, name: str) -> slice:
     wanted_s = min(_EXCERPT_S, _PERIODS * _period_s(step.measured_v, lasts_s))
     length = min(size, max(2, int(wanted_s * (size - 1) / max(lasts_s, 1e-9))))
     block = max(1, size // _BLOCKS)
-    slow = np.convolve(step.difference(name), np.full(block, 1.0 / block), mode="same")
+    slow = uniform_filter1d(step.difference(name), block, mode="constant")
     power = np.concatenate([[0.0], np.cumsum(slow**2)])
     start = int(np.argmax(power[length:] - power[:-length]))
     return slice(start, start + length)

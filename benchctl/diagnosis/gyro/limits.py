@@ -39,6 +39,16 @@ def limits_of(
     return (*_limits(frame, simulation, band), *_coarse(frame, simulation, encoder_step_deg))
 
 
+def not_all_rows(frame: Frame) -> tuple[str, ...]:
+    """A sentence where rows of a recording were left out, none where there are no more."""
+    if not frame.left_out:
+        return ()
+    return (
+        f"The recording has {frame.rows + frame.left_out:,} rows: {frame.rows:,} of them were looked at, pieces of"
+        f" {PIECE * frame.interval_s:.3g} s at most, drawn by lot from all steps; the thermometer throughout.",
+    )
+
+
 def _coarse(frame: Frame, simulation: Mapping[str, Any], step_deg: float) -> Iterator[str]:
     """Whether the steps of an encoder may look like physics.
 
@@ -67,11 +77,7 @@ def _seen_deg(frame: Frame) -> float:
 
 
 def _limits(frame: Frame, simulation: Mapping[str, Any], band: Band | None) -> Iterator[str]:
-    if frame.left_out:
-        yield (
-            f"The recording has {frame.rows + frame.left_out:,} rows: {frame.rows:,} of them were looked at, pieces of"
-            f" {PIECE * frame.interval_s:.3g} s at most, drawn by lot from all steps; the thermometer throughout."
-        )
+    yield from not_all_rows(frame)
     if not _turns(frame):
         yield (
             "The table never turns in this recording: of the scale factor, of all that grows with the rate, of time and"

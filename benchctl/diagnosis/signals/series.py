@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from benchctl.limits import listed, require_memory
 from benchctl.recordings.model import StepInfo
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.step_entries import UNASSIGNED
@@ -25,6 +26,9 @@ _PIECES = 12
 _FEWEST_IN_A_PIECE = 8
 _GAP = 10.0
 """Median intervals between two samples beyond which they belong to different runs."""
+
+_BYTES_A_ROW = 110
+"""What a diagnosis of a drive or a chamber holds at its peak for each sample that it averages, measured."""
 
 _UNITS = {
     "_nm": "N m",
@@ -66,18 +70,26 @@ def series_of(recording: Recording, needed: Sequence[str], further: Sequence[str
 
     What an import's list of steps does not name is left out, and so are cut attempts and what a person did.
 
-    Raises `UsageError` where no step has them.
+    Raises `UsageError` where no step has them, or this machine's memory does not hold the samples.
     """
     prefix = "poll_" if polled else ""
     left_out = {UNASSIGNED} if {info.kind for info in recording.infos} != {UNASSIGNED} else set()
+    asked = {f"{prefix}{name}" for name in needed}
+    infos = [
+        info
+        for info in recording.infos
+        if info.kind not in left_out and not info.is_left_out and asked <= set(recording.channels(info.index))
+    ]
+    if not polled:
+        rows = sum(info.samples for info in infos)
+        require_memory(recording.path, _BYTES_A_ROW * rows, f"all of {listed([*needed])} at once")
     found = []
-    for info in recording.infos:
-        there = set(recording.channels(info.index))
-        if info.kind not in left_out and not info.is_left_out and all(f"{prefix}{name}" in there for name in needed):
-            names = [name for name in (*needed, *further) if f"{prefix}{name}" in there]
-            step = recording.step(info.index, (f"{prefix}time_s", *(f"{prefix}{name}" for name in names)))
-            if step[f"{prefix}time_s"].size > 1:
-                found.append((info, {name: step[f"{prefix}{name}"] for name in ("time_s", *names)}))
+    for info in infos:
+        channels = recording.channels(info.index)
+        names = [name for name in (*needed, *further) if f"{prefix}{name}" in channels]
+        step = recording.step(info.index, (f"{prefix}time_s", *(f"{prefix}{name}" for name in names)))
+        if step[f"{prefix}time_s"].size > 1:
+            found.append((info, {name: step[f"{prefix}{name}"] for name in ("time_s", *names)}))
     if not found:
         raise UsageError(
             f"{recording.path}: no step has the channels {', '.join(needed)} together;"

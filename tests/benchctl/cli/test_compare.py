@@ -109,6 +109,32 @@ def test_two_recordings_and_a_model_are_one_too_many(capsys: pytest.CaptureFixtu
     assert "two recordings, or one and --model FILE" in capsys.readouterr().err
 
 
+def test_a_comparison_with_a_model_says_where_it_did_not_look_at_all_rows(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_moving(Path("real.h5"), squared_v=1e-5, rate_hz=1000.0)
+    monkeypatch.setattr("benchctl.diagnosis.gyro.problem.most_rows", lambda: 12_000)
+    monkeypatch.setattr("benchctl.diagnosis.gyro.taken.PIECE", 1000)
+    assert compare("real.h5", "--json", "out.json") == 0
+    assert "The recording has 24,000 rows: 12,000 of them were looked at" in capsys.readouterr().out
+    told = json.loads(Path("out.json").read_text())
+    turning = next(step for step in told["steps"] if step["kind"] == "constant_rate")
+    assert turning["mean_v"]["the lab's model"] == pytest.approx(1e-5 * RATE_DPS**2, rel=0.02)
+
+
+def test_two_recordings_that_memory_would_not_hold_are_refused_beforehand(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_moving(Path("real.h5"))
+    write_moving(Path("simulated.h5"), seed=1)
+    monkeypatch.setattr("benchctl.limits.memory_bytes", lambda: 1_500_000)
+    assert compare("simulated.h5", "real.h5") == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "real.h5: laying it and simulated.h5 over each other needs" in line
+    assert "this machine has 0.0015 GB; split the recording, or use a larger machine" in line
+    assert sorted(path.name for path in Path().iterdir()) == ["real.h5", "simulated.h5"]
+
+
 @pytest.mark.slow
 def test_the_same_comparison_is_the_same_page() -> None:
     write_moving(Path("real.h5"))

@@ -56,6 +56,12 @@ def test_what_a_drive_does_beside_is_found_and_nothing_else(
     assert {name: values[name] for name in parameters} == pytest.approx(parameters, rel=0.1)
 
 
+def test_more_samples_than_memory_holds_are_refused_before_they_are_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("benchctl.limits.memory_bytes", lambda: 4_000_000)
+    with pytest.raises(UsageError, match=r"all of encoder_deg, torque_nm at once needs .* this machine has 0\.004 GB"):
+        drive_problem(recording_of(drive_channels(Truth(), 1)))
+
+
 def test_dry_friction_and_an_offset_are_told_apart_where_the_table_turns_both_ways() -> None:
     found = found_in(drive_problem(recording_of(drive_channels(Truth(coulomb=0.03, offset=0.01), 1))))
     assert set(found) == {"coulomb_friction", "torque_offset"}
