@@ -15,7 +15,10 @@ from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from uvicorn.server import ServerState
 
-MOST_CONNECTIONS = 200
+AT_ONCE = 128
+"""How many the system keeps waiting, and so the most that come in one turn of the loop."""
+MOST_CONNECTIONS = 3 * AT_ONCE
+"""Two turns pass before what one asks is read: with fewer, others that come meanwhile would push it out unheard."""
 IDLE_S = 20.0
 """Within which a request must have come, whole headers and all, since the connection or the answer before."""
 STALLED_S = 20.0

@@ -15,12 +15,11 @@ import uvicorn
 from starlette.types import ASGIApp
 
 from benchctl.campaign.stop import StopRequest
-from benchctl.dashboard.web.connections import IDLE_S, STALLED_S, Connection, Socket, sweep
+from benchctl.dashboard.web.connections import AT_ONCE, IDLE_S, STALLED_S, Connection, Socket, sweep
 from benchctl.dashboard.web.gate import MOST_HEADER_BYTES
 from benchctl.dashboard.web.live_routes import MOST_MESSAGE_BYTES
 from instruments.errors import UsageError
 
-_BACKLOG = 128
 _SEND_BUFFER_BYTES = 256 << 10
 """What the system keeps for a reader that does not read: enough for a quick one, little for many slow ones."""
 _GOODBYE_S = 0.5
@@ -40,7 +39,7 @@ def listening(host: str, port: int) -> socket.socket:
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
         sock.bind(address)
-        sock.listen(_BACKLOG)
+        sock.listen(AT_ONCE)
     except OSError as err:
         sock.close()
         if err.errno == errno.EADDRINUSE:
@@ -70,7 +69,7 @@ def serve_until(stop: StopRequest, app: ASGIApp, sock: socket.socket, ready: Cal
         access_log=False,
         proxy_headers=False,
         server_header=False,
-        backlog=_BACKLOG,
+        backlog=AT_ONCE,
         h11_max_incomplete_event_size=MOST_HEADER_BYTES,
         timeout_keep_alive=int(IDLE_S),
         timeout_graceful_shutdown=1,

@@ -6,9 +6,10 @@ import os
 import socket
 import statistics
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -79,6 +80,32 @@ def test_a_thousand_connections_at_once_keep_nobody_out(
         assert open_sockets(served) <= MOST_CONNECTIONS + 2
     assert statistics.median(waited_s) < 1.0
     assert max(waited_s) < 10.0  # others use this machine, too
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(120)
+def test_who_asks_while_others_flood_is_never_let_go_unheard(served: Served) -> None:
+    over = threading.Event()
+    floods = [threading.Thread(target=flood, args=(served, over, which)) for which in range(4)]
+    for one in floods:
+        one.start()
+    try:
+        ends_s = time.monotonic() + 30.0
+        while time.monotonic() < ends_s:
+            assert answered_after_s(served) < 10.0
+    finally:
+        over.set()
+        for one in floods:
+            one.join()
+
+
+def flood(served: Served, over: threading.Event, which: int) -> None:
+    """Come 150 times in a row, as fast as can be, again and again."""
+    crowds = [silent, half_a_request, half_a_body, unread, garbage]
+    while not over.is_set():
+        with ExitStack() as stack, suppress(OSError):
+            for number in range(150):
+                crowds[(number + which) % len(crowds)](stack.enter_context(served.line()), number)
 
 
 @pytest.mark.slow
