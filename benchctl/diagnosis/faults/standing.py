@@ -25,8 +25,8 @@ IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 
 _FEWEST = 3
-_AROUND = 32
-"""Rows, at least, on either side from which a run's surroundings are judged."""
+_BESIDE, _AROUND = 8, 32
+"""Rows on either side from which a run's surroundings are judged: right beside it, and as many at least."""
 
 _MOST_ROWS = 500
 """Rows of a run that are weighed; of a longer one so many, evenly."""
@@ -140,18 +140,26 @@ def _least(output: Output) -> float:
 
 
 def _deviations(output: Output, first: int, stop: int) -> tuple[float, float]:
-    """The least and the largest deviation that the output around a run allows [V]."""
-    reach = max(stop - first, _AROUND)
-    sides = (slice(max(first + 1 - reach, 0), first + 1), slice(stop, stop + reach))
+    """The least and the largest deviation that the output around a run allows [V].
+
+    Where a limit comes before the noise, the model is wrong for as short as the output is limited: right beside a run
+    counts as well as farther around it.
+    """
+    least = _least(output)
+    reaches = (_BESIDE, max(stop - first, _AROUND))
+    return least, max(least, *(_error(output, first, stop, reach) for reach in reaches))
+
+
+def _error(output: Output, first: int, stop: int, reach: int) -> float:
+    """The model's error within `reach` rows on either side of a run [V]."""
     middles, spreads = [], []
-    for side in sides:
+    for side in (slice(max(first + 1 - reach, 0), first + 1), slice(stop, stop + reach)):
         around = (output.volts[side] - output.predicted[side])[output.alive[side]]
         if around.size == 0:
             continue
         middles.append(float(np.median(around)))
         spreads.append(DEVIATION_OF_MEDIAN * float(np.median(np.abs(around - middles[-1]))))
-    least = _least(output)
-    return least, max(least, *spreads, max(middles) - min(middles)) if middles else least
+    return max(*spreads, max(middles) - min(middles)) if middles else 0.0
 
 
 def _log_chance(away: FloatArray, step: float, deviation: float) -> FloatArray:

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchctl.diagnosis.faults import faults_in
-from tests.benchctl.diagnosis.faults.made import INTERVAL_S, STEP_V, Made, made
+from tests.benchctl.diagnosis.faults.made import INTERVAL_S, STEP_V, Made, made, motion
 
 FINE = made()
 
@@ -47,6 +47,16 @@ def test_held_samples_are_counted_timed_and_masked_at_rest_and_in_motion(
 def test_equal_neighbours_of_a_coarse_converter_are_no_dropouts(bits: int, noise_v: float) -> None:
     coarse = made(step_v=STEP_V * 2**bits, noise_v=noise_v, model_error=0.02)
     assert [one.effect for one in coarse.faults().found] == ["adc_coarse"]
+
+
+@pytest.mark.parametrize("noise_v", [8e-5, 1.5e-4, 3.4e-4])
+@pytest.mark.parametrize("limit_v", [1.2, 1.25, 2.05])
+def test_equal_neighbours_at_a_limit_before_the_noise_are_no_dropouts(limit_v: float, noise_v: float) -> None:
+    clean = motion(2)
+    for seed in range(3):
+        noise = noise_v * np.random.default_rng(seed).standard_normal(clean.size)
+        limited = np.rint((np.clip(clean, -limit_v, limit_v) + noise) / STEP_V) * STEP_V
+        assert Made(predicted=1.001 * clean, volts=np.round(limited, 6)).faults().found == ()
 
 
 @pytest.mark.parametrize("late", [-1, 1])
