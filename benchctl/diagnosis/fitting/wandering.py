@@ -37,8 +37,11 @@ _MOST_ROWS = 1_500_000
 _SIZES = np.geomspace(1e-4, 10.0, 16)
 _NEAR = math.log(1.15)
 _TOLERANCE = 0.02
-_STEPS = 5
-"""Parabolas at most: means of many samples hold less of what is fast, and may lead some way off."""
+_STEPS, _FORESEEN = 16, 5
+"""Parabolas at most, and by so many steps of what one brings a gain may still grow.
+
+Where means of many samples hold hardly any of the white noise, they tell nothing of the size, and lead far off.
+"""
 _FEWEST = 50
 _BELIED = 10.0
 """Loss of twice the log likelihood at rest, for each step and one more, from which on a process is none.
@@ -101,7 +104,7 @@ def _measured(
         curvature = max((low - 2.0 * here + high) / _NEAR**2, 1e-6)
         step = min(max(0.5 * (low - high) / (curvature * _NEAR), -2.0 * _NEAR), 2.0 * _NEAR)
         middle += step
-        if abs(step) < _NEAR or without - here + _STEPS * 2.0 * abs(low - high) < rival:
+        if abs(step) < _NEAR or without - here + _FORESEEN * 2.0 * abs(low - high) < rival:
             break
     best, other = at(middle), beside(middle)
     resting = sum(kind == "static" for kind in problem.step_kinds)

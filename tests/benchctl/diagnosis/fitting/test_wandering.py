@@ -83,6 +83,20 @@ def test_flicker_is_found_with_its_size() -> None:
     assert float(np.median(sizes)) == pytest.approx(1.0, rel=0.25)
 
 
+@pytest.mark.parametrize("rms", [0.6, 1.5, 3.0])
+def test_means_that_hold_hardly_any_white_noise_do_not_mislead_the_size(
+    rms: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = flickers(0, rms * NOISE_V)
+    of_few = tried(problem)
+    monkeypatch.setattr(module, "_BLOCK_S", 25 * INTERVAL_S)
+    of_many = tried(problem)
+    assert of_many.keys() == of_few.keys() == set(BOTH)
+    for name, one in of_many.items():
+        assert one.gain == pytest.approx(of_few[name].gain, abs=1.0)
+        assert abs(math.log(one.size / of_few[name].size)) < 0.5 * of_few[name].log_error
+
+
 def test_what_the_model_in_hand_can_follow_is_no_wandering() -> None:
     """A slow decay looks like a walk, unless the model has a decay that may be refitted."""
     truth = Decay(amplitude_v=2e-3, tau_s=200.0)
