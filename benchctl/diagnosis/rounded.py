@@ -29,8 +29,8 @@ _OF_THE_STEPS = 0.02
 def unrounded(problem: Problem, chosen: Selection, step_v: float) -> Problem | None:
     """The problem without the mean rounding of a converter, where that explains the recording better; or None.
 
-    `step_v` is what was found of its steps, 0 for none. What was chosen is to be chosen anew then: a wave that goes
-    with the output as often as the steps do is their own doing.
+    `step_v` is what was found of its steps, 0 for none. What was chosen is where the search begins again then: a wave
+    that goes with the output as often as the steps do is their own doing.
     """
     if step_v == 0.0 or not isinstance(problem, GyroProblem):
         return None

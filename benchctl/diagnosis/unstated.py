@@ -26,7 +26,7 @@ BEYOND_CHANCE = 6.0
 def other_answer(problem: Problem, chosen: Selection) -> Problem | None:
     """The problem under the other answer, where that explains the recording better, or with one effect less; or None.
 
-    What was chosen is to be chosen anew then.
+    What was chosen is where the search begins again then.
     """
     other = problem.otherwise()
     if other is None:

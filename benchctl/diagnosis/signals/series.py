@@ -75,17 +75,14 @@ def series_of(recording: Recording, needed: Sequence[str], further: Sequence[str
     prefix = "poll_" if polled else ""
     left_out = {UNASSIGNED} if {info.kind for info in recording.infos} != {UNASSIGNED} else set()
     asked = {f"{prefix}{name}" for name in needed}
-    infos = [
-        info
-        for info in recording.infos
-        if info.kind not in left_out and not info.is_left_out and asked <= set(recording.channels(info.index))
-    ]
+    kept = [info for info in recording.infos if info.kind not in left_out and not info.is_left_out]
+    there = [(info, set(recording.channels(info.index))) for info in kept]
+    holding = [(info, channels) for info, channels in there if asked <= channels]
     if not polled:
-        rows = sum(info.samples for info in infos)
+        rows = sum(info.samples for info, _ in holding)
         require_memory(recording.path, _BYTES_A_ROW * rows, f"all of {listed([*needed])} at once")
     found = []
-    for info in infos:
-        channels = recording.channels(info.index)
+    for info, channels in holding:
         names = [name for name in (*needed, *further) if f"{prefix}{name}" in channels]
         step = recording.step(info.index, (f"{prefix}time_s", *(f"{prefix}{name}" for name in names)))
         if step[f"{prefix}time_s"].size > 1:

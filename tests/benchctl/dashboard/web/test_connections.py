@@ -58,9 +58,12 @@ def garbage(line: socket.socket, number: int) -> None:
     line.sendall(bytes((number * 7 + index) % 256 for index in range(100)))
 
 
+CROWDS: tuple[Callable[[socket.socket, int], None], ...] = (silent, half_a_request, half_a_body, unread, garbage)
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(180)
-@pytest.mark.parametrize("behave", [silent, half_a_request, half_a_body, unread, garbage])
+@pytest.mark.parametrize("behave", CROWDS)
 def test_a_thousand_connections_at_once_keep_nobody_out(
     served: Served, behave: Callable[[socket.socket, int], None]
 ) -> None:
@@ -101,11 +104,10 @@ def test_who_asks_while_others_flood_is_never_let_go_unheard(served: Served) -> 
 
 def flood(served: Served, over: threading.Event, which: int) -> None:
     """Come 150 times in a row, as fast as can be, again and again."""
-    crowds = [silent, half_a_request, half_a_body, unread, garbage]
     while not over.is_set():
         with ExitStack() as stack, suppress(OSError):
             for number in range(150):
-                crowds[(number + which) % len(crowds)](stack.enter_context(served.line()), number)
+                CROWDS[(number + which) % len(CROWDS)](stack.enter_context(served.line()), number)
 
 
 @pytest.mark.slow

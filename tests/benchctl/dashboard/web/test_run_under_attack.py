@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import socket
 import statistics
 import threading
 import time
-from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
@@ -18,7 +16,7 @@ from benchctl.recordings.reader import open_recording
 from benchctl.recordings.verify import verify
 from tests.benchctl.cli.processes import simulated_servers, started
 from tests.benchctl.dashboard.web.serving import Served, serving
-from tests.benchctl.dashboard.web.test_connections import garbage, half_a_body, half_a_request, silent, unread
+from tests.benchctl.dashboard.web.test_connections import CROWDS
 from tests.benchctl.dashboard.web.test_live_routes import deaf_viewer
 from tests.slowness import slowness
 
@@ -83,7 +81,6 @@ def test_a_run_completes_without_a_lost_sample_while_its_page_is_attacked_and_a_
 
 def attack(served: Served, key: str, over: threading.Event, which: int) -> None:
     """One of four attackers, until the run is over."""
-    crowds: list[Callable[[socket.socket, int], None]] = [silent, half_a_request, half_a_body, unread, garbage]
     while not over.is_set():
         with ExitStack() as stack, suppress(OSError, httpx.TransportError):
             for number in range(150):
@@ -94,7 +91,7 @@ def attack(served: Served, key: str, over: threading.Event, which: int) -> None:
                     stop_it(served, key)
                 else:
                     line = stack.enter_context(served.line())
-                    crowds[(number + which) % len(crowds)](line, number)
+                    CROWDS[(number + which) % len(CROWDS)](line, number)
                 if over.is_set():
                     return
 
