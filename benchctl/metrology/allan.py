@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from benchctl.metrology.coefficients import LONGEST_SHARE, Terms, terms_of
+from benchctl.metrology.coefficients import DIGITS, LONGEST_SHARE, Terms, terms_of
 from benchctl.metrology.deviations import deviation
 from benchctl.metrology.scatter import AllanScatter, interval_of
 from benchctl.metrology.series import Series
@@ -18,6 +18,8 @@ IntArray = npt.NDArray[np.int64]
 
 LEAST_SAMPLES = 90
 """Fewer have no five averaging times up to a ninth of their record."""
+_SPREADS = (1e-50, 1e50)
+"""Of samples whose fourth powers, over any record, are numbers."""
 _PER_DECADE = 10
 _LONGEST = 3
 
@@ -50,14 +52,18 @@ def analysed(series: Series) -> Allan:
     Raises
     ------
     UsageError
-        Where it has too few samples, or they do not change at all.
+        Where it has too few samples, or they do not change at all, or by what is no rate.
     """
     samples = series.values.size
     if samples < LEAST_SAMPLES:
         raise UsageError(f"{series.source}: {samples} samples are too few; expected at least {LEAST_SAMPLES}")
-    if not np.ptp(series.values) > 0.0:
+    least, most = float(series.values.min()), float(series.values.max())
+    if least == most:
+        raise UsageError(f"{series.source}: all {samples} samples are {least:g}; check that the unit was connected")
+    if not _SPREADS[0] < most - least < _SPREADS[1]:  # NaN where a sample is
         raise UsageError(
-            f"{series.source}: all {samples} samples are {series.values[0]:g}; check that the unit was connected"
+            f"{series.source}: its samples lie from {least:g} to {most:g}, which gives no Allan deviation; "
+            "check how they were stored"
         )
     factors = averaging_factors(samples)
     tau_s = np.asarray(factors * series.interval_s, dtype=np.float64)
@@ -65,8 +71,9 @@ def analysed(series: Series) -> Allan:
     fitted = factors <= samples / LONGEST_SHARE
     scatter = AllanScatter(factors, samples, series.interval_s)
     terms = terms_of(values[fitted] ** 2, factors[fitted], series.interval_s, scatter)
-    expected = np.diag(scatter.covariance(terms.squares))
-    freedom = np.maximum(2.0 * terms.modelled(tau_s, series.interval_s) ** 2 / expected, 1.0)
+    modelled = terms.modelled(tau_s, series.interval_s)
+    expected = np.diag(scatter.covariance(terms.squares)) + (DIGITS * modelled) ** 2
+    freedom = np.maximum(2.0 * modelled**2 / expected, 1.0)
     return Allan(
         series=series,
         tau_s=tau_s,

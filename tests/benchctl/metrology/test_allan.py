@@ -51,6 +51,39 @@ def test_samples_that_do_not_change_are_refused() -> None:
         analysed(series(np.full(500, 2.5)))
 
 
-def test_a_pure_ramp_is_a_ramp() -> None:
-    found = analysed(series(0.02 * 0.1 * np.arange(3000)))
+@pytest.mark.parametrize("worst", [np.nan, np.inf, 1e200])
+def test_samples_that_are_no_rates_are_refused(worst: float) -> None:
+    rates = np.random.default_rng(1).standard_normal(500)
+    rates[7] = worst
+    with pytest.raises(UsageError, match=r"its samples lie from \S+ to \S+, which gives no Allan .* how they"):
+        analysed(series(rates))
+
+
+@pytest.mark.parametrize("samples", [90, 91, 300, 1000, 3000])
+@pytest.mark.parametrize("offset", [0.0, 1e6])
+def test_a_pure_ramp_is_a_ramp_whatever_the_rounding_leaves_beside_it(samples: int, offset: float) -> None:
+    found = analysed(series(offset + 0.02 * 0.1 * np.arange(samples)))
     assert found.terms.found["R"].value == pytest.approx(0.02, rel=0.01)
+    assert (found.ci95[:, 0] <= found.deviation).all()
+    assert (found.ci95[:, 1] >= found.deviation).all()
+
+
+@pytest.mark.parametrize("samples", [LEAST_SAMPLES, LEAST_SAMPLES + 1, 1000, 3000])
+@pytest.mark.parametrize("record", ["toggling", "square", "late step", "spike", "sine", "coarse", "faint"])
+def test_records_without_any_noise_have_intervals_that_are_numbers(record: str, samples: int) -> None:
+    index = np.arange(samples)
+    values = {
+        "toggling": (-1.0) ** index,  # the average of any even number is 0
+        "square": np.where(index // 4 % 2, 1.0, -1.0),
+        "late step": (index >= samples - 2) * 1.0,
+        "spike": (index == 40) * 1.0,
+        "sine": np.sin(2.0 * np.pi * index / 100.0),
+        "coarse": np.round(0.3 * np.random.default_rng(0).standard_normal(samples)),
+        "faint": (index % 7) * 1e-40,
+    }[record]
+    found = analysed(series(values))
+    assert np.isfinite(found.ci95).all()
+    assert (found.ci95[:, 0] <= found.deviation).all()
+    assert (found.deviation <= found.ci95[:, 1]).all()
+    for coefficient in found.terms.found.values():
+        assert 0.0 < coefficient.ci95[0] <= coefficient.value <= coefficient.ci95[1] < np.inf
