@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from benchctl.atomic import whole_file
 from benchctl.metrology.allan import Allan
-from benchctl.metrology.coefficients import Coefficient
+from benchctl.metrology.coefficients import DIGITS, Coefficient
 from benchctl.metrology.noise_terms import NAMES, TERMS, Term, unit_of, variances
 from benchctl.recordings.model import FloatArray
 from benchctl.recordings.text_rows import csv_rows
@@ -132,7 +132,8 @@ def allan_figure(found: Allan) -> Figure:
         axes.plot(grid_s, np.sqrt(part), color=_COLOURS[term], linestyle=_DASHES[term], linewidth=0.9, label=label)
     if len(found.terms.found) > 1:
         axes.plot(grid_s, np.sqrt(total), color=GREY, linewidth=0.8, label="their sum")
-    low, high = float(found.ci95[:, 0].min()), float(found.ci95[:, 1].max())
+    high = float(found.ci95[:, 1].max())
+    low = float(found.ci95[found.deviation > DIGITS * high, 0].min())  # what toggles evenly averages to nothing
     axes.set(xscale="log", yscale="log", ylim=(0.7 * low, 1.4 * high))
     axes.set(xlabel="averaging time τ (s)", ylabel=f"deviation ({found.series.unit})")
     axes.set_title("Allan deviation")

@@ -50,6 +50,15 @@ def test_a_series_that_is_no_rate_has_coefficients_in_its_own_unit(found: Allan)
     )
 
 
+@pytest.mark.parametrize("step", [1.0, 0.1 + 0.2])
+def test_an_output_that_toggles_is_drawn_over_the_averaging_times_where_it_has_a_deviation(step: float) -> None:
+    toggling = Series(values=step * (np.arange(3000) % 2.0), interval_s=0.1, unit="deg/s", source="toggling")
+    (axes,) = allan_figure(analysed(toggling)).axes
+    low, high = axes.get_ylim()
+    assert 1e-4 * step < low < 1e-2 * step
+    assert 0.5 * step < high < 2.0 * step
+
+
 def test_the_picture_has_the_deviation_the_terms_and_their_sum_on_logarithmic_axes(found: Allan) -> None:
     (axes,) = allan_figure(found).axes
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
