@@ -70,11 +70,19 @@ def _gatherer(folder: Path) -> int:
 
     def found() -> list[int]:
         numbers = [int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdecimal()]
-        return [number for number in numbers if told in _command(number)]
+        # what it asks of the system, such as its processor's name, has its own command for the moment before it begins
+        return [number for number in numbers if told in _command(number) and _leads_a_session(number)]
 
     wait_until(lambda: bool(found()), PATIENCE_S)
     (number,) = found()
     return number
+
+
+def _leads_a_session(process: int) -> bool:
+    try:
+        return os.getsid(process) == process
+    except ProcessLookupError:
+        return False
 
 
 def _command(process: int) -> bytes:
