@@ -34,6 +34,7 @@ PLACEHOLDERS: Mapping[str, tuple[str, ...]] = {
     "not_told_from_zero": (),
     "warm_up_law": ("amplitude", "tau_s", "within"),
     "allan_minimum": ("value", "tau_s"),
+    "terms_misfit": ("tau_s", "value", "modelled"),
     "mean_of": ("seconds", "count"),
     "lag_included": (),
     "gaps": ("count", "step"),

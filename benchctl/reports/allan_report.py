@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from benchctl.atomic import whole_file
 from benchctl.metrology.allan import Allan
 from benchctl.metrology.coefficients import DIGITS, Coefficient
+from benchctl.metrology.misfit import misfit_of
 from benchctl.metrology.noise_terms import NAMES, TERMS, Term, unit_of, variances
 from benchctl.recordings.model import FloatArray
 from benchctl.recordings.text_rows import csv_rows
@@ -39,6 +40,7 @@ def values(found: Allan) -> dict[str, Any]:
     for term in TERMS:
         one, unit = _in_units(found, term)
         coefficients[term] = one and {"value": one.value, "ci95": list(one.ci95), "unit": unit}
+    misfit = misfit_of(found)
     return {
         "source": found.series.source,
         "unit": found.series.unit,
@@ -50,6 +52,7 @@ def values(found: Allan) -> dict[str, Any]:
         "degrees_of_freedom": found.freedom.tolist(),
         "coefficients": coefficients,
         "refused": dict(found.terms.refused),
+        "misfit": misfit and asdict(misfit),
     }
 
 
@@ -61,7 +64,21 @@ def lines(found: Allan) -> str:
         f"{found.tau_s[k]:>10.4g} s  {found.deviation[k]:>13.5g}  {found.ci95[k, 0]:.5g} to {found.ci95[k, 1]:.5g}"
         for k in chosen.tolist()
     ]
-    return "\n".join(rows + [f"{row.term}  {row.name}: {row.stated}" for row in term_rows(found)])
+    rows += [f"{row.term}  {row.name}: {row.stated}" for row in term_rows(found)]
+    return "\n".join(rows + cautions(found))
+
+
+def cautions(found: Allan) -> list[str]:
+    """What a reader must know before the terms: where they do not describe the record."""
+    misfit = misfit_of(found)
+    if misfit is None:
+        return []
+    tau_s, deviation, modelled = (text.number(one, 3) for one in (misfit.tau_s, misfit.deviation, misfit.modelled))
+    return [
+        f"The five terms do not describe this record: at τ = {tau_s} s its deviation is {deviation} "
+        f"{found.series.unit}, they make {modelled}. Their values and intervals do not hold; look for a line in its "
+        "spectrum, for correlated noise, or for a filter before the samples."
+    ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,6 +124,7 @@ def write_report(found: Allan, folder: Path, title: str) -> list[Path]:
         found=found,
         drawing=drawing,
         terms=term_rows(found),
+        cautions=cautions(found),
         rows=_table_rows(found),
         rate_hz=text.number(1.0 / found.series.interval_s, 6),
     )

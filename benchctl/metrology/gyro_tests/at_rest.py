@@ -17,6 +17,7 @@ from benchctl.calibration.result import Contribution
 from benchctl.metrology.allan import Allan, analysed
 from benchctl.metrology.drift import likeliest
 from benchctl.metrology.lines import line
+from benchctl.metrology.misfit import misfit_of
 from benchctl.metrology.names import UNITS
 from benchctl.metrology.noise_terms import TERMS, Term, densities, unit_of
 from benchctl.metrology.propagation import COVERAGE, K, Offsets, as_read, propagated, single
@@ -133,7 +134,7 @@ def _stability(seen: Seen, found: Allan, step: int) -> Measured:
         unit=UNITS["bias_stability"],
         value=value,
         uncertainty=_of_chi_square(seen, value, freedom),
-        notes=(said("mean_of", seconds=seen.settings.mean_s, count=count),),
+        notes=(said("mean_of", seconds=seen.settings.mean_s, count=count), *_caution(found)),
         temperature_c=_temperature_c(seen, step),
         steps=(step,),
     )
@@ -186,11 +187,11 @@ def _term(seen: Seen, found: Allan, name: str, step: int) -> Measured:
     factor = unit_of(term, "deg/s").factor
     low, high = (factor * limit for limit in one.ci95)
     value = factor * one.value
-    notes: tuple[Said, ...] = ()
+    notes = _caution(found)
     if name == "bias_instability":
         lowest = int(np.argmin(found.deviation))
         least = _DEG_PER_H * float(found.deviation[lowest])
-        notes = (said("allan_minimum", value=least, tau_s=float(found.tau_s[lowest])),)
+        notes = (said("allan_minimum", value=least, tau_s=float(found.tau_s[lowest])), *notes)
     return Measured(
         name=name,
         unit=UNITS[name],
@@ -206,6 +207,15 @@ def _term(seen: Seen, found: Allan, name: str, step: int) -> Measured:
             else ()
         ),
     )
+
+
+def _caution(found: Allan) -> tuple[Said, ...]:
+    """That the terms, and what is inferred from them, do not describe the rest; empty where they do."""
+    misfit = misfit_of(found)
+    if misfit is None:
+        return ()
+    value, modelled = _DEG_PER_H * misfit.deviation, _DEG_PER_H * misfit.modelled
+    return (said("terms_misfit", tau_s=misfit.tau_s, value=value, modelled=modelled),)
 
 
 def _picture(found: Allan) -> Picture:

@@ -11,7 +11,7 @@ from benchctl.metrology.acceptance import measured_in
 from benchctl.metrology.result import Measured
 from benchctl.metrology.seen import Settings
 from benchctl.plan import Step as Planned
-from benchctl.recordings.model import Meta, Step
+from benchctl.recordings.model import Meta, Step, axis_of
 from benchctl.recordings.reader import Recording, StepsInMemory
 from tests.benchctl.metrology.made_unit import MadeUnit, recorded
 
@@ -43,6 +43,18 @@ def nan_in(channel: str, kind: str) -> Change:
         if step.info.kind != kind or channel not in step.channels:
             return step
         return Step(step.info, {**step.channels, channel: np.full_like(step[channel], np.nan)})
+
+    return change
+
+
+def with_line(amplitude_v: float, frequency_hz: float, kind: str) -> Change:
+    """All steps of a kind with a line in the spectrum of the output."""
+
+    def change(step: Step) -> Step:
+        if step.info.kind != kind:
+            return step
+        line_v = amplitude_v * np.sin(2.0 * np.pi * frequency_hz * step[axis_of("gyro_v")])
+        return Step(step.info, {**step.channels, "gyro_v": step["gyro_v"] + line_v})
 
     return change
 

@@ -9,7 +9,8 @@ import pytest
 
 from benchctl.metrology.allan import Allan, analysed
 from benchctl.metrology.series import Series
-from benchctl.reports.allan_report import allan_figure, lines, term_rows, values, write_report
+from benchctl.reports import text
+from benchctl.reports.allan_report import allan_figure, cautions, lines, term_rows, values, write_report
 from instruments.errors import UsageError
 from tests.benchctl.metrology.noises import record
 
@@ -48,6 +49,25 @@ def test_a_series_that_is_no_rate_has_coefficients_in_its_own_unit(found: Allan)
             "unit": "V/sqrt(Hz)",
         }
     )
+
+
+def test_a_record_that_the_terms_describe_has_no_caution(found: Allan, tmp_path: Path) -> None:
+    assert cautions(found) == []
+    assert values(found)["misfit"] is None
+    page = write_report(found, tmp_path / "a", "made")[0].read_text(encoding="utf-8")
+    assert 'class="banner"' not in page
+
+
+def test_a_line_in_the_spectrum_is_told_at_the_terminal_in_the_json_and_on_the_page(tmp_path: Path) -> None:
+    rates = np.random.default_rng(1).standard_normal(3000) + 5.0 * np.sin(0.2 * np.arange(3000))
+    found = analysed(Series(values=rates, interval_s=0.1, unit="deg/s", source="lined"))
+    (says,) = cautions(found)
+    misfit = values(found)["misfit"]
+    assert misfit["deviation"] in found.deviation
+    for key in ("tau_s", "deviation", "modelled"):
+        assert text.number(misfit[key], 3) in says
+    assert lines(found).endswith(says)
+    assert says in write_report(found, tmp_path / "a", "made")[0].read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("step", [1.0, 0.1 + 0.2])

@@ -10,7 +10,7 @@ import pytest
 from benchctl.metrology.acceptance import measured_in
 from benchctl.metrology.seen import Settings
 from benchctl.plan import Mount, PowerCycle, Static
-from tests.benchctl.metrology.altered import altered, nan_in, results, stating
+from tests.benchctl.metrology.altered import altered, nan_in, results, stating, with_line
 from tests.benchctl.metrology.made_unit import MadeUnit, recorded
 from tests.benchctl.metrology.short_plans import IDEAL, QUIET, soak, sweep
 
@@ -68,6 +68,19 @@ def test_white_noise_is_the_angle_random_walk_and_makes_the_means_scatter() -> N
     for name in ("quantisation", "bias_instability", "rate_random_walk", "rate_ramp"):
         assert found[name].refused is not None
         assert found[name].refused.key == "term_refused"  # type: ignore[union-attr]
+
+
+def test_a_line_in_the_spectrum_is_told_beside_every_term_that_it_spoils_and_the_stability() -> None:
+    steps = [soak(), *sweep(), Static(duration_s=900.0)]
+    lined = results(steps, IDEAL, change=with_line(0.05 * 0.05, 1.3, "static"))
+    spoilt = [name for name in ("bias_stability", *NOISES) if lined[name].value is not None]
+    assert "bias_stability" in spoilt
+    assert len(spoilt) > 1
+    for name in spoilt:
+        (told,) = [note for note in lined[name].notes if note.key == "terms_misfit"]
+        assert told.values["value"] != pytest.approx(told.values["modelled"], rel=0.05)
+    plain = results(steps, IDEAL)
+    assert not [note for one in plain.values() for note in one.notes if note.key == "terms_misfit"]
 
 
 def test_the_stability_is_of_means_as_long_as_was_asked() -> None:
