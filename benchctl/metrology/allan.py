@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from benchctl.metrology.coefficients import DIGITS, LONGEST_SHARE, Terms, terms_of
 from benchctl.metrology.deviations import deviation
+from benchctl.metrology.misfit import Misfit, misfit_of
 from benchctl.metrology.scatter import AllanScatter, interval_of
 from benchctl.metrology.series import Series
 from instruments.errors import UsageError
@@ -28,7 +29,8 @@ _LONGEST = 3
 class Allan:
     """Of a series: arrays of shape (k,) over averaging times, `ci95` (k, 2), and the terms.
 
-    `freedom` are the equivalent degrees of freedom of each variance, for the noise that was found (`scatter`).
+    `freedom` are the equivalent degrees of freedom of each variance, for the noise that was found (`scatter`); `misfit`
+    is where the terms do not describe what they were fitted to, or None.
     """
 
     series: Series
@@ -37,6 +39,7 @@ class Allan:
     ci95: FloatArray
     freedom: FloatArray
     terms: Terms
+    misfit: Misfit | None
 
 
 def averaging_factors(samples: int) -> IntArray:
@@ -81,4 +84,5 @@ def analysed(series: Series) -> Allan:
         ci95=interval_of(values, freedom),
         freedom=freedom,
         terms=terms,
+        misfit=misfit_of(tau_s[fitted], values[fitted], np.sqrt(modelled[fitted]), freedom[fitted]),
     )

@@ -10,10 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from scipy.special import chdtr, chdtrc
 
-from benchctl.metrology.allan import Allan
-from benchctl.metrology.coefficients import LONGEST_SHARE
+FloatArray = npt.NDArray[np.float64]
 
 _NEAR = 0.05
 """The part of the larger one by which a deviation may lie from the terms': so near, a coefficient is still of use."""
@@ -30,21 +30,16 @@ class Misfit:
     modelled: float
 
 
-def misfit_of(found: Allan) -> Misfit | None:
-    """The worst misfit over the averaging times that are fitted; None where the terms describe the record.
+def misfit_of(tau_s: FloatArray, deviation: FloatArray, modelled: FloatArray, freedom: FloatArray) -> Misfit | None:
+    """The worst misfit over the averaging times that were fitted, all (k,); None where the terms describe the record.
 
     It is one where chance does not make it, by χ² with the degrees of freedom of the terms, and where it is no trifle.
     """
-    record_s = found.series.values.size * found.series.interval_s
-    fitted = found.tau_s <= record_s / LONGEST_SHARE
-    deviation = found.deviation[fitted]
-    modelled = np.sqrt(found.terms.modelled(found.tau_s[fitted], found.series.interval_s))
     apart = np.abs(deviation - modelled) / np.maximum(deviation, modelled)
-    freedom = found.freedom[fitted]
     squares = freedom * (deviation / modelled) ** 2
     by_chance = 2.0 * np.minimum(chdtr(freedom, squares), chdtrc(freedom, squares))
     apart[by_chance > _CHANCE] = 0.0
     worst = int(np.argmax(apart))
     if apart[worst] <= _NEAR:
         return None
-    return Misfit(tau_s=float(found.tau_s[worst]), deviation=float(deviation[worst]), modelled=float(modelled[worst]))
+    return Misfit(tau_s=float(tau_s[worst]), deviation=float(deviation[worst]), modelled=float(modelled[worst]))

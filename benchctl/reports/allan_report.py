@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 from benchctl.atomic import whole_file
 from benchctl.metrology.allan import Allan
 from benchctl.metrology.coefficients import DIGITS, Coefficient
-from benchctl.metrology.misfit import misfit_of
 from benchctl.metrology.noise_terms import NAMES, TERMS, Term, unit_of, variances
 from benchctl.recordings.model import FloatArray
 from benchctl.recordings.text_rows import csv_rows
@@ -40,7 +39,6 @@ def values(found: Allan) -> dict[str, Any]:
     for term in TERMS:
         one, unit = _in_units(found, term)
         coefficients[term] = one and {"value": one.value, "ci95": list(one.ci95), "unit": unit}
-    misfit = misfit_of(found)
     return {
         "source": found.series.source,
         "unit": found.series.unit,
@@ -52,7 +50,7 @@ def values(found: Allan) -> dict[str, Any]:
         "degrees_of_freedom": found.freedom.tolist(),
         "coefficients": coefficients,
         "refused": dict(found.terms.refused),
-        "misfit": misfit and asdict(misfit),
+        "misfit": found.misfit and asdict(found.misfit),
     }
 
 
@@ -70,7 +68,7 @@ def lines(found: Allan) -> str:
 
 def cautions(found: Allan) -> list[str]:
     """What a reader must know before the terms: where they do not describe the record."""
-    misfit = misfit_of(found)
+    misfit = found.misfit
     if misfit is None:
         return []
     tau_s, deviation, modelled = (text.number(one, 3) for one in (misfit.tau_s, misfit.deviation, misfit.modelled))

@@ -17,7 +17,6 @@ from benchctl.calibration.result import Contribution
 from benchctl.metrology.allan import Allan, analysed
 from benchctl.metrology.drift import likeliest
 from benchctl.metrology.lines import line
-from benchctl.metrology.misfit import misfit_of
 from benchctl.metrology.names import UNITS
 from benchctl.metrology.noise_terms import TERMS, Term, densities, unit_of
 from benchctl.metrology.propagation import COVERAGE, K, Offsets, as_read, propagated, single
@@ -211,7 +210,7 @@ def _term(seen: Seen, found: Allan, name: str, step: int) -> Measured:
 
 def _caution(found: Allan) -> tuple[Said, ...]:
     """That the terms, and what is inferred from them, do not describe the rest; empty where they do."""
-    misfit = misfit_of(found)
+    misfit = found.misfit
     if misfit is None:
         return ()
     value, modelled = _DEG_PER_H * misfit.deviation, _DEG_PER_H * misfit.modelled

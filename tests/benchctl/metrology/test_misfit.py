@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import butter, lfilter
 
 from benchctl.metrology.allan import Allan, analysed
-from benchctl.metrology.misfit import Misfit, misfit_of
+from benchctl.metrology.misfit import Misfit
 from benchctl.metrology.series import Series
 from tests.benchctl.metrology.noises import FloatArray, record
 
@@ -20,7 +20,7 @@ def analysis(rates: FloatArray) -> Allan:
 
 
 def misfit(rates: FloatArray) -> Misfit | None:
-    return misfit_of(analysis(rates))
+    return analysis(rates).misfit
 
 
 def white(seed: int) -> FloatArray:
@@ -44,7 +44,7 @@ def test_a_ramp_is_described_with_and_without_noise(slope: float) -> None:
 @pytest.mark.parametrize("frequency_hz", [0.1, 1.3, 7.0])
 def test_a_line_in_the_spectrum_is_told_with_the_deviation_that_the_terms_miss(frequency_hz: float) -> None:
     found = analysis(white(2) + np.sin(2.0 * np.pi * frequency_hz * TIME_S))
-    told = misfit_of(found)
+    told = found.misfit
     assert told is not None
     (place,) = np.flatnonzero(found.tau_s == told.tau_s)
     assert told.deviation == found.deviation[place]

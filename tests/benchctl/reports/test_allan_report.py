@@ -41,6 +41,7 @@ def test_a_series_that_is_no_rate_has_coefficients_in_its_own_unit(found: Allan)
         ci95=found.ci95,
         freedom=found.freedom,
         terms=found.terms,
+        misfit=found.misfit,
     )
     assert values(volts)["coefficients"]["N"] == pytest.approx(
         {
