@@ -3,13 +3,13 @@
 Its simulated twin is the module of the same name in `simulated/`, with a `Twin`. Other packages add drivers through the
 entry points `benchctl.instruments`, named `KIND.MODEL`, for example `chamber.acme_9000`, and twins through
 `benchctl.simulated` under the same name; none of them takes the place of one of ours. A chamber's model may also be the
-path of a profile, a file whose name ends in `.toml`; see `instruments.chambers.profile`. Whoever has read the file
+path of a profile, a file whose name ends in `.toml`; see `chambers.profile`. Whoever has read the file
 gives its text as well, so that a profile stays what it was when a campaign began.
 
 A driver is called with an address, the keyword `clock` and the options of bench.toml, and gives what
-`instruments.interfaces` asks of its kind. A twin is called with its machine (`instruments.simulated.machines`) and
+`interfaces` asks of its kind. A twin is called with its machine (`simulated.machines`) and
 those of the options that it takes; it has `address` and is a context manager that serves while it is entered. Where its
-link may have faults it has `faults`, None at first, which `instruments.simulated.tcp_server` plays.
+link may have faults it has `faults`, None at first, which `benchctl_instruments.simulated.tcp_server` plays.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from instruments.chambers.profile_file import parse_profile, profile_name, profile_text
-from instruments.entry_points import Offer, leave_out_clash, offers
-from instruments.errors import UsageError
+from benchctl_instruments.chambers.profile_file import parse_profile, profile_name, profile_text
+from benchctl_instruments.entry_points import Offer, leave_out_clash, offers
+from benchctl_instruments.errors import UsageError
 
 Kind = Literal["rate_table", "chamber", "digitizer", "gyro"]
 
@@ -51,7 +51,7 @@ def models(kind: Kind) -> tuple[str, ...]:
 
 def our_models(kind: Kind) -> tuple[str, ...]:
     """Those of ours, sorted."""
-    package = importlib.import_module(f"instruments.{_FOLDERS[kind]}")
+    package = importlib.import_module(f"benchctl_instruments.{_FOLDERS[kind]}")
     names = (module.name for module in pkgutil.iter_modules(package.__path__))
     return tuple(sorted(name for name in names if _member(name, package.__name__, "Driver") is not None))
 
@@ -67,8 +67,8 @@ def driver(kind: Kind, model: str, profile: str = "") -> Any:
         Where no such model is known, its profile is not there or wrong, or the package that adds it cannot be used.
     """
     if is_profile(model):
-        return _with_profile(kind, model, profile, "instruments.chambers.profiled", "ProfiledChamber")
-    ours = _member(model, f"instruments.{_FOLDERS[kind]}", "Driver")
+        return _with_profile(kind, model, profile, "benchctl_instruments.chambers.profiled", "ProfiledChamber")
+    ours = _member(model, f"benchctl_instruments.{_FOLDERS[kind]}", "Driver")
     found = _chosen(ours, offers(DRIVERS).get(f"{kind}.{model}"))
     if found is None:
         raise UsageError(f"{kind}.model: there is no {model!r}: {_known(kind, model)}")
@@ -93,9 +93,9 @@ def twin(kind: Kind, model: str, profile: str = "") -> Any:
         used.
     """
     if is_profile(model):
-        return _with_profile(kind, model, profile, "instruments.simulated.profiled", "SimulatedProfiled")
+        return _with_profile(kind, model, profile, "benchctl_instruments.simulated.profiled", "SimulatedProfiled")
     name = f"{kind}.{model}"
-    found = _chosen(_member(model, "instruments.simulated", "Twin"), offers(TWINS).get(name))
+    found = _chosen(_member(model, "benchctl_instruments.simulated", "Twin"), offers(TWINS).get(name))
     if found is None:
         adds = offers(DRIVERS).get(name)
         why = f"package {adds.package} adds its driver and no {TWINS}" if adds else _known(kind, model)

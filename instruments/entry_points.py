@@ -3,7 +3,7 @@
 | group                  | a name                         | what it names                                      |
 |------------------------|--------------------------------|----------------------------------------------------|
 | `benchctl.procedures`  | that of the procedure          | a function with `@procedure`                       |
-| `benchctl.instruments` | `KIND.MODEL`, as in bench.toml | a driver, of an `instruments.catalog.Kind`         |
+| `benchctl.instruments` | `KIND.MODEL`, as in bench.toml | a driver, of a `catalog.Kind`                      |
 | `benchctl.simulated`   | the same                       | its simulated twin, a server over its machine      |
 | `benchctl.effects`     | the effect's identifier        | a class of effects, of whatever part of the bench  |
 
@@ -21,7 +21,7 @@ from importlib.metadata import EntryPoint, entry_points
 from types import MappingProxyType
 from typing import Any
 
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 OURS = "benchctl"
 

@@ -36,9 +36,9 @@ class SafetyError(BenchError):
 
 
 class BenchNotReadyError(LinkError):
-    """Instruments failed at start-up; all of them are named, each with its reason.
+    """Instruments failed at start-up; all of them are named, each with its reason. Nothing has moved yet.
 
-    Nothing has moved yet: what is wrong is the bench as it was described, so the exit status is that of unusable input.
+    The exit status is that of unusable input where one of them cannot be used as it was described.
 
     Parameters
     ----------
@@ -46,10 +46,10 @@ class BenchNotReadyError(LinkError):
         Name of the instrument -> what it failed with.
     """
 
-    exit_status = 2
-
     def __init__(self, failures: dict[str, BenchError]) -> None:
         self.failures = dict(failures)
+        if any(isinstance(error, UsageError) for error in self.failures.values()):
+            self.exit_status = UsageError.exit_status
         super().__init__("; ".join(f"{name}: {error}" for name, error in self.failures.items()))
 
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from instruments.errors import in_line
+from benchctl_instruments.errors import in_line
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails

@@ -1,7 +1,7 @@
 """What a rate table, a chamber, a digitizer, a digital gyro and a clock are, whoever built them.
 
 Angles in degrees and rates in degrees a second, positive counter-clockwise seen from above; temperatures in °C; volts;
-seconds. Every method either does what it says, confirmed by reading back, or raises one of `instruments.errors`.
+seconds. Every method either does what it says, confirmed by reading back, or raises one of `errors`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Protocol, Self
 import numpy as np
 import numpy.typing as npt
 
-from instruments.mounting import Position as Position
+from benchctl_instruments.mounting import Position as Position
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]

@@ -4,7 +4,19 @@ import math
 from collections.abc import Iterator
 from typing import Annotated
 
-from benchctl.plan import ConstantRate, Sine, Soak, Static, Step, ThermalRamp, alternating, procedure, whole_cycles
+from benchctl.plan import (
+    POSITIVE,
+    ConstantRate,
+    Range,
+    Sine,
+    Soak,
+    Static,
+    Step,
+    ThermalRamp,
+    alternating,
+    procedure,
+    whole_cycles,
+)
 
 _SHARES = (0.03, 0.12, 0.33, 0.6, 0.85, 1.0)
 _PERIODS = 3
@@ -14,16 +26,16 @@ _SETTLE_S = 0.3
 @procedure()
 def diagnostic(
     set_points_c: Annotated[tuple[float, ...], "chamber, °C; the first is where it stands"] = (23.0, 50, 10, -30, 23),
-    soak_s: Annotated[float, "soak at the first set point, s; 0: none, so that a warm-up is seen"] = 0.0,
-    top_rate_dps: Annotated[float, "highest rate, °/s"] = 170.0,
-    frequencies_hz: Annotated[tuple[float, ...], "frequencies of the sines, Hz"] = (0.15, 0.5, 1.5, 4.0, 9.0),
-    acceleration_dps2: Annotated[float, "peak acceleration of the sines, °/s²"] = 450.0,
-    run_s: Annotated[float, "duration of a constant rate, s"] = 4.0,
-    sine_s: Annotated[float, "least duration of a sine, s; whole periods"] = 8.0,
-    zero_s: Annotated[float, "rest at the beginning of a set point, s; an eighth of it after the rates"] = 40.0,
-    ramp_c_per_min: Annotated[float, "ramps between the set points, °C/min"] = 2.0,
-    swing_dps: Annotated[float, "peak rate of the swinging during ramps, °/s"] = 45.0,
-    swing_hz: Annotated[float, "frequency of the swinging during ramps, Hz"] = 0.2,
+    soak_s: Annotated[float, "soak at the first set point, s; 0: none, so that a warm-up is seen", Range(0)] = 0.0,
+    top_rate_dps: Annotated[float, "highest rate, °/s", POSITIVE] = 170.0,
+    frequencies_hz: Annotated[tuple[float, ...], "sines, Hz", POSITIVE] = (0.15, 0.5, 1.5, 4.0, 9.0),
+    acceleration_dps2: Annotated[float, "peak acceleration of the sines, °/s²", POSITIVE] = 450.0,
+    run_s: Annotated[float, "duration of a constant rate, s", POSITIVE] = 4.0,
+    sine_s: Annotated[float, "least duration of a sine, s; whole periods", POSITIVE] = 8.0,
+    zero_s: Annotated[float, "rest at the beginning of a set point, s; an eighth after the rates", POSITIVE] = 40.0,
+    ramp_c_per_min: Annotated[float, "ramps between the set points, °C/min", POSITIVE] = 2.0,
+    swing_dps: Annotated[float, "peak rate of the swinging during ramps, °/s", Range(0)] = 45.0,
+    swing_hz: Annotated[float, "frequency of the swinging during ramps, Hz", POSITIVE] = 0.2,
 ) -> Iterator[Step]:
     """What the model leaves out: rest, rates, sines at every set point, and ramps between them with the table swinging.
 

@@ -3,17 +3,17 @@
 from collections.abc import Iterator
 from typing import Annotated
 
-from benchctl.plan import Soak, Step, levels, procedure, rate_cycle
+from benchctl.plan import POSITIVE, Range, Soak, Step, levels, procedure, rate_cycle
 
 
 @procedure()
 def hysteresis(
     at_c: Annotated[float, "chamber, °C"] = 20.0,
-    soak_s: Annotated[float, "time at the set point, s; longer while the gyro still drifts"] = 4800.0,
-    top_rate_dps: Annotated[float, "highest rate, °/s"] = 170.0,
-    rates: Annotated[int, "rates, evenly spaced"] = 10,
-    run_s: Annotated[float, "least duration of a run, s; whole revolutions"] = 30.0,
-    zero_s: Annotated[float, "duration of a zero reading, s"] = 60.0,
+    soak_s: Annotated[float, "time at the set point, s; longer while the gyro still drifts", Range(0)] = 4800.0,
+    top_rate_dps: Annotated[float, "highest rate, °/s", POSITIVE] = 170.0,
+    rates: Annotated[int, "rates, evenly spaced", Range(1, 1000)] = 10,
+    run_s: Annotated[float, "least duration of a run, s; whole revolutions", POSITIVE] = 30.0,
+    zero_s: Annotated[float, "duration of a zero reading, s", POSITIVE] = 60.0,
 ) -> Iterator[Step]:
     """Hysteresis in rate, scale factor and linearity: up the rates and down again, in one direction and the other."""
     yield Soak(setpoint_c=at_c, hold_s=soak_s)

@@ -3,17 +3,17 @@
 from collections.abc import Iterator
 from typing import Annotated
 
-from benchctl.plan import Soak, Step, across, levels, procedure, rates_between_zeros
+from benchctl.plan import POSITIVE, Range, Soak, Step, across, levels, procedure, rates_between_zeros
 
 
 @procedure()
 def misalignment(
     at_c: Annotated[float, "chamber, °C"] = 20.0,
-    soak_s: Annotated[float, "time at the set point, s; longer while the gyro still drifts"] = 4800.0,
-    rate_dps: Annotated[float, "highest rate along the axis, for the scale factor, °/s"] = 50.0,
-    across_dps: Annotated[float, "highest rate across the axis, °/s"] = 100.0,
-    run_s: Annotated[float, "least duration of a run, s; whole revolutions"] = 30.0,
-    zero_s: Annotated[float, "duration of a zero reading, s"] = 60.0,
+    soak_s: Annotated[float, "time at the set point, s; longer while the gyro still drifts", Range(0)] = 4800.0,
+    rate_dps: Annotated[float, "highest rate along the axis, for the scale factor, °/s", POSITIVE] = 50.0,
+    across_dps: Annotated[float, "highest rate across the axis, °/s", POSITIVE] = 100.0,
+    run_s: Annotated[float, "least duration of a run, s; whole revolutions", POSITIVE] = 30.0,
+    zero_s: Annotated[float, "duration of a zero reading, s", POSITIVE] = 60.0,
 ) -> Iterator[Step]:
     """Misalignment: the scale factor, then rates with the unit mounted across the table's axis, by the operator."""
     yield Soak(setpoint_c=at_c, hold_s=soak_s)

@@ -3,17 +3,17 @@
 from collections.abc import Iterator
 from typing import Annotated
 
-from benchctl.plan import Soak, Step, levels, procedure, rates_between_zeros
+from benchctl.plan import POSITIVE, Range, Soak, Step, levels, procedure, rates_between_zeros
 
 
 @procedure(calibrates=True)
 def rate_sweep(
     at_c: Annotated[float, "chamber, °C"] = 20.0,
-    soak_s: Annotated[float, "time at the set point, s; longer while the gyro still drifts"] = 4800.0,
-    top_rate_dps: Annotated[float, "highest rate, °/s"] = 170.0,
-    rates: Annotated[int, "rates, evenly spaced, each in both directions"] = 17,
-    run_s: Annotated[float, "least duration of a run, s; whole revolutions"] = 30.0,
-    zero_s: Annotated[float, "duration of a zero reading, s"] = 60.0,
+    soak_s: Annotated[float, "time at the set point, s; longer while the gyro still drifts", Range(0)] = 4800.0,
+    top_rate_dps: Annotated[float, "highest rate, °/s", POSITIVE] = 170.0,
+    rates: Annotated[int, "rates, evenly spaced, each in both directions", Range(1, 1000)] = 17,
+    run_s: Annotated[float, "least duration of a run, s; whole revolutions", POSITIVE] = 30.0,
+    zero_s: Annotated[float, "duration of a zero reading, s", POSITIVE] = 60.0,
     verify: Annotated[bool, "a second sweep at rates in between, kept aside for verification"] = True,
 ) -> Iterator[Step]:
     """Scale factor, its nonlinearity and asymmetry: constant rates in both directions between zero readings."""

@@ -3,14 +3,14 @@
 from collections.abc import Iterator
 from typing import Annotated
 
-from benchctl.plan import Soak, Step, levels, procedure, rates_between_zeros, slow_swing, small_steps
+from benchctl.plan import POSITIVE, Range, Soak, Step, levels, procedure, rates_between_zeros, slow_swing, small_steps
 
 
 @procedure()
 def small_rates(
     at_c: Annotated[float, "chamber, °C"] = 20.0,
-    soak_s: Annotated[float, "time at the set point, s; longer while the gyro still drifts"] = 4800.0,
-    steps_dps: Annotated[tuple[float, ...], "small rates and changes of a rate, °/s"] = (
+    soak_s: Annotated[float, "time at the set point, s; longer while the gyro still drifts", Range(0)] = 4800.0,
+    steps_dps: Annotated[tuple[float, ...], "small rates and changes of a rate, °/s", POSITIVE] = (
         0.002,
         0.005,
         0.01,
@@ -18,12 +18,12 @@ def small_rates(
         0.05,
     ),
     base_dps: Annotated[float, "rate about which its changes are small, °/s"] = 10.0,
-    small_run_s: Annotated[float, "duration of a small rate, s"] = 60.0,
-    swing_dps: Annotated[float, "peak rate of the slow swing through zero, °/s"] = 0.1,
-    swing_hz: Annotated[float, "its frequency, Hz"] = 0.01,
-    rate_dps: Annotated[float, "highest rate for the scale factor, °/s"] = 50.0,
-    run_s: Annotated[float, "least duration of its runs, s; whole revolutions"] = 30.0,
-    zero_s: Annotated[float, "duration of a zero reading, s"] = 60.0,
+    small_run_s: Annotated[float, "duration of a small rate, s", POSITIVE] = 60.0,
+    swing_dps: Annotated[float, "peak rate of the slow swing through zero, °/s", POSITIVE] = 0.1,
+    swing_hz: Annotated[float, "its frequency, Hz", POSITIVE] = 0.01,
+    rate_dps: Annotated[float, "highest rate for the scale factor, °/s", POSITIVE] = 50.0,
+    run_s: Annotated[float, "least duration of its runs, s; whole revolutions", POSITIVE] = 30.0,
+    zero_s: Annotated[float, "duration of a zero reading, s", POSITIVE] = 60.0,
 ) -> Iterator[Step]:
     """Threshold about rest, resolution about a rate, dead zone by a slow swing, and the scale factor they refer to."""
     yield Soak(setpoint_c=at_c, hold_s=soak_s)

@@ -3,7 +3,19 @@
 from collections.abc import Iterator
 from typing import Annotated
 
-from benchctl.plan import Role, Sine, Soak, Step, levels, procedure, rates_between_zeros, set_points, whole_cycles
+from benchctl.plan import (
+    POSITIVE,
+    Range,
+    Role,
+    Sine,
+    Soak,
+    Step,
+    levels,
+    procedure,
+    rates_between_zeros,
+    set_points,
+    whole_cycles,
+)
 
 
 @procedure(calibrates=True)
@@ -11,17 +23,17 @@ def two_stage(
     room_c: Annotated[float, "reference temperature T0, °C"] = 20.0,
     coldest_c: Annotated[float, "coldest set point, °C"] = -40.0,
     hottest_c: Annotated[float, "hottest set point, °C"] = 60.0,
-    points: Annotated[int, "number of set points"] = 20,
-    soak_s: Annotated[float, "time at the set point, s; longer while the gyro still drifts"] = 4800.0,
-    top_rate_dps: Annotated[float, "top of the sweep for k(ω) at room temperature, °/s"] = 170.0,
-    sweep_rates: Annotated[int, "rates of that sweep, each in both directions"] = 17,
-    rate_dps: Annotated[float, "top rate at every set point, where k(ω) is near 1, °/s"] = 50.0,
-    rates: Annotated[int, "rates at every set point, each in both directions"] = 5,
-    sine_dps: Annotated[float, "peak rate of the sine runs, °/s"] = 165.0,
-    sine_hz: Annotated[tuple[float, ...], "frequencies of the sine runs, Hz"] = (0.25, 0.5, 1.0),
-    verify_hz: Annotated[tuple[float, ...], "frequencies of the sine runs kept aside, Hz"] = (0.4, 0.8),
-    run_s: Annotated[float, "least duration of a run, s; rates run whole revolutions, sines whole periods"] = 30.0,
-    zero_s: Annotated[float, "duration of a zero reading, s"] = 60.0,
+    points: Annotated[int, "number of set points", Range(1, 1000)] = 20,
+    soak_s: Annotated[float, "time at the set point, s; longer while the gyro still drifts", Range(0)] = 4800.0,
+    top_rate_dps: Annotated[float, "top of the sweep for k(ω) at room temperature, °/s", POSITIVE] = 170.0,
+    sweep_rates: Annotated[int, "rates of that sweep, each in both directions", Range(1, 1000)] = 17,
+    rate_dps: Annotated[float, "top rate at every set point, where k(ω) is near 1, °/s", POSITIVE] = 50.0,
+    rates: Annotated[int, "rates at every set point, each in both directions", Range(1, 1000)] = 5,
+    sine_dps: Annotated[float, "peak rate of the sine runs, °/s", POSITIVE] = 165.0,
+    sine_hz: Annotated[tuple[float, ...], "frequencies of the sine runs, Hz", POSITIVE] = (0.25, 0.5, 1.0),
+    verify_hz: Annotated[tuple[float, ...], "frequencies of the sine runs kept aside, Hz", POSITIVE] = (0.4, 0.8),
+    run_s: Annotated[float, "least duration of a run, s; whole revolutions, whole periods", POSITIVE] = 30.0,
+    zero_s: Annotated[float, "duration of a zero reading, s", POSITIVE] = 60.0,
 ) -> Iterator[Step]:
     """k(ω) at room temperature, the slope at every set point, sine runs, and sine runs kept aside for verification."""
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from instruments.chambers.profile_file import shipped_profile
-from instruments.chambers.profiled import ProfiledChamber
+from benchctl_instruments.chambers.profile_file import shipped_profile
+from benchctl_instruments.chambers.profiled import ProfiledChamber
 
 
 class CszEzt430i(ProfiledChamber):

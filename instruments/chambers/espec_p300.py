@@ -1,14 +1,14 @@
 """A chamber with an ESPEC P-300 or SCP-220 controller: lines of ASCII over RS-232, RS-485 or a serial-to-Ethernet box.
 
 Not tried on hardware. Commands, answers and refusals: EspecNorthAmerica/ChamberConnectLibrary (p300.py) and
-akaeba/ATWG, see `instruments.protocols.p300`. Numbers have one decimal.
+akaeba/ATWG, see `benchctl_instruments.protocols.p300`. Numbers have one decimal.
 
 Only temperature is touched: a chamber with humidity control keeps it as its panel set it. The set point has an effect
 in mode CONSTANT only; it is accepted in STANDBY, and waits there. The low and high alarms are the limits of the set
 point at the same time: `set_limits` sets them, and air beyond them is an alarm.
 
 What it does about faults: what is not answered in time, or cannot be read, is said once more on a new connection, as
-`instruments.links.lines` says, since a command states a value and not a change. CHB NOT READY is waited out, any other
+`links.lines` says, since a command states a value and not a change. CHB NOT READY is waited out, any other
 NA and a set point that is not kept is an `InstrumentError`, alarms come with every reading. Air that is stuck or stalls
 short is not seen in a reading; a soak that does not end shows it.
 """
@@ -19,15 +19,15 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import Self, TypeVar
 
-from instruments.errors import BenchError, InstrumentError, UsageError
-from instruments.interfaces import ChamberReading, Clock, Identity
-from instruments.links.byte_link import byte_link
-from instruments.links.lines import LineDialogue, Manners
-from instruments.links.recovered import note_recovered
-from instruments.links.tcp import Reconnect
-from instruments.links.wirelog import WireLog
-from instruments.protocols import p300
-from instruments.protocols.p300 import Temperatures, UnreadableError
+from benchctl_instruments.errors import BenchError, InstrumentError, UsageError
+from benchctl_instruments.interfaces import ChamberReading, Clock, Identity
+from benchctl_instruments.links.byte_link import byte_link
+from benchctl_instruments.links.lines import LineDialogue, Manners
+from benchctl_instruments.links.recovered import note_recovered
+from benchctl_instruments.links.tcp import Reconnect
+from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.protocols import p300
+from benchctl_instruments.protocols.p300 import Temperatures, UnreadableError
 
 BAUD = 9600
 CONFIRM_S, LOOK_AGAIN_S = 2.0, 0.1
@@ -110,7 +110,7 @@ class EspecP300:
 
     def identify(self) -> Identity:
         """The controller's name and the version of its program."""
-        controller = self._ask(p300.TYPE_QUERY, p300.read_type).controller
+        controller = self._ask(p300.TYPE_QUERY, p300.read_type)
         return Identity(manufacturer="ESPEC", model=controller, firmware=self._ask(p300.ROM_QUERY, str))
 
     def set_limits(self, low_c: float, high_c: float) -> None:
@@ -156,7 +156,7 @@ class EspecP300:
         return ChamberReading(
             temperature_c=now.air_c,
             setpoint_c=self._setpoint_c(now),
-            power_percent=self._ask(p300.HEATER_QUERY, p300.read_heaters).heater_percent,
+            power_percent=self._ask(p300.HEATER_QUERY, p300.read_heater),
             alarms=tuple(map(self._alarm, self._ask(p300.ALARM_QUERY, p300.read_alarms))),
         )
 

@@ -1,16 +1,17 @@
 """A chamber with a Eurotherm 3504 or 3508 controller over Modbus RTU, as `profiles/eurotherm_3500.toml` says.
 
-Not tried on hardware. Addresses: lapkindm/eurotherm2000 (3508) and DiamondLightSource/eurothermModbus (3504). Numbers
-are whole, with as many decimals as the controller is set to; where that is not one, `changes = {"decimals": 2}`. No
-source tells how its programmer says that it runs: see to it that no program does.
+Not tried on hardware. Addresses: MinimalModbus 0.5 (eurotherm3500.py), and for the output of manual mode
+lapkindm/eurotherm2000 (3508). Numbers are whole, with as many decimals as the controller is set to; where that is not
+one, `changes = {"decimals": 2}`. No source names a register that shows whether a program runs: make sure that none
+does.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from instruments.chambers.profile_file import shipped_profile
-from instruments.chambers.profiled import ProfiledChamber
+from benchctl_instruments.chambers.profile_file import shipped_profile
+from benchctl_instruments.chambers.profiled import ProfiledChamber
 
 
 class Eurotherm3500(ProfiledChamber):

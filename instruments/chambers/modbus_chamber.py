@@ -14,10 +14,10 @@ import math
 from abc import ABC, abstractmethod
 from typing import Self
 
-from instruments.chambers.quantities import Quantity, QuantityTable
-from instruments.errors import BenchError, InstrumentError, UsageError
-from instruments.interfaces import ChamberReading, Identity
-from instruments.links.modbus import ModbusLink
+from benchctl_instruments.chambers.quantities import Quantity, QuantityTable
+from benchctl_instruments.errors import BenchError, InstrumentError, UsageError
+from benchctl_instruments.interfaces import ChamberReading, Identity
+from benchctl_instruments.links.modbus import ModbusLink
 
 
 class ModbusChamber(ABC):

@@ -27,8 +27,8 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from instruments.protocols.modbus import MOST_READ
-from instruments.protocols.words import WordOrder
+from benchctl_instruments.protocols.modbus import MOST_READ
+from benchctl_instruments.protocols.words import WordOrder
 
 NumberKind = Literal["u16", "signed", "f32"]
 WORDS: dict[NumberKind, int] = {"u16": 1, "signed": 1, "f32": 2}
@@ -212,11 +212,15 @@ class Check(ProfileTable):
 
 
 class Busy(ProfileTable):
-    """A register that holds one of the `free` codes while the controller can be used; at most `wait_s` are waited."""
+    """A register that holds one of the `free` codes while the controller can be used.
+
+    At most `wait_s` are waited; `advice` is what to do where that was not enough.
+    """
 
     address: Address
     free: tuple[Word, ...] = Field(default=(0,), min_length=1)
     wait_s: float = Field(default=10.0, ge=0, le=600)
+    advice: Text = "look what it shows on its panel"
 
 
 class NothingWired(ProfileTable):

@@ -11,10 +11,10 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from instruments.chambers.profile import Profile
-from instruments.chambers.profile_rules import contradiction
-from instruments.errors import UsageError, in_line, reason
-from instruments.field_faults import field_fault
+from benchctl_instruments.chambers.profile import Profile
+from benchctl_instruments.chambers.profile_rules import contradiction
+from benchctl_instruments.errors import UsageError, in_line, reason
+from benchctl_instruments.field_faults import field_fault
 
 LONGEST_SHOWN = 60
 MOST_BYTES = 1 << 17
@@ -55,7 +55,7 @@ def profile_text(path: Path) -> str:
 @cache
 def shipped_profile(name: str) -> Profile:
     """One of the profiles that come with the drivers."""
-    text = files("instruments.chambers.profiles").joinpath(f"{name}.toml").read_text(encoding="utf-8")
+    text = files("benchctl_instruments.chambers.profiles").joinpath(f"{name}.toml").read_text(encoding="utf-8")
     return parse_profile(text, f"chamber profile {name}.toml")
 
 

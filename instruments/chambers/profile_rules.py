@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from instruments.chambers.profile import (
+from benchctl_instruments.chambers.profile import (
     WORDS,
     BitSwitch,
     KeySwitch,

@@ -1,6 +1,6 @@
 """A chamber behind any Modbus controller that a profile describes; what profiles can say is told in `profile`.
 
-What it does about faults: those of the link as `instruments.links.modbus.ModbusLink` says, where nothing is written
+What it does about faults: those of the link as `links.modbus.ModbusLink` says, where nothing is written
 twice that toggles. An exception, an over-range code, a latched fault and what is written and does not arrive are an
 `InstrumentError`; alarms come with every reading. Air that is stuck or stalls short is not seen in a reading; a soak
 that does not end shows it.
@@ -13,18 +13,18 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from instruments.chambers.modbus_chamber import ModbusChamber
-from instruments.chambers.profile import MOST_DECIMALS, Condition, Number, Profile
-from instruments.chambers.profile_file import changed
-from instruments.chambers.profiled_switch import code, conditioning_of
-from instruments.chambers.profiled_table import ADVICE, NOWHERE, ProfiledQuantity, ProfiledTable, quantity_of
-from instruments.chambers.quantities import LOOK_AGAIN_S, Quantity
-from instruments.errors import InstrumentError
-from instruments.interfaces import ChamberReading, Clock, Identity
-from instruments.links.address import parse_address
-from instruments.links.modbus import ModbusLink, Retry
-from instruments.links.wirelog import WireLog
-from instruments.protocols.words import WordOrder
+from benchctl_instruments.chambers.modbus_chamber import ModbusChamber
+from benchctl_instruments.chambers.profile import MOST_DECIMALS, Condition, Number, Profile
+from benchctl_instruments.chambers.profile_file import changed
+from benchctl_instruments.chambers.profiled_switch import code, conditioning_of
+from benchctl_instruments.chambers.profiled_table import ADVICE, NOWHERE, ProfiledQuantity, ProfiledTable, quantity_of
+from benchctl_instruments.chambers.quantities import LOOK_AGAIN_S, Quantity
+from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.interfaces import ChamberReading, Clock, Identity
+from benchctl_instruments.links.address import parse_address
+from benchctl_instruments.links.modbus import ModbusLink, Retry
+from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.protocols.words import WordOrder
 
 
 class ProfiledChamber(ModbusChamber):
@@ -209,7 +209,7 @@ class ProfiledChamber(ModbusChamber):
             if self._clock.now() - started_s >= busy.wait_s:
                 raise InstrumentError(
                     f"{self._link.who}: busy or offline (register {busy.address} reads {words[busy.address]}) for more"
-                    f" than {busy.wait_s:g} s; look what it shows on its panel"
+                    f" than {busy.wait_s:g} s; {busy.advice}"
                 )
             self._clock.sleep(LOOK_AGAIN_S)
         return words

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from instruments.chambers.profile import BitSwitch, KeySwitch, Profile, RegisterSwitch
-from instruments.chambers.profiled_table import ProfiledQuantity, ProfiledTable, quantity_of
-from instruments.errors import BenchError
+from benchctl_instruments.chambers.profile import BitSwitch, KeySwitch, Profile, RegisterSwitch
+from benchctl_instruments.chambers.profiled_table import ProfiledQuantity, ProfiledTable, quantity_of
+from benchctl_instruments.errors import BenchError
 
 NAME = "conditioning"
 

@@ -11,11 +11,11 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from instruments.chambers.profile import AirTemperature, Number, Profile, Setpoint, number_of
-from instruments.chambers.quantities import WORDS, Quantity, QuantityTable
-from instruments.errors import InstrumentError, UsageError
-from instruments.interfaces import Clock
-from instruments.links.modbus import ModbusLink
+from benchctl_instruments.chambers.profile import AirTemperature, Number, Profile, Setpoint, number_of
+from benchctl_instruments.chambers.quantities import WORDS, Quantity, QuantityTable
+from benchctl_instruments.errors import InstrumentError, UsageError
+from benchctl_instruments.interfaces import Clock
+from benchctl_instruments.links.modbus import ModbusLink
 
 WRITE_ONE = 6
 NOWHERE = -1

@@ -11,10 +11,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-from instruments.errors import InstrumentError, UsageError
-from instruments.interfaces import Clock
-from instruments.links.modbus import ModbusLink
-from instruments.protocols.words import (
+from benchctl_instruments.errors import InstrumentError, UsageError
+from benchctl_instruments.interfaces import Clock
+from benchctl_instruments.links.modbus import ModbusLink
+from benchctl_instruments.protocols.words import (
     WordOrder,
     f32_from_words,
     signed_from_word,

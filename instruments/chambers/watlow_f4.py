@@ -18,12 +18,12 @@ change, so writing twice does no harm. Further:
 
 from __future__ import annotations
 
-from instruments.chambers.modbus_chamber import ModbusChamber
-from instruments.chambers.quantities import Quantity, QuantityTable
-from instruments.errors import InstrumentError, UsageError
-from instruments.interfaces import ChamberReading, Clock, Identity
-from instruments.links.modbus import ModbusLink, Retry
-from instruments.links.wirelog import WireLog
+from benchctl_instruments.chambers.modbus_chamber import ModbusChamber
+from benchctl_instruments.chambers.quantities import Quantity, QuantityTable
+from benchctl_instruments.errors import InstrumentError, UsageError
+from benchctl_instruments.interfaces import ChamberReading, Clock, Identity
+from benchctl_instruments.links.modbus import ModbusLink, Retry
+from benchctl_instruments.links.wirelog import WireLog
 
 AIR = Quantity(name="process value 1", address=100, kind="signed", unit="°C")
 INPUT_ERROR = Quantity(name="input error 1", address=101, kind="code")

@@ -1,10 +1,11 @@
 """A chamber with a Watlow F4T controller over Modbus TCP, or RTU.
 
-Not tried on hardware. Register numbers and codes: EspecNorthAmerica/ChamberConnectLibrary (F4T). Numbers are IEEE 754
-singles in two registers, low word first as delivered; states are codes that all Watlow controllers share.
+Not tried on hardware. Register numbers and codes: EspecNorthAmerica/ChamberConnectLibrary (F4T); units of the bus:
+Watlow F4T manual, page 225. Numbers are IEEE 754 singles in two registers, low word first as delivered; states are
+codes that all Watlow controllers share.
 
 What it does about faults: those of the link as `ModbusLink` says; what is written is a value and no change, and is
-written again, except the press of a key, which would undo the first one. Further:
+written again, except the press of a key, where a second one may undo the first. Further:
 
 | what goes wrong                             | what is done                                                        |
 |---------------------------------------------|---------------------------------------------------------------------|
@@ -12,7 +13,9 @@ written again, except the press of a key, which would undo the first one. Furthe
 | the answer to the press of a key is lost    | `LinkError`: what the chamber then does is not known                |
 | words in the other order, half of a float   | `InstrumentError`; asked again                                      |
 | a sensor over range                         | the number that it shows: beyond the bench's limits, which stop     |
+| the bus speaks °F, as delivered             | `InstrumentError` when it is opened                                 |
 | a set point or switch that does not arrive  | `InstrumentError` after 2 s of reading back                         |
+| a profile runs, is paused or waits          | `InstrumentError` from `start`                                      |
 | an alarm                                    | stated with every reading, until it is over                         |
 | air that is stuck, or stalls short          | nothing: one reading does not show it, a soak that does not end does |
 """
@@ -23,17 +26,19 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal, get_args
 
-from instruments.chambers.modbus_chamber import ModbusChamber
-from instruments.chambers.quantities import Quantity, QuantityTable
-from instruments.errors import InstrumentError, UsageError
-from instruments.interfaces import ChamberReading, Clock, Identity
-from instruments.links.modbus import ModbusLink, Retry
-from instruments.links.wirelog import WireLog
-from instruments.protocols.words import WordOrder
+from benchctl_instruments.chambers.modbus_chamber import ModbusChamber
+from benchctl_instruments.chambers.quantities import Quantity, QuantityTable
+from benchctl_instruments.errors import InstrumentError, UsageError
+from benchctl_instruments.interfaces import ChamberReading, Clock, Identity
+from benchctl_instruments.links.modbus import ModbusLink, Retry
+from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.protocols.words import WordOrder
 
-AUTO, ON, OFF, NONE, STARTUP, INACTIVE, PRESS, RUNNING = 10, 63, 62, 61, 88, 12, 1457, 149
+AUTO, ON, OFF, NONE, STARTUP, INACTIVE, UP, DOWN = 10, 63, 62, 61, 88, 12, 1456, 1457
+CELSIUS = 15
 ALARM_SILENT = (STARTUP, NONE, INACTIVE)
-CODE_WORDS = {10: "auto", 28: "error", 32: "fail", 54: "manual", 61: "none", 62: "off", 63: "on"}
+CODE_WORDS = {10: "auto", 28: "error", 30: "°F", 32: "fail", 54: "manual", 61: "none", 62: "off", 63: "on"}
+PROFILE_WORDS = {146: "is paused", 149: "runs", 1783: "waits for its start by the clock"}
 
 LOW_LIMIT = Quantity(name="set point low limit", address=2774, kind="f32", unit="°C", writable=True)
 HIGH_LIMIT = Quantity(name="set point high limit", address=2776, kind="f32", unit="°C", writable=True)
@@ -44,9 +49,14 @@ AIR = Quantity(name="process value", address=2820, kind="f32", unit="°C")
 LOOPS, LOOP_STEP = 4, 160
 
 PROFILE_STATE = Quantity(name="profile state", address=16568, kind="code")
+UNIT = Quantity(name="unit of the Ethernet bus", address=6730, kind="code")
+SERIAL_UNIT = Quantity(name="unit of the serial bus", address=14080, kind="code")
 ALARMS = tuple(
-    Quantity(name=f"alarm {number}", address=1356 + 100 * (number - 1), kind="code") for number in range(1, 5)
+    Quantity(name=f"alarm {number}", address=1356 + 100 * (number - 1), kind="code") for number in range(1, 15)
 )
+FEWEST_ALARMS = 6
+ALARMS_OF = {"B": 8, "C": 14, "E": 8, "F": 14}
+"""By the part number's seventh character; any other one: `FEWEST_ALARMS`."""
 EVENTS = tuple(
     Quantity(name=f"event {number}", address=address, kind="code", writable=True)
     for number, address in enumerate((16594, 16596, 16598, 16600, 16822, 16824, 16826, 16828), start=1)
@@ -63,7 +73,7 @@ SWITCHES = {"event": len(EVENTS), "toggle_key": len(KEYS), "momentary_key": len(
 
 
 class WatlowF4T(ModbusChamber):
-    """A chamber behind a Watlow F4T. Not tried on hardware; its Modbus side must be set to degrees Celsius.
+    """A chamber behind a Watlow F4T. Not tried on hardware; its bus must be set to degrees Celsius.
 
     Parameters
     ----------
@@ -79,12 +89,13 @@ class WatlowF4T(ModbusChamber):
         Of the singles; as delivered "low_first".
     on_by, on_number
         What the chamber's maker wired to conditioning on/off, and the number of that event (1 to 8) or key (1 to 4).
-        "event": an output that is on or off. "toggle_key": a function key whose own state changes with each press.
-        "momentary_key": a function key that makes the chamber start or stop with each press, and itself says nothing.
-        "nothing": the chamber conditions while it has power, and `start` and `stop` leave it so.
+        "event": an output that is on or off (TestEquity: event 1). "toggle_key": a function key with a state of its
+        own, which 1457 (down) switches on and 1456 (up) off. "momentary_key": a function key each press of which starts
+        or stops the chamber, without a state (ESPEC: key 1). "nothing": the chamber conditions while it has power, and
+        `start` and `stop` leave it so.
     running_output
-        Module and input/output number of the "chamber running" output, by which on and off are then confirmed; a
-        momentary key cannot do without.
+        Module and input/output number of the "chamber running" output (ESPEC: [1, 1]), which then confirms on and off;
+        needed with a momentary key.
     pause_s, timeout_s, retry, wire_log
         See `ModbusLink`; on a serial line the controller wants a pause of 0.03 s.
     """
@@ -136,9 +147,10 @@ class WatlowF4T(ModbusChamber):
         self._air = _in_loop(AIR, loop)
         self._power = _in_loop(POWER, loop)
         self._mode = _in_loop(CONTROL_MODE, loop)
+        self._alarms = ALARMS[:FEWEST_ALARMS]
 
     def identify(self) -> Identity:
-        """Its part number, which says what it is fitted with."""
+        """Its part number."""
         characters = self._link.read(PART_NUMBER_ADDRESS, PART_NUMBER_LENGTH)
         part_number = "".join(chr(character) for character in characters).strip(" \0")
         if not (part_number.isascii() and part_number.isprintable() and part_number):
@@ -149,27 +161,34 @@ class WatlowF4T(ModbusChamber):
         return Identity(manufacturer="Watlow", model=part_number)
 
     def read(self) -> ChamberReading:
-        """Air, set point, power, alarms now."""
-        values = self._table.read_together((self._air, self._setpoint, self._power, *ALARMS))
+        """Air, set point, power and all its alarms now."""
+        values = self._table.read_together((self._air, self._setpoint, self._power, *self._alarms))
         return ChamberReading(
             temperature_c=values[AIR.name],
             setpoint_c=values[SETPOINT.name],
             power_percent=values[POWER.name],
             alarms=tuple(
                 f"{alarm.name} active, {_in_words(code)}"
-                for alarm in ALARMS
+                for alarm in self._alarms
                 if (code := int(values[alarm.name])) not in ALARM_SILENT
             ),
         )
 
     def _check_controller(self) -> None:
-        self.identify()
+        part_number = self.identify().model
+        self._alarms = ALARMS[: ALARMS_OF.get(part_number[6:7], FEWEST_ALARMS)]
+        unit = UNIT if self._link.address.scheme == "tcp" else SERIAL_UNIT
+        if (code := self._table.read_code(unit)) != CELSIUS:
+            raise InstrumentError(
+                f"{self._link.who}: {unit.name} (register {unit.address}) is {_in_words(code)}, expected"
+                f" code {CELSIUS} (°C); set Display Units to °C under Menu, Settings, Network, Modbus on its panel"
+            )
         self._table.read(self._air)
 
     def _switch(self, *, on: bool) -> None:
-        if on and self._table.read_code(PROFILE_STATE) == RUNNING:
+        if on and (doing := PROFILE_WORDS.get(self._table.read_code(PROFILE_STATE))):
             raise InstrumentError(
-                f"{self._link.who}: a profile runs and would not keep our set point; end it on its panel"
+                f"{self._link.who}: a profile {doing} and would not keep our set point; end it on its panel"
             )
         wanted = ON if on else OFF
         if self._on_by == "event":
@@ -185,12 +204,19 @@ class WatlowF4T(ModbusChamber):
             )
 
     def _press_key(self, wanted: int) -> None:
-        """Press where the chamber is not yet as wanted; once, since a second press would undo the first."""
+        """Press where the chamber is not yet as wanted; once, since a second press may undo the first."""
         momentary = self._on_by == "momentary_key"
         shows = self._running if momentary and self._running is not None else KEYS[self._on_number - 1]
         if self._table.read_code(shows) != wanted:
-            self._table.write(KEY_PRESSES[self._on_number - 1], PRESS, once=True)
-            self._table.confirm(shows, wanted)
+            press = DOWN if momentary or wanted == ON else UP
+            self._table.write(KEY_PRESSES[self._on_number - 1], press, once=True)
+            try:
+                self._table.confirm(shows, wanted)
+            except InstrumentError as err:
+                other = (
+                    "" if momentary else "; if it is a momentary key, give on_by = 'momentary_key' and running_output"
+                )
+                raise InstrumentError(f"{err}; the key was pressed, look whether the chamber runs{other}") from err
 
 
 def _in_loop(quantity: Quantity, loop: int) -> Quantity:

@@ -16,13 +16,14 @@ What it does about faults:
 | a refusal                                             | `InstrumentError` with LabJack's own code                |
 | the answer to ENABLE is lost                          | whether it streams is asked, and only then told again    |
 | it has restarted                                      | `InstrumentError`: its encoder's count is lost           |
+| a stream runs that this driver did not start          | `InstrumentError`: it is another program's               |
 | packets of the stream are lost                        | a gap: `first_index` jumps                               |
 | its buffer overflows, it skips scans and recovers     | a gap, of as many scans as it says                       |
 | the stream's connection breaks, or brings no packets  | connected again: a gap, where that was                   |
 | ... before the first packet                           | `LinkError`: nobody knows how many are missing           |
 | bytes between two packets of the stream               | left out                                                 |
 | the stream falls silent                               | `LinkError`; what has come is kept                       |
-| the encoder's count jumps, or all inputs are frozen   | `InstrumentError`: `instruments.digitizers.t7_watch`     |
+| the encoder's count jumps, or all inputs are frozen   | `InstrumentError`: `digitizers.t7_watch`                 |
 | the thermistor is at the end of its range             | `InstrumentError`: there is no temperature               |
 | the gyro is at the end of its range                   | recorded as it is: that may be its rate                  |
 | its crystal drifts                                    | nothing: its counter is the clock of the samples         |
@@ -43,18 +44,18 @@ from typing import Self
 
 import numpy as np
 
-from instruments.digitizers import t7_registers as reg
-from instruments.digitizers.t7_core_timer import CoreTimer
-from instruments.digitizers.t7_scans import SCAN_LENGTH, AinCalibration, ScanQueue
-from instruments.digitizers.t7_watch import ScanWatch, refuse_at_rail
-from instruments.errors import InstrumentError, LinkError, UsageError
-from instruments.interfaces import Clock, Identity, ScanBlock, SingleScan, StreamStart
-from instruments.links.address import parse_address
-from instruments.links.modbus import ModbusLink
-from instruments.links.recovered import note_recovered
-from instruments.links.tcp import LinkCutError, TcpLink
-from instruments.links.wirelog import WireLog
-from instruments.protocols.t7_stream import MOST_SAMPLES, NotAPacketError
+from benchctl_instruments.digitizers import t7_registers as reg
+from benchctl_instruments.digitizers.t7_core_timer import CoreTimer
+from benchctl_instruments.digitizers.t7_scans import SCAN_LENGTH, AinCalibration, ScanQueue
+from benchctl_instruments.digitizers.t7_watch import ScanWatch, refuse_at_rail
+from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
+from benchctl_instruments.interfaces import Clock, Identity, ScanBlock, SingleScan, StreamStart
+from benchctl_instruments.links.address import parse_address
+from benchctl_instruments.links.modbus import ModbusLink
+from benchctl_instruments.links.recovered import note_recovered
+from benchctl_instruments.links.tcp import LinkCutError, TcpLink
+from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.protocols.t7_stream import MOST_SAMPLES, NotAPacketError
 
 STREAM_PORT = 702
 PRODUCT_ID = 7
@@ -64,6 +65,7 @@ SINGLE_ENDED = 199
 ETHERNET = 1
 BUFFER_BYTES = 32768  # the most that the T7 has
 LONGEST_PACKET_S = 0.05
+LARGEST_RATE_STEP = 0.01  # between neighbouring scan rates, relative: 100 ns of an interval of 10 µs
 RANGES_V = (10.0, 1.0, 0.1, 0.01)  # in the order of the calibration in the flash
 CALIBRATION_FLASH_ADDRESS, CALIBRATION_BYTES = 0x3C4000, 16
 LARGEST_RECEIVE = 1 << 18
@@ -71,7 +73,7 @@ SKIPPED, RESUMED = "left out", "connected again, what is missing is a gap"  # ho
 
 
 class LabJackT7:
-    """A T7 with a quadrature encoder, a gyro and its thermistor; satisfies `instruments.interfaces.Digitizer`.
+    """A T7 with a quadrature encoder, a gyro and its thermistor; satisfies `benchctl_instruments.interfaces.Digitizer`.
 
     Parameters
     ----------
@@ -134,18 +136,15 @@ class LabJackT7:
         self._watch: ScanWatch | None = None  # while a stream runs
         self._calibration = AinCalibration(positive_slope=math.nan, negative_slope=math.nan, centre=math.nan)
         self._core_timer = CoreTimer(0, 0.0)
+        self._is_set_up = False
 
     def open(self) -> None:
-        """Connect, make sure that a T7 answers, end a stream that somebody left running, set up the inputs."""
+        """Connect and make sure that a T7 answers; its inputs are set up when they are first used."""
         self._link.open()
         try:
             self._check_identity()
-            self.stop_stream()
             self._read_calibration()
-            self._set_up_encoder()
-            for channel in self._inputs:
-                self._registers.set(reg.ain_range(channel), self._range_v)
-                self._registers.set(reg.ain_negative(channel), SINGLE_ENDED)
+            self._is_set_up = False
             self._core_timer = CoreTimer(int(self._registers.read(reg.CORE_TIMER)), self._clock.now())
         except BaseException:
             self.close()
@@ -176,6 +175,7 @@ class LabJackT7:
         """One reading of each input, one after the other; the T7 itself makes calibrated volts of them."""
         if self._scans is not None:
             raise UsageError(f"{self._who}: read_once while the stream runs; call stop_stream first")
+        self._set_up_inputs()
         self._refuse_after_restart()
         gyro, thermistor = self._inputs
         count = np.uint32(self._registers.read(reg.ef_read_a(self._encoder)))
@@ -185,21 +185,27 @@ class LabJackT7:
         return scan
 
     def start_stream(self, rate_hz: float) -> StreamStart:
-        """Start the stream; the rate is the nearest that the T7's clock can do."""
+        """Start the stream at the nearest rate that the T7's clock can do, and state that rate.
+
+        The scan interval is a multiple of 100 ns above 152.6 Hz and of coarser steps below: 3000 Hz is 3000.30 Hz.
+        """
         if self._scans is not None:
             raise UsageError(f"{self._who}: start_stream while the stream runs; call stop_stream first")
         if not 0.0 < rate_hz < math.inf:
             raise UsageError(f"{self._who}: a scan rate of {rate_hz} Hz; give a finite one above 0")
+        self._set_up_inputs()
+        self._refuse_foreign_stream()
         self._stream.open(self._timeout_s)
         try:
             self._set_up_stream(rate_hz)
             self._refuse_after_restart()
             self._core_timer.look(int(self._registers.read(reg.CORE_TIMER)), self._clock.now())
             self._enable_stream()
-            actual_hz = self._registers.read(reg.STREAM_ACTUAL_RATE_HZ)
-            if not math.isclose(actual_hz, rate_hz, rel_tol=0.01):
+            actual_hz = self._registers.read(reg.STREAM_SCANRATE_HZ)
+            if not math.isclose(actual_hz, rate_hz, rel_tol=LARGEST_RATE_STEP):
                 raise InstrumentError(
-                    f"{self._who}: asked for {rate_hz:g} scans a second, it does {actual_hz:g}; ask for that"
+                    f"{self._who}: asked for {rate_hz:g} scans a second, it scans {actual_hz:g} times;"
+                    " check that no other program uses it"
                 )
             stamp = int(self._registers.read(reg.STREAM_START_TIME_STAMP))
         except BaseException:
@@ -215,7 +221,7 @@ class LabJackT7:
         return StreamStart(rate_hz=actual_hz, start_s=self._core_timer.seconds_at(stamp))
 
     def read_stream(self, scans: int, timeout_s: float) -> ScanBlock:
-        """At least `scans` scans and whatever else has arrived; see `instruments.interfaces.Digitizer`.
+        """At least `scans` scans and whatever else has arrived; see `benchctl_instruments.interfaces.Digitizer`.
 
         A scan arrives with the last one of its packet; a packet holds 50 ms, or one scan where the rate is below 20 Hz.
         What came before a `LinkError` is kept for the next call.
@@ -319,6 +325,24 @@ class LabJackT7:
         except InstrumentError as err:
             raise InstrumentError(f"{self._who}: reading its flash, {err}; have it calibrated") from err
 
+    def _set_up_inputs(self) -> None:
+        """Set up encoder and analog inputs, at their first use."""
+        if self._is_set_up:
+            return
+        self._refuse_foreign_stream()
+        self._set_up_encoder()
+        for channel in self._inputs:
+            self._registers.set(reg.ain_range(channel), self._range_v)
+            self._registers.set(reg.ain_negative(channel), SINGLE_ENDED)
+        self._is_set_up = True
+
+    def _refuse_foreign_stream(self) -> None:
+        if self._registers.read(reg.STREAM_ENABLE) != 0:
+            raise InstrumentError(
+                f"{self._who}: a stream runs that this program did not start: another one records with it; wait for "
+                "its end, or switch the T7 off and on where there is none"
+            )
+
     def _set_up_encoder(self) -> None:
         """Quadrature on two lines; where they count already they are left alone, for the sake of their zero."""
         lines = (self._encoder, self._encoder + 1)
@@ -337,7 +361,6 @@ class LabJackT7:
         scans_a_packet = max(1, min(int(rate_hz * LONGEST_PACKET_S), MOST_SAMPLES // SCAN_LENGTH))
         self._registers.keep(
             {
-                reg.STREAM_SCANRATE_HZ: rate_hz,
                 reg.STREAM_NUM_ADDRESSES: SCAN_LENGTH,
                 reg.STREAM_SAMPLES_PER_PACKET: scans_a_packet * SCAN_LENGTH,
                 reg.STREAM_SETTLING_US: 0.0,
@@ -350,6 +373,7 @@ class LabJackT7:
                 **{reg.stream_scanlist(index): register.address for index, register in enumerate(scan_list)},
             }
         )
+        self._registers.write(reg.STREAM_SCANRATE_HZ, rate_hz)  # reads as the nearest rate that the T7 can do
         self._registers.write(reg.STREAM_DATATYPE, 0)  # in no register map, so perhaps not to be read
 
     def _forget_stream(self) -> None:

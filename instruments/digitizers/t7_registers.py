@@ -1,8 +1,8 @@
 """The registers of the LabJack T7 that are used here, and how to read, write and check them.
 
 A 32-bit number takes two registers, high word first. A refusal comes as a bare Modbus exception; the T7 keeps its own,
-more telling code in LAST_ERR_DETAIL. Source: LabJack's public register map, ljm_constants.json; the flash is from
-LabJack's public C examples, the address of LAST_ERR_DETAIL from memory. Not tried on hardware.
+more telling code in LAST_ERR_DETAIL, one register. Source: LabJack's public register map, ljm_constants.json; the flash
+is from LabJack's public C examples. Not tried on hardware.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from instruments.errors import InstrumentError
-from instruments.links.modbus import ModbusLink
-from instruments.protocols.words import f32_from_words, u32_from_words, words_from_f32, words_from_u32
+from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.links.modbus import ModbusLink
+from benchctl_instruments.protocols.words import f32_from_words, u32_from_words, words_from_f32, words_from_u32
 
 _AS_WRITTEN = 1e-6
 """What the rounding to a single may change of a number."""
@@ -46,7 +46,7 @@ class Register:
 
 TEST = Register("TEST", 55100)
 TEST_VALUE, TEST_VALUE_SWAPPED = 0x00112233, 0x22330011
-LAST_ERR_DETAIL = Register("LAST_ERR_DETAIL", 55000)
+LAST_ERR_DETAIL = Register("LAST_ERR_DETAIL", 55000, "u16")
 PRODUCT_ID = Register("PRODUCT_ID", 60000, "f32")
 FIRMWARE_VERSION = Register("FIRMWARE_VERSION", 60004, "f32")
 SERIAL_NUMBER = Register("SERIAL_NUMBER", 60028)
@@ -66,7 +66,6 @@ STREAM_DATATYPE = Register("STREAM_DATATYPE", 4018)
 STREAM_NUM_SCANS = Register("STREAM_NUM_SCANS", 4020)
 STREAM_TRIGGER_INDEX = Register("STREAM_TRIGGER_INDEX", 4024)
 STREAM_START_TIME_STAMP = Register("STREAM_START_TIME_STAMP", 4026)
-STREAM_ACTUAL_RATE_HZ = Register("the actual scan rate", 4494, "f32")
 STREAM_DATA_CAPTURE_16 = Register("STREAM_DATA_CAPTURE_16", 4899, "u16")
 STREAM_ENABLE = Register("STREAM_ENABLE", 4990)
 
@@ -123,11 +122,7 @@ class T7Registers:
     def read(self, register: Register) -> float:
         """The number in a register."""
         try:
-            if register.kind == "f32":
-                return self._link.read_f32(register.address, WORD_ORDER)
-            if register.kind == "u32":
-                return self._link.read_u32(register.address, WORD_ORDER)
-            return self._link.read(register.address)[0]
+            return _number(register, self._link.read(register.address, 1 if register.kind == "u16" else WORDS))
         except InstrumentError as err:
             raise self._explained(err, f"reading {register.name}") from err
 
@@ -145,9 +140,8 @@ class T7Registers:
 
     def write(self, register: Register, value: float, *, once: bool = False) -> None:
         """Write a number; `once` does not repeat it where no answer comes."""
-        words = [int(value)] if register.kind == "u16" else _words(register, value)
         try:
-            self._link.write(register.address, words, once=once)
+            self._link.write(register.address, _words(register, value), once=once)
         except InstrumentError as err:
             raise self._explained(err, f"writing {value:g} to {register.name}") from err
 
@@ -179,7 +173,7 @@ class T7Registers:
 
     def _explained(self, err: InstrumentError, doing: str) -> T7RefusalError:
         try:
-            code = self._link.read_u32(LAST_ERR_DETAIL.address, WORD_ORDER)
+            (code,) = self._link.read(LAST_ERR_DETAIL.address)
         except InstrumentError:  # then the bare refusal has to do
             code = 0
         reason = f": LabJack error {code}, {ERROR_WORDS.get(code, 'see its list of errors')}" if code else ""
@@ -187,11 +181,15 @@ class T7Registers:
 
 
 def _words(register: Register, value: float) -> list[int]:
-    return words_from_f32(value, WORD_ORDER) if register.kind == "f32" else words_from_u32(int(value), WORD_ORDER)
+    if register.kind == "f32":
+        return words_from_f32(value, WORD_ORDER)
+    return [int(value)] if register.kind == "u16" else words_from_u32(int(value), WORD_ORDER)
 
 
 def _number(register: Register, words: Sequence[int]) -> float:
-    return f32_from_words(words, WORD_ORDER) if register.kind == "f32" else u32_from_words(words, WORD_ORDER)
+    if register.kind == "f32":
+        return f32_from_words(words, WORD_ORDER)
+    return words[0] if register.kind == "u16" else u32_from_words(words, WORD_ORDER)
 
 
 def _runs(registers: Sequence[Register]) -> list[list[Register]]:

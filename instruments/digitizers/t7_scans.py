@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from instruments.errors import InstrumentError
-from instruments.interfaces import FloatArray, IntArray, ScanBlock
-from instruments.protocols.t7_stream import SampleArray, ScanRun, StreamReader
+from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.interfaces import FloatArray, IntArray, ScanBlock
+from benchctl_instruments.protocols.t7_stream import SampleArray, ScanRun, StreamReader
 
 SCAN_LENGTH = 4
 

@@ -19,11 +19,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Self, TypeVar
 
-from instruments.errors import BenchError, LinkError, UsageError
-from instruments.gyros.sample_queue import SampleQueue
-from instruments.interfaces import Clock, GyroBlock, Identity
-from instruments.links.byte_link import byte_link
-from instruments.links.wirelog import WireLog
+from benchctl_instruments.errors import BenchError, LinkError, UsageError
+from benchctl_instruments.gyros.sample_queue import SampleQueue
+from benchctl_instruments.interfaces import Clock, GyroBlock, Identity
+from benchctl_instruments.links.byte_link import byte_link
+from benchctl_instruments.links.wirelog import WireLog
 
 AXES = ("x", "y", "z")
 """In the order in which their samples stand in a frame."""
@@ -36,7 +36,7 @@ Answer = TypeVar("Answer")
 
 
 class FramedGyro(ABC):
-    """A gyro at the end of a line; satisfies `instruments.interfaces.Gyro`.
+    """A gyro at the end of a line; satisfies `benchctl_instruments.interfaces.Gyro`.
 
     Times are the gyro's own: the number of a sample over the rate. The clock only tells whether the line was deaf for
     so long that the numbers may have wrapped.
@@ -57,7 +57,14 @@ class FramedGyro(ABC):
         Wall time to wait for an answer and for a connection.
     wire_log
         Where to note what goes over the wire.
+
+    Attributes
+    ----------
+    RATES_HZ
+        The rates that this model has, where they are few; empty: any.
     """
+
+    RATES_HZ: tuple[float, ...] = ()
 
     def __init__(
         self,
@@ -119,7 +126,7 @@ class FramedGyro(ABC):
         return actual_hz
 
     def read_stream(self, samples: int, timeout_s: float) -> GyroBlock:
-        """At least `samples` samples and whatever came with them; see `instruments.interfaces.Gyro`."""
+        """At least `samples` samples and whatever came with them; see `benchctl_instruments.interfaces.Gyro`."""
         if self._queue is None:
             raise UsageError(f"{self._who}: read_stream while no stream runs; call start_stream first")
         wanted = max(samples, 1)
@@ -130,7 +137,8 @@ class FramedGyro(ABC):
         except LinkError as err:
             raise LinkError(
                 f"{self._who}: expected {wanted} samples within {timeout_s:g} s, {self._queue.waiting} came; in this"
-                f" stream {self._queue.junk_bytes} bytes were no sample: {err}; check its supply, its line and its baud"
+                f" stream {self._queue.junk_bytes} bytes were no sample: {self._link.address.left_out(err)};"
+                " check its supply, its line and its baud"
             ) from err
         return self._queue.take()
 
@@ -159,7 +167,8 @@ class FramedGyro(ABC):
             except LinkError as err:
                 raise LinkError(
                     f"{self._who}: sent {question!r}, expected {expected} within {self._timeout_s:g} s, got"
-                    f" {len(heard)} bytes without it: {err}; check the line to the gyro and its baud"
+                    f" {len(heard)} bytes without it: {self._link.address.left_out(err)}; check the line to the gyro"
+                    " and its baud"
                 ) from err
         return found
 

@@ -1,9 +1,9 @@
 """KVH DSP-1760: a fibre-optic gyro of one to three axes on RS-422.
 
-Not tried on hardware. Settings and frame: `instruments.protocols.kvh1760`. Every setting is confirmed by the gyro's
-answer to it, so the line to the gyro must be connected, too. While no stream runs the gyro is left where it takes
-settings and sends no frames. Its number wraps after 128 samples: at 1000 Hz a line that was deaf for longer than
-0.1 s leaves a gap that is not exact.
+Not tried on hardware. Settings and frame: `protocols.kvh1760`. The gyro answers every setting, so the line to the gyro
+must be connected, too; the command that starts the frames may be answered by the first frame. While no stream runs the
+gyro is left where it takes settings and sends no frames. Its number wraps after 128 samples: at 1000 Hz a line that was
+deaf for longer than 0.1 s leaves a gap that is not exact.
 """
 
 from __future__ import annotations
@@ -12,20 +12,20 @@ from functools import partial
 
 import numpy as np
 
-from instruments.errors import UsageError
-from instruments.gyros.framed_gyro import FramedGyro
-from instruments.gyros.sample_queue import SampleQueue, Samples
-from instruments.interfaces import Clock, Identity
-from instruments.links.wirelog import WireLog
-from instruments.protocols import kvh1760 as kvh
-from instruments.protocols.crc32_mpeg2 import ByteArray
-from instruments.protocols.sequence_numbers import SequenceNumbers
+from benchctl_instruments.errors import InstrumentError, UsageError
+from benchctl_instruments.gyros.framed_gyro import FramedGyro
+from benchctl_instruments.gyros.sample_queue import SampleQueue, Samples
+from benchctl_instruments.interfaces import Clock, Identity
+from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.protocols import kvh1760 as kvh
+from benchctl_instruments.protocols.crc32_mpeg2 import ByteArray
+from benchctl_instruments.protocols.sequence_numbers import SequenceNumbers
 
 ROTATION_UNIT, TEMPERATURE_UNIT = "deg", "c_100"
 
 
 class KvhDsp1760(FramedGyro):
-    """A DSP-1760, one axis of which is read; satisfies `instruments.interfaces.Gyro`.
+    """A DSP-1760, one axis of which is read; satisfies `benchctl_instruments.interfaces.Gyro`.
 
     Parameters
     ----------
@@ -40,6 +40,8 @@ class KvhDsp1760(FramedGyro):
     wire_log
         Where to note what goes over the wire.
     """
+
+    RATES_HZ = kvh.RATES_HZ
 
     def __init__(
         self, address: str, *, clock: Clock, axis: str = "z", timeout_s: float = 2.0, wire_log: WireLog | None = None
@@ -59,14 +61,15 @@ class KvhDsp1760(FramedGyro):
         self._identity = Identity(manufacturer="KVH", model="DSP-1760")
 
     def _begin(self, rate_hz: float) -> tuple[float, SampleQueue, bytes]:
-        if not rate_hz.is_integer():
-            raise UsageError(f"{self._who}: a rate of {rate_hz:g} Hz; give a whole number")
+        if rate_hz not in kvh.RATES_HZ:
+            known = ", ".join(str(rate) for rate in kvh.RATES_HZ)
+            raise UsageError(f"{self._who}: a rate of {rate_hz:g} Hz; give one that a KVH DSP-1760 has: {known} Hz")
         self._set("config", 1)
         self._set("rotfmt", "rate")
         self._set("rotunits", ROTATION_UNIT)
         self._set("tempunits", TEMPERATURE_UNIT)
         self._set("dr", int(rate_hz))
-        come = self._set("config", 0)
+        come = self._ask(kvh.encode_setting("config", 0), kvh.after_leaving, "its echo or a frame")
         words = partial(kvh.status_words, channels=1 << self._axis)
         numbers = SequenceNumbers(kvh.SEQUENCE_NUMBERS)
         return rate_hz, SampleQueue(kvh.FORMAT, numbers, decode=self._decode, words=words, rate_hz=rate_hz), come
@@ -74,13 +77,17 @@ class KvhDsp1760(FramedGyro):
     def _end(self) -> None:
         self._set("config", 1)
 
-    def _set(self, name: str, value: str | int) -> bytes:
-        """Change a setting; what came after the gyro's answer."""
-        return self._ask(
-            kvh.encode_setting(name, value),
-            lambda heard: kvh.after_echo(heard, name, value),
-            f"the answer {kvh.encode_echo(name, value)!r}",
-        )
+    def _set(self, name: str, value: str | int) -> None:
+        """Change a setting; `InstrumentError` where the gyro refuses it."""
+
+        def answer(heard: bytes) -> bytes | None:
+            if refusal := kvh.refusal_in(heard):
+                raise InstrumentError(
+                    f"{self._who}: sent {kvh.encode_setting(name, value)!r}, it answered {refusal!r}; check the model"
+                )
+            return kvh.after_echo(heard, name, value)
+
+        self._ask(kvh.encode_setting(name, value), answer, f"the answer {kvh.encode_answer(name, value)!r}")
 
     def _decode(self, rows: ByteArray) -> Samples:
         frames = kvh.decode_frames(rows)

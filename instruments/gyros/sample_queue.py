@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from instruments.interfaces import BoolArray, FloatArray, GyroBlock, GyroCounts, GyroGap, IntArray
-from instruments.protocols.crc32_mpeg2 import ByteArray
-from instruments.protocols.frames import FrameFormat, FrameReader, FrameRun
-from instruments.protocols.sequence_numbers import SequenceNumbers
+from benchctl_instruments.interfaces import BoolArray, FloatArray, GyroBlock, GyroCounts, GyroGap, IntArray
+from benchctl_instruments.protocols.crc32_mpeg2 import ByteArray
+from benchctl_instruments.protocols.frames import FrameFormat, FrameReader, FrameRun
+from benchctl_instruments.protocols.sequence_numbers import SequenceNumbers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,6 +1,6 @@
 """Sensonor STIM300: three gyros, and what else was ordered with them, on RS-422.
 
-Not tried on hardware. Datagrams: `instruments.protocols.stim300`, answers: `instruments.protocols.stim300_answers`. The
+Not tried on hardware. Datagrams: `protocols.stim300`, answers: `protocols.stim300_answers`. The
 driver changes nothing: it asks how the STIM300 is configured, and reads that. It sends without end, so a stream
 begins after the answer to a question, and stopping one only stops reading.
 
@@ -16,17 +16,17 @@ from typing import TypeAlias
 
 import numpy as np
 
-from instruments.errors import InstrumentError, LinkError
-from instruments.gyros.framed_gyro import LARGEST_RECEIVE, FramedGyro
-from instruments.gyros.sample_queue import SampleQueue, Samples
-from instruments.interfaces import Clock, Identity
-from instruments.links.wirelog import WireLog
-from instruments.protocols import stim300 as stim
-from instruments.protocols import stim300_answers as answers
-from instruments.protocols.crc32_mpeg2 import ByteArray
-from instruments.protocols.frames import FrameFormat, FrameReader
-from instruments.protocols.sequence_numbers import SequenceNumbers, commonest_step
-from instruments.protocols.stim300_answers import StimConfiguration
+from benchctl_instruments.errors import InstrumentError, LinkError
+from benchctl_instruments.gyros.framed_gyro import LARGEST_RECEIVE, FramedGyro
+from benchctl_instruments.gyros.sample_queue import SampleQueue, Samples
+from benchctl_instruments.interfaces import Clock, Identity
+from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.protocols import stim300 as stim
+from benchctl_instruments.protocols import stim300_answers as answers
+from benchctl_instruments.protocols.crc32_mpeg2 import ByteArray
+from benchctl_instruments.protocols.frames import FrameFormat, FrameReader
+from benchctl_instruments.protocols.sequence_numbers import SequenceNumbers, commonest_step
+from benchctl_instruments.protocols.stim300_answers import StimConfiguration
 
 FIRST_DATAGRAMS = 9
 READABLE = ("angular rate", "average angular rate", "incremental angle")
@@ -36,7 +36,7 @@ Found: TypeAlias = tuple[ByteArray, bytes]
 
 
 class SensonorStim300(FramedGyro):
-    """A STIM300, one gyro of which is read; satisfies `instruments.interfaces.Gyro`.
+    """A STIM300, one gyro of which is read; satisfies `benchctl_instruments.interfaces.Gyro`.
 
     Parameters
     ----------
@@ -122,7 +122,8 @@ class SensonorStim300(FramedGyro):
             except LinkError as err:
                 raise LinkError(
                     f"{self._who}: expected {FIRST_DATAGRAMS} datagrams {datagram.name[-3:]} as it is configured,"
-                    f" {reader.kept} came and {reader.junk_bytes} bytes that are none: {err}; check its baud"
+                    f" {reader.kept} came and {reader.junk_bytes} bytes that are none:"
+                    f" {self._link.address.left_out(err)}; check its baud"
                 ) from err
             come += data
             runs += reader.feed(data)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Literal
 from urllib.parse import SplitResult, parse_qs, urlsplit
 
-from instruments.errors import UsageError
+from benchctl_instruments.errors import LinkError, UsageError
 
 _EXPECTED = "expected tcp://HOST:PORT, serial:///dev/ttyUSB0?baud=19200, serial://COM3?baud=9600 or socket://HOST:PORT"
 
@@ -38,6 +38,10 @@ class Address:
     def pyserial_url(self) -> str:
         """What `serial.serial_for_url` opens; for serial and socket addresses."""
         return self.device if self.scheme == "serial" else self.text
+
+    def left_out(self, err: LinkError) -> str:
+        """What a link says, for an error that names the address already."""
+        return str(err).removeprefix(f"{self}: ")
 
 
 def parse_address(text: str) -> Address:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from instruments.links.address import Address, parse_address
-from instruments.links.serial_port import DEFAULT_BAUD, SerialLink
-from instruments.links.tcp import Reconnect, TcpLink
-from instruments.links.wirelog import WireLog
+from benchctl_instruments.links.address import Address, parse_address
+from benchctl_instruments.links.serial_port import DEFAULT_BAUD, SerialLink
+from benchctl_instruments.links.tcp import Reconnect, TcpLink
+from benchctl_instruments.links.wirelog import WireLog
 
 
 class ByteLink(Protocol):

@@ -12,12 +12,12 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from instruments.errors import InstrumentError, LinkError
-from instruments.interfaces import Clock
-from instruments.links.byte_link import ByteLink
-from instruments.links.recovered import note_recovered
-from instruments.links.tcp import LinkCutError
-from instruments.protocols.lines import LineCutter, encode_line
+from benchctl_instruments.errors import InstrumentError, LinkError
+from benchctl_instruments.interfaces import Clock
+from benchctl_instruments.links.byte_link import ByteLink
+from benchctl_instruments.links.recovered import note_recovered
+from benchctl_instruments.links.tcp import LinkCutError
+from benchctl_instruments.protocols.lines import LineCutter, encode_line
 
 QUIET_S = 0.1  # wall time
 ADVICE = "check power, cable, speed and address, and that nobody else holds the link"
@@ -73,7 +73,7 @@ class LineDialogue:
             try:
                 self._link.open(self._manners.timeout_s)
             except LinkError as err:
-                raise LinkError(f"{self.who}: {err}") from err
+                raise LinkError(f"{self.who}: {self._link.address.left_out(err)}") from err
 
     def close(self) -> None:
         """Let go of the link once no exchange is under way; safe to call twice, and never raises."""
@@ -121,7 +121,8 @@ class LineDialogue:
             return self._receive(skip) if answered else ""
         except LinkCutError as err:
             self._give_up("given up: cut")
-            raise LinkCutError(f"{self.who}: sent {text!r}, and the link broke: {err}; {self.last_heard()}") from err
+            says = self._link.address.left_out(err)
+            raise LinkCutError(f"{self.who}: sent {text!r}, and the link broke: {says}; {self.last_heard()}") from err
         except NoAnswerError as err:
             self._give_up("given up: no answer in time")
             raise NoAnswerError(
@@ -129,7 +130,7 @@ class LineDialogue:
                 f" {self.last_heard()}"
             ) from err
         except LinkError as err:
-            raise LinkError(f"{self.who}: could not send {text!r}: {err}") from err
+            raise LinkError(f"{self.who}: could not send {text!r}: {self._link.address.left_out(err)}") from err
         except InstrumentError as err:
             self._give_up("given up: not a line")
             raise InstrumentError(

@@ -13,15 +13,22 @@ from dataclasses import dataclass
 from pymodbus import ModbusException
 from pymodbus.pdu import ExceptionResponse, ModbusPDU
 
-from instruments.errors import InstrumentError, LinkError, UsageError
-from instruments.interfaces import Clock
-from instruments.links.address import parse_address, refuse_timeout
-from instruments.links.modbus_clients import ModbusClient
-from instruments.links.modbus_line import line_at
-from instruments.links.recovered import note_recovered
-from instruments.links.wirelog import WireLog
-from instruments.protocols.modbus import READ_HOLDING, WRITE_ONE, WRITE_SEVERAL, exception_words
-from instruments.protocols.words import WordOrder, f32_from_words, u32_from_words, words_from_f32, words_from_u32
+from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
+from benchctl_instruments.interfaces import Clock
+from benchctl_instruments.links.address import parse_address, refuse_timeout
+from benchctl_instruments.links.modbus_clients import ModbusClient
+from benchctl_instruments.links.modbus_line import line_at
+from benchctl_instruments.links.recovered import note_recovered
+from benchctl_instruments.links.serial_port import connect_reason
+from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.protocols.modbus import READ_HOLDING, WRITE_ONE, WRITE_SEVERAL, exception_words
+from benchctl_instruments.protocols.words import (
+    WordOrder,
+    f32_from_words,
+    u32_from_words,
+    words_from_f32,
+    words_from_u32,
+)
 
 ADVICE = "check power, cable, speed and unit number"
 BROKEN = (ModbusException, OSError, struct.error, IndexError)  # the last two: a frame shorter than it says
@@ -54,7 +61,7 @@ class ModbusLink:
     | a cut connection, a restart                         | connected and asked again                                |
     | an exception                                        | `InstrumentError`, never repeated                        |
 
-    What was got over is told to `instruments.links.recovered`.
+    What was got over is told to `benchctl_instruments.links.recovered`.
 
     Parameters
     ----------
@@ -109,7 +116,9 @@ class ModbusLink:
                 self._line.connected(self.address, self._timeout_s, self.wire_log)
             except (OSError, ValueError) as err:
                 self._line.leave("not connected")
-                raise LinkError(f"{self.who}: cannot connect: {err}; check power, cable and address") from err
+                raise LinkError(
+                    f"{self.who}: cannot connect: {connect_reason(err)}; check power, cable and address"
+                ) from err
             self._opened = True
 
     def close(self) -> None:
@@ -225,7 +234,7 @@ class ModbusLink:
     def _reason(self, err: Exception) -> str:
         client = self._line.client
         if client is None:
-            return f"cannot connect: {err}"
+            return f"cannot connect: {connect_reason(err)}"
         if client.heard:
             return f"the answer is broken or belongs to another request: {client.heard.hex(' ')}"
         if client.connected:

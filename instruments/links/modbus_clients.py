@@ -13,8 +13,8 @@ import serial
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 from pymodbus.exceptions import ConnectionException
 
-from instruments.links.address import Address
-from instruments.links.wirelog import WireLog
+from benchctl_instruments.links.address import Address
+from benchctl_instruments.links.wirelog import WireLog
 
 DEFAULT_BAUD = 19200
 MOST_BYTES = 4096

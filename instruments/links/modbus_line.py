@@ -11,10 +11,10 @@ import time
 from threading import Lock, RLock
 from weakref import WeakValueDictionary
 
-from instruments.errors import UsageError
-from instruments.links.address import Address
-from instruments.links.modbus_clients import DEFAULT_BAUD, ModbusClient, RtuClient, connected_client
-from instruments.links.wirelog import WireLog
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.links.address import Address
+from benchctl_instruments.links.modbus_clients import DEFAULT_BAUD, ModbusClient, RtuClient, connected_client
+from benchctl_instruments.links.wirelog import WireLog
 
 
 class ModbusLine:

@@ -1,4 +1,4 @@
-"""What went wrong on a link and was got over, told as log records of `instruments.links.recovered`.
+"""What went wrong on a link and was got over, told as log records of `benchctl_instruments.links.recovered`.
 
 Whoever wants to know attaches a handler: a campaign keeps them in its journal. Nobody has to, and then nothing is said.
 """

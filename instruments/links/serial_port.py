@@ -1,19 +1,21 @@
 """Bytes over a serial port of this machine, for protocols that bring their own framing.
 
-The policy is that of `instruments.links.tcp`: nothing is ever sent twice, and what fails says so. A port that was
+The policy is that of `links.tcp`: nothing is ever sent twice, and what fails says so. A port that was
 pulled out is opened anew by the next `send`.
 """
 
 from __future__ import annotations
 
 import contextlib
+import errno
+import os
 
 import serial
 
-from instruments.errors import LinkError, UsageError, in_line
-from instruments.links.address import parse_address, refuse_timeout
-from instruments.links.tcp import LinkCutError
-from instruments.links.wirelog import WireLog
+from benchctl_instruments.errors import LinkError, UsageError, in_line, reason
+from benchctl_instruments.links.address import parse_address, refuse_timeout
+from benchctl_instruments.links.tcp import LinkCutError
+from benchctl_instruments.links.wirelog import WireLog
 
 DEFAULT_BAUD = 19200
 
@@ -92,7 +94,7 @@ class SerialLink:
             )
         except (OSError, ValueError) as err:
             raise LinkError(
-                f"{self.address}: cannot be opened: {in_line(str(err))}; "
+                f"{self.address}: cannot be opened: {connect_reason(err)}; "
                 "check that the device is plugged in, that you may use it,"
                 " and that no other program does"
             ) from err
@@ -106,3 +108,10 @@ class SerialLink:
         port, self._port = self._port, None
         with contextlib.suppress(OSError):  # a device that was pulled out cannot be closed in good order
             port.close()
+
+
+def connect_reason(err: Exception) -> str:
+    """Why a connection cannot be made, as the system says it; pyserial repeats the port and the number of the error."""
+    if isinstance(err, serial.SerialException) and err.errno:
+        return "another program has it open" if err.errno == errno.EAGAIN else in_line(os.strerror(err.errno))
+    return reason(err) if isinstance(err, OSError) else in_line(str(err))

@@ -13,9 +13,9 @@ import socket
 import time
 from dataclasses import dataclass
 
-from instruments.errors import LinkError, UsageError, reason
-from instruments.links.address import parse_address, refuse_timeout
-from instruments.links.wirelog import WireLog
+from benchctl_instruments.errors import LinkError, UsageError, reason
+from benchctl_instruments.links.address import parse_address, refuse_timeout
+from benchctl_instruments.links.wirelog import WireLog
 
 
 class LinkCutError(LinkError):

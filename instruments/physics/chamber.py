@@ -13,7 +13,7 @@ import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

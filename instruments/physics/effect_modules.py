@@ -9,10 +9,10 @@ from functools import lru_cache
 from types import MappingProxyType, ModuleType
 from typing import TypeVar
 
-from instruments.entry_points import Offer, leave_out, leave_out_clash, offers
-from instruments.errors import UsageError
-from instruments.physics.effect_contract.description import faults_in
-from instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.entry_points import Offer, leave_out, leave_out_clash, offers
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.effect_contract.description import faults_in
+from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 GROUP = "benchctl.effects"
 _PACKAGES = ("effects", "drive_effects", "chamber_effects")
@@ -66,12 +66,12 @@ def _theirs() -> dict[str, type[DescribedEffect]]:
 def _loaded(offer: Offer) -> type[DescribedEffect]:
     kind = offer.load()
     for fault in faults_in(kind, offer.point.name):
-        raise offer.refused(f"{fault}; instruments.physics.effect_contract says what an effect must keep")
+        raise offer.refused(f"{fault}; benchctl_instruments.physics.effect_contract says what an effect must keep")
     loaded: type[DescribedEffect] = kind
     return loaded
 
 
 def _ours() -> frozenset[str]:
     """The identifiers of all our effects, of whatever part of the bench."""
-    packages = [importlib.import_module(f"instruments.physics.{name}") for name in _PACKAGES]
+    packages = [importlib.import_module(f"benchctl_instruments.physics.{name}") for name in _PACKAGES]
     return frozenset(identifier for package in packages for identifier in effects_in(package, DescribedEffect))  # type: ignore[type-abstract]  # the base is what they are found by

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from instruments.physics.chain import Baseline, Signals
+from benchctl_instruments.physics.chain import Baseline, Signals
 
 
 def mounted_across(baseline: Baseline, misalignment_mrad: float, north_dps: float) -> Baseline:

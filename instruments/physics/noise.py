@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from instruments.errors import UsageError
-from instruments.interfaces import FloatArray
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.interfaces import FloatArray
 
 
 class WhiteNoise:

@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from instruments.errors import UsageError
-from instruments.interfaces import FloatArray
-from instruments.physics.chain import Baseline, Signals
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.physics.chain import Baseline, Signals
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from instruments.interfaces import FloatArray
-from instruments.physics.table import Piece, TableParameters
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.physics.table import Piece, TableParameters
 
 _GONE = 45.0
 """Time constants after which a decaying oscillation is nothing beside the rounding of a double."""

@@ -1,7 +1,7 @@
 """What a rate table is asked to do: demanded profiles of angle, in closed form, within limits on rate and acceleration.
 
 A profile is a sequence of pieces. Each piece begins at the demanded angle and rate at which the one before it ended, so
-that both are continuous; only the acceleration jumps. `instruments.physics.servo` says how the table follows.
+that both are continuous; only the acceleration jumps. `benchctl_instruments.physics.servo` says how the table follows.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 AMPLITUDE_SHARE = 0.995
 """The share of a limit that a steady oscillation may take; the rest is for the growth of its amplitude."""

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from instruments.physics.chain import Effect
-from instruments.physics.effects.scale_warm_up import ScaleWarmUp
-from instruments.physics.effects.warm_up import WarmUp
-from instruments.physics.gyro import GyroParameters
+from benchctl_instruments.physics.chain import Effect
+from benchctl_instruments.physics.effects.scale_warm_up import ScaleWarmUp
+from benchctl_instruments.physics.effects.warm_up import WarmUp
+from benchctl_instruments.physics.gyro import GyroParameters
 
 _STREAM = 3
 """Of the seed's streams of random numbers: the first three are the sensor's noise."""

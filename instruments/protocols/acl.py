@@ -15,7 +15,8 @@ A command is a line of ASCII, and every line gets one line back::
 
 Names are case-insensitive and may be cut short, down to one letter (`:d:p 1,10`); where several names begin with the
 same letters the one that is listed first in `TREE` is meant. `:mode 1,rate` is another spelling of `:mode:rate 1`;
-below `:read` the question mark may be missing. A command that begins with `:` or `*` starts at the root again.
+below `:read` the question mark may be missing; a blank may precede a colon, or part arguments (`:L :R P 1 60`). A
+command that begins with `:` or `*` starts at the root again.
 
 Assumed, because no source says so: the reply's line ends with LF, a CR before it is optional; anything but OK as the
 answer to a command is a refusal. The meaning of the header is unknown, so it is kept and not interpreted.
@@ -26,12 +27,13 @@ beyond `lines.MAX_LINE` bytes or one shorter than the header ends the dialogue: 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
-from instruments.errors import InstrumentError, UsageError
-from instruments.protocols.lines import LineCutter
+from benchctl_instruments.errors import InstrumentError, UsageError
+from benchctl_instruments.protocols.lines import LineCutter
 
 HEADER_LENGTH = 8
 
@@ -41,10 +43,11 @@ TREE: Mapping[str, tuple[str, ...]] = {
     "mode": ("position", "rate", "arate", "synthesizer", "off"),
     "interlock": ("open", "close", "reset"),
     "limit": ("acceleration", "rate", "vtrip", "absolute", "lposition", "hposition"),
-    "configure": ("oscillator",),
-    "utility": ("lockout",),
+    "configure": ("oscillator", "window"),
+    "utility": ("lockout", "format", "touch"),
 }
 COMMON = ("*idn", "*stb")
+_BLANK_COLON = re.compile(r"\s+:")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,7 +130,7 @@ def parse_commands(line: str) -> Iterator[Command]:
 @lru_cache(maxsize=256)  # a host asks the same few things all day
 def _parse(text: str, subtree: str) -> tuple[Command, str]:
     """One command, where the one before it left off in `subtree`; and where this one leaves off."""
-    names, _, arguments = text.partition(" ")
+    names, _, arguments = _BLANK_COLON.sub(":", text).partition(" ")
     query = names.endswith("?")
     names = names.removesuffix("?").lower()
     if names.startswith("*"):
@@ -137,7 +140,7 @@ def _parse(text: str, subtree: str) -> tuple[Command, str]:
     else:
         path = _from_root(names.removeprefix(":"), text)
         subtree = path[0]
-    words = tuple(word.strip() for word in arguments.split(",")) if arguments.strip() else ()
+    words = tuple(re.split(r"\s*,\s*|\s+", arguments.strip())) if arguments.strip() else ()
     return _usual_spelling(Command(path=path, query=query or path[0] == "read", arguments=words), text), subtree
 
 

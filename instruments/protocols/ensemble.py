@@ -1,13 +1,14 @@
 r"""The ASCII interface of Aerotech's Ensemble, as it goes over TCP port 8000. Lines in, replies out; no I/O here.
 
-Source: openly published driver code (epics-motor/motorAerotech drvEnsembleAsyn.cc; robmarkcole/aerotech), and the
-numbers of bits and parameters as the maker's published headers have them (EnsembleCommonStructures.h,
-EnsembleParameterId.h). Not tried on hardware.
+Source: openly published driver code (epics-motor/motorAerotech drvEnsembleAsyn.cc; robmarkcole/aerotech; ESRF's bliss;
+lab-control-lib; EnsembleSocketConnection.py), and the numbers of bits and parameters as the maker's published headers
+have them (EnsembleCommonStructures.h, EnsembleParameterId.h). Not tried on hardware.
 
 A command is a line of ASCII in the controller's own language, and every line gets a line back::
 
     FREERUN @0 50.000000 LF            axis 0 turns at 50 units/s, until ABORT @0
     RAMP RATE @0 500.000000 LF         its acceleration
+    MOVEABS X10.0 XF5.0 Y3 YF5 LF      axes 0 and 1 move, each at its own speed; F5 without an axis is that of all
     AXISSTATUS(@0) LF                  a query; AXISSTATUS @0 means the same
 
     %-2147483641 LF                    reply: one character, then data where there are any
@@ -22,7 +23,7 @@ since its highest bit is the emergency stop's input.
 Assumed, because no source says so: the data of `!`, `#` and `$`, if there are any, are words about what is wrong.
 
 Survived: a bare `%` line, once or several times, before the reply to a query. What else can go wrong with lines is a
-matter of `instruments.protocols.lines`.
+matter of `benchctl_instruments.protocols.lines`.
 """
 
 from __future__ import annotations
@@ -32,8 +33,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum, IntFlag
 
-from instruments.errors import InstrumentError, UsageError
-from instruments.protocols.lines import MOST_SHOWN
+from benchctl_instruments.errors import InstrumentError, UsageError
+from benchctl_instruments.protocols.lines import MOST_SHOWN
 
 END = b"\n"
 
@@ -55,6 +56,7 @@ class AxisStatus(IntFlag):
     IN_POSITION = 1 << 2
     MOVE_ACTIVE = 1 << 3
     COUNTER_CLOCKWISE = 1 << 9
+    HOMING = 1 << 14
     EMERGENCY_STOP_INPUT = 1 << 31
 
 
@@ -149,6 +151,6 @@ def parse_command(line: str) -> Command:
     name, *words = re.split(r"[\s(),]+", line.strip())
     if not name.isalpha():
         raise UsageError(f"{line!r} is no command")
-    if name.upper() in ("RAMP", "WAIT") and words:
+    if name.upper() in ("RAMP", "WAIT", "POSOFFSET", "PROGRAM") and words:
         name = f"{name} {words.pop(0)}"
     return Command(name=name.upper(), arguments=tuple(word for word in words if word))

@@ -7,6 +7,7 @@ manual. Not tried on hardware.
 A line is ASCII and ends with CR; it holds one command or several, parted by `;`. Only queries are answered::
 
     1VA50.000000 CR                    axis, two letters, value: the velocity of axis 1
+    1OR1;1WS CR                        axis 1 is homed; what follows WS waits until the axis rests
     1MV+ CR                            axis 1 turns, until it is told to stop
     1TP? CR                            a query; the `?` may be missing after TP, TV and MD
 
@@ -21,7 +22,7 @@ Assumed, because no source says so: `TV` answers the velocity with its sign; a v
 by `MV` takes effect at once; a rejected command does not keep those behind it on the same line from being obeyed.
 
 Survived: a line `E` and a number, which the ESP300 was seen to say unasked before an answer. What else can go wrong
-with lines is a matter of `instruments.protocols.lines`.
+with lines is a matter of `benchctl_instruments.protocols.lines`.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from instruments.errors import InstrumentError
-from instruments.protocols.lines import MOST_SHOWN
+from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.protocols.lines import MOST_SHOWN
 
 SENT_END, ANSWER_END = b"\r", b"\r\n"
 DEGREES = 7
@@ -74,7 +75,7 @@ _GENERAL_FAULTS = {4, 8, 23}
 _AXIS_FAULTS = {2, 3, 4, 5, 6, 7, 8, 9, 22, 23, 29}
 
 MOST_CODE = 999
-_COMMAND = re.compile(r"(?P<axis>\d{0,2})(?P<name>[A-Za-z]{2})(?P<value>[^?]*)(?P<query>\??)", re.ASCII)
+_COMMAND = re.compile(r"(?P<axis>\d{0,2})(?P<name>[*]IDN|[A-Z]{2})(?P<value>[^?]*)(?P<query>\??)", re.ASCII | re.I)
 _UNASKED = re.compile(r"E *[0-9]+\b.*", re.ASCII)
 _ESCAPE = re.compile(r"\\x[0-9a-f]{2}")
 

@@ -1,6 +1,6 @@
 """Frames of fixed length in a stream of bytes that may hold anything: found by header, taken where the CRC agrees.
 
-    | header | contents | CRC-32/MPEG-2, 4 | tail |     contents and CRC: `instruments.protocols.crc32_mpeg2`
+    | header | contents | CRC-32/MPEG-2, 4 | tail |     contents and CRC: `benchctl_instruments.protocols.crc32_mpeg2`
 
 Every place where a header stands is tried, so a header inside a frame or in junk costs no good frame. What fails its
 CRC is never taken; of what is no frame at all, one in four thousand million passes. Where two frames that pass overlap,
@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from instruments.interfaces import BoolArray, IntArray
-from instruments.protocols.crc32_mpeg2 import ByteArray, crc32_mpeg2_of_rows
+from benchctl_instruments.interfaces import BoolArray, IntArray
+from benchctl_instruments.protocols.crc32_mpeg2 import ByteArray, crc32_mpeg2_of_rows
 
 CRC_BYTES = 4
 START, END, KIND = 0, 1, 2  # columns of good frames; kind is the place of the format among the reader's

@@ -6,14 +6,17 @@
 Rotation is a rate, or the angle turned since the frame before, in degrees or radians as it was set; acceleration is
 unused in the DSP-1760. A bit of `status` is 1 where its channel is valid. The sequence number runs 0 ... 127.
 
-    host "=NAME,VALUE" CR LF  ->  gyro "NAME,VALUE" in a line of its own
+    host "=NAME,VALUE" CR LF  ->  gyro "NAME,VALUE" in a line of its own, "INVALID,..." where it has no such setting
+    host "?NAME" CR LF        ->  gyro "NAME,VALUE"
 
-`config,1` lets settings be changed, `config,0` sends frames again. Names are known as either upper or lower case.
+`config,1` lets settings be changed and asked for, `config,0` starts the frames again. Whether `config,0` is echoed is
+not agreed: KVH's manual of the 1775 says that commands are, a public driver for the 1750 says that this one is not.
+Take the echo or the first good frame. Names are known as either upper or lower case.
 
-Source: ESA-PRL drivers-dsp1760, dsp1760.cpp (frame, settings, temperature in 0.01 °C); kvhmessage.h and KVH1750Test.cpp
-of the ROS driver for the KVH 1750 (frame, CRC); a driver of the PeRL laboratory for the KVH 1750 (the gyro's answer to
-a setting). Not tried on hardware. Where the sources are silent this is assumed: no frames come while settings can be
-changed; an unknown setting is met with silence.
+Source: ESA-PRL drivers-dsp1760, dsp1760.cpp (frame, settings, temperature in 0.01 °C); TRECVT ros_kvh1750, imu.cpp and
+kvhmessage.h (frame, CRC, rates, queries, no confirmation of `config,0`); KVH 1775 manual p. 57 (echo, INVALID). Not
+tried on hardware. Assumed where the sources are silent: no frames come while settings can be changed; INVALID repeats
+the command; a command outside of `config,1` is not answered.
 """
 
 from __future__ import annotations
@@ -25,14 +28,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from instruments.interfaces import FloatArray, IntArray
-from instruments.protocols.crc32_mpeg2 import ByteArray
-from instruments.protocols.frames import FrameFormat
+from benchctl_instruments.interfaces import FloatArray, IntArray
+from benchctl_instruments.protocols.crc32_mpeg2 import ByteArray
+from benchctl_instruments.protocols.frames import FrameFormat, FrameReader
 
 HEADER = bytes.fromhex("FE 81 FF 55")
 FORMAT = FrameFormat(name="KVH format A", header=HEADER, crc_at=32)
 SEQUENCE_NUMBERS = 128
 DEFAULT_BAUD = 921_600
+RATES_HZ = (1, 5, 10, 25, 50, 100, 250, 500, 750, 1000)
+"""The data rates of the 1750 and the 1760; they have no others."""
 
 CHANNELS = {  # by the bit of the status
     0: "gyro X",
@@ -107,26 +112,49 @@ def encode_setting(name: str, value: str | int) -> bytes:
     return f"={name},{value}\r\n".encode("ascii")
 
 
-def encode_echo(name: str, value: str | int) -> bytes:
-    """What the gyro answers when it has changed one."""
-    return f"{name},{value}\r\n".upper().encode("ascii")
+def encode_answer(*parts: str | int) -> bytes:
+    """A line of the gyro: name and value of a setting, or INVALID and the command."""
+    return (",".join(str(part) for part in parts) + "\r\n").upper().encode("ascii")
 
 
 def after_echo(data: bytes, name: str, value: str | int) -> bytes | None:
     """What came after the answer to a setting, which stands between frames; None where the answer has not come."""
-    line = re.search(re.escape(encode_echo(name, value).rstrip()) + rb"[\r\n]+", data.upper())
+    line = re.search(re.escape(encode_answer(name, value).rstrip()) + rb"[\r\n]+", data.upper())
     return data[line.end() :] if line else None
 
 
-class SettingReader:
-    """Settings out of what the gyro hears, bytes cut anywhere; what is no setting is passed over."""
+def after_leaving(data: bytes) -> bytes | None:
+    """The stream after `config,0`: what follows the echo, or from the first good frame on; None: neither has come."""
+    if (rest := after_echo(data, "config", 0)) is not None:
+        return rest
+    runs = FrameReader([FORMAT]).feed(data)
+    return data[int(runs[0].first_byte[0]) :] if runs else None
+
+
+def refusal_in(data: bytes) -> str:
+    """The line in which the gyro refuses a command; empty where there is none."""
+    line = re.search(rb"INVALID[ -~]*(?=[\r\n])", data.upper())
+    return line[0].decode("ascii") if line else ""
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """What the host says, in lower case: `?` asks for a setting, `=` changes it; `value` may be empty."""
+
+    sign: str
+    name: str
+    value: str = ""
+
+
+class CommandReader:
+    """Commands out of what the gyro hears, bytes cut anywhere; a line that is no command is passed over."""
 
     def __init__(self) -> None:
         self._line = b""
 
-    def feed(self, data: bytes) -> list[tuple[str, str]]:
-        """Names and values, in lower case, of the lines that are complete with these bytes."""
+    def feed(self, data: bytes) -> list[Command]:
+        """The commands that are complete with these bytes."""
         *lines, self._line = (self._line + data).split(b"\n")
         self._line = self._line[-256:]
-        found = (re.fullmatch(rb"=([a-z]+),([a-z0-9_]+)", line.strip().lower()) for line in lines)
-        return [(setting[1].decode("ascii"), setting[2].decode("ascii")) for setting in found if setting]
+        found = (re.fullmatch(rb"([=?])([a-z]+)(?:,([!-~]*))?", line.strip().lower()) for line in lines)
+        return [Command(*(part.decode("ascii") for part in one.groups(b""))) for one in found if one]

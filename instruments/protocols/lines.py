@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 
-from instruments.errors import InstrumentError, UsageError
+from benchctl_instruments.errors import InstrumentError, UsageError
 
 MAX_LINE = 4096
 MOST_SHOWN = 64

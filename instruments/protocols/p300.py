@@ -17,19 +17,16 @@ A request is a line of ASCII with CR LF, and every line gets one line back::
 | query          | answer                                                          | reader              |
 |----------------|-----------------------------------------------------------------|---------------------|
 | `TEMP?`        | air, set point (a word where it is off), high, low alarm, in °C | `read_temperatures` |
-| `MON?`         | air, humidity (empty or left out without), mode, alarms' number | `read_monitor`      |
 | `MODE?`        | a word of `MODES`; with `,DETAIL` one of `DETAILED_MODES`       | `read_mode`         |
 | `ALARM?`       | how many, and their codes                                       | `read_alarms`       |
 | `TYPE?`        | sensors, controller, highest set point                          | `read_type`         |
 | `ROM?`         | version, a text                                                 | (itself)            |
-| `SRQ?`         | eight digits, 0 or 1                                            | `read_srq`          |
-| `%?`           | how many, heater [%], humidifier [%]                            | `read_heaters`      |
-| `RELAY?`       | how many, and the numbers of the time signals that are on       | `read_relays`       |
+| `%?`           | how many, heater [%], humidifier [%]                            | `read_heater`       |
 
 Some chambers can be set to answer a query with two lines, an OK with its echo and then the data: `is_accepted` tells
 the first one. A set point beyond the alarms is refused. The alarm codes have no public list.
 
-Survived: what `instruments.protocols.lines` survives; whatever the text, a reader returns or raises `UnreadableError`.
+Survived: what `protocols.lines` survives; whatever the text, a reader returns or raises `UnreadableError`.
 """
 
 from __future__ import annotations
@@ -39,7 +36,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from instruments.errors import InstrumentError, UsageError
+from benchctl_instruments.errors import InstrumentError, UsageError
 
 REFUSALS: Mapping[str, str] = {
     "CMD ERR": "it does not know the command",
@@ -81,44 +78,6 @@ class Temperatures:
     setpoint_c: float | None
     high_c: float
     low_c: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Monitor:
-    """Air in °C, relative humidity in percent where there is such a control, mode, and how many alarms are active."""
-
-    air_c: float
-    humidity_percent: float | None
-    mode: str
-    alarms: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ControllerType:
-    """Sensors (T: thermocouple; no wet bulb without humidity), controller, and its highest set point in °C."""
-
-    dry_bulb: str
-    wet_bulb: str | None
-    controller: str
-    highest_c: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Heaters:
-    """What heater and humidifier put out, in percent."""
-
-    heater_percent: float
-    humidifier_percent: float | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ServiceRequest:
-    """Why the controller wants attention."""
-
-    alarm: bool
-    single_step_done: bool
-    state_changed: bool
-    gpib: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -202,18 +161,6 @@ def read_temperatures(line: str) -> Temperatures:
     )
 
 
-def read_monitor(line: str) -> Monitor:
-    """The answer to MON? or MON?,DETAIL."""
-    what = "air, humidity, mode and number of alarms"
-    air, *humidity, mode, alarms = _fields(line, what, 3, 4)
-    return Monitor(
-        air_c=_number(air, line, what),
-        humidity_percent=_number(humidity[0], line, what) if any(humidity) else None,
-        mode=read_mode(mode),
-        alarms=_count(alarms, line, what),
-    )
-
-
 def read_mode(line: str) -> str:
     """The answer to MODE? or MODE?,DETAIL, in the spelling of `DETAILED_MODES`."""
     mode = " ".join(line.upper().split())
@@ -224,44 +171,29 @@ def read_mode(line: str) -> str:
 
 def read_alarms(line: str) -> tuple[int, ...]:
     """The answer to ALARM?: the codes of the active alarms."""
-    return _counted(line, "the number of alarms and their codes")
+    what = "the number of alarms and their codes"
+    count, *codes = (_count(field.strip(), line, what) for field in line.split(","))
+    if count != len(codes):
+        raise _unreadable(line, what)
+    return tuple(codes)
 
 
-def read_relays(line: str) -> tuple[int, ...]:
-    """The answer to RELAY?: the numbers of the time signals that are on."""
-    return _counted(line, "the number of time signals and their numbers")
-
-
-def read_type(line: str) -> ControllerType:
-    """The answer to TYPE?."""
+def read_type(line: str) -> str:
+    """The controller's name from the answer to TYPE?."""
     what = "sensors, controller and highest set point"
-    dry_bulb, *wet_bulb, controller, highest = _fields(line, what, 3, 4)
-    return ControllerType(
-        dry_bulb=dry_bulb,
-        wet_bulb=wet_bulb[0] if wet_bulb else None,
-        controller=controller,
-        highest_c=_number(highest, line, what),
-    )
+    *_, controller, highest = _fields(line, what, 3, 4)
+    _number(highest, line, what)
+    return controller
 
 
-def read_heaters(line: str) -> Heaters:
-    """The answer to %?."""
+def read_heater(line: str) -> float:
+    """What the heater puts out, in percent, from the answer to %?."""
     what = "the number of outputs and what they put out"
     count, *outputs = _fields(line, what, 2, 3)
     if _count(count, line, what) != len(outputs):
         raise _unreadable(line, what)
-    heater, *humidifier = (_number(output, line, what) for output in outputs)
-    return Heaters(heater_percent=heater, humidifier_percent=humidifier[0] if humidifier else None)
-
-
-def read_srq(line: str) -> ServiceRequest:
-    """The answer to SRQ?."""
-    digits = line.strip()
-    if re.fullmatch("[01]{8}", digits) is None:
-        raise _unreadable(line, "eight digits of 0 and 1")
-    return ServiceRequest(
-        alarm=digits[1] == "1", single_step_done=digits[2] == "1", state_changed=digits[3] == "1", gpib=digits[6] == "1"
-    )
+    heater, *_ = (_number(output, line, what) for output in outputs)
+    return heater
 
 
 def parse_request(line: str) -> Request:
@@ -298,13 +230,6 @@ def _count(field: str, line: str, what: str) -> int:
     if re.fullmatch("[0-9]{1,9}", field) is None:
         raise _unreadable(line, what)
     return int(field)
-
-
-def _counted(line: str, what: str) -> tuple[int, ...]:
-    count, *numbers = (_count(field.strip(), line, what) for field in line.split(","))
-    if count != len(numbers):
-        raise _unreadable(line, what)
-    return tuple(numbers)
 
 
 def _unreadable(line: str, what: str) -> UnreadableError:

@@ -8,7 +8,7 @@
 Numbers are big-endian; the id says which parts there are. The CRC-32/MPEG-2 covers all before it, filled up with zero
 bytes, which are not sent, to a multiple of four. CR LF ends a datagram where the STIM300 is configured so. `latency` is
 the time [µs] from the sample to its first byte on the wire. The host asks with one letter and CR; the answers come
-between measurements: `instruments.protocols.stim300_answers`.
+between measurements: `benchctl_instruments.protocols.stim300_answers`.
 
 Source: vortexntnu stim300-driver, stim300_constants.hpp and datagram_parser.cpp (ids, parts, padding, scales);
 rock-drivers imu_stim300, stim300.hpp (layout, latency, counter). Not tried on hardware. The sources do not agree on
@@ -23,9 +23,9 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from instruments.interfaces import FloatArray, IntArray
-from instruments.protocols.crc32_mpeg2 import ByteArray
-from instruments.protocols.frames import FrameFormat
+from benchctl_instruments.interfaces import FloatArray, IntArray
+from benchctl_instruments.protocols.crc32_mpeg2 import ByteArray
+from benchctl_instruments.protocols.frames import FrameFormat
 
 Part = Literal["gyro", "acceleration", "inclination", "temperature", "auxiliary"]
 

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from instruments.errors import InstrumentError
-from instruments.protocols.crc32_mpeg2 import ByteArray
-from instruments.protocols.frames import FrameFormat
-from instruments.protocols.stim300 import CRLF, PARTS, Part
+from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.protocols.crc32_mpeg2 import ByteArray
+from benchctl_instruments.protocols.frames import FrameFormat
+from benchctl_instruments.protocols.stim300 import CRLF, PARTS, Part
 
 ASK_CONFIGURATION, ASK_SERIAL = b"C\r", b"I\r"
 

@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from instruments.errors import InstrumentError, LinkError
+from benchctl_instruments.errors import InstrumentError, LinkError
 
 FUNCTION, PACKET_TYPE, UNIT = 76, 16, 1
 MOST_SAMPLES = 512

@@ -8,11 +8,11 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from instruments.errors import InstrumentError, LinkError
-from instruments.links.recovered import note_recovered
-from instruments.links.tcp import LinkCutError, TcpLink
-from instruments.protocols.acl import Reply, ReplyReader, encode
-from instruments.protocols.lines import MOST_SHOWN, parse_number
+from benchctl_instruments.errors import InstrumentError, LinkError
+from benchctl_instruments.links.recovered import note_recovered
+from benchctl_instruments.links.tcp import LinkCutError, TcpLink
+from benchctl_instruments.protocols.acl import Reply, ReplyReader, encode
+from benchctl_instruments.protocols.lines import MOST_SHOWN, parse_number
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,7 +86,7 @@ class AclDialogue:
             with self._lock:
                 self._link.open(self._timeout_s)
         except LinkError as err:
-            raise LinkError(f"{self._name}: {err}") from err
+            raise LinkError(f"{self._name}: {self._link.address.left_out(err)}") from err
 
     def close(self) -> None:
         """Let go of the link once no exchange is under way; safe to call twice, and never raises."""
@@ -153,11 +153,12 @@ class AclDialogue:
             self._link.send(encode(text))
             return self._receive()
         except LinkCutError as err:
-            raise LinkCutError(f"{self._name}: sent {text!r}, expected a reply: {err}; {self._last_heard()}") from err
+            says = self._link.address.left_out(err)
+            raise LinkCutError(f"{self._name}: sent {text!r}, expected a reply: {says}; {self._last_heard()}") from err
         except LinkError as err:
             self._link.cut("given up: no reply in time")
             raise LinkError(
-                f"{self._name}: sent {text!r}, no reply within {self._timeout_s:g} s: {err}; check that the controller"
+                f"{self._name}: sent {text!r}, no reply within {self._timeout_s:g} s; check that the controller"
                 f" is in remote mode and that nobody else holds its link; {self._last_heard()}"
             ) from err
         except InstrumentError as err:

@@ -1,6 +1,6 @@
 """Rate table controller Acutronic ACUTROL3000, by ACL over TCP. Not tried on hardware.
 
-Source: published driver code of three laboratories, see `instruments.protocols.acl`. The port is a matter of the site:
+Source: published driver code of three laboratories, see `protocols.acl`. The port is a matter of the site:
 9888 and 9878 are both in use, so the address says it. What follows from those sources, and is done here:
 
 - A mode starts with whatever was last demanded of it, as fast as the limits allow. So a demand is always loaded before
@@ -35,12 +35,12 @@ from collections.abc import Mapping
 from enum import Enum
 from typing import Self
 
-from instruments.errors import InstrumentError, LinkError, UsageError
-from instruments.interfaces import Clock, Identity, TableLimits, TableReading, TableState
-from instruments.links.tcp import Reconnect, TcpLink
-from instruments.links.wirelog import WireLog
-from instruments.protocols.lines import MOST_SHOWN
-from instruments.rate_tables.acl_dialogue import AclDialogue, Setting
+from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
+from benchctl_instruments.interfaces import Clock, Identity, TableLimits, TableReading, TableState
+from benchctl_instruments.links.tcp import Reconnect, TcpLink
+from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.protocols.lines import MOST_SHOWN
+from benchctl_instruments.rate_tables.acl_dialogue import AclDialogue, Setting
 
 
 class Mode(Enum):
@@ -93,7 +93,7 @@ SLEW = ":con:osc {axis},Enable,{},{},Pos,Lin"  # how fast amplitude [deg/s] and 
 
 
 class Acutrol3000:
-    """One axis of an ACUTROL3000; an `instruments.interfaces.RateTable`. Safe to call from several threads.
+    """One axis of an ACUTROL3000; an `benchctl_instruments.interfaces.RateTable`. Safe to call from several threads.
 
     Parameters
     ----------

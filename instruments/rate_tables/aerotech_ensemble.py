@@ -1,11 +1,13 @@
 """Rotary stage on an Aerotech Ensemble controller, by its ASCII interface over TCP. Not tried on hardware.
 
-Source: published driver code, see `instruments.protocols.ensemble`. The axis must count in degrees, and the ASCII
+Source: published driver code, see `protocols.ensemble`. The axis must count in degrees, and the ASCII
 interface must be switched on as a TCP server; the port as delivered is 8000. What follows from the sources, and is done
 here:
 
 - A rate is a FREERUN, an angle a LINEAR by an increment, which goes the short way however the axis counts its turns.
   One does not follow the other in motion: the table is brought to rest between them, and the call returns after that.
+- After power-up the axis is not homed, and its status says so: rates need no home, an angle is refused until the axis
+  is homed at the controller.
 - Every stop is an ABORT: it ends either motion, and how fast it does so is a parameter that can be read back. The
   acceleration of a FREERUN is a RAMP RATE, which cannot.
 - A bare `%` can precede the answer to a query and is left out. Since one could precede a refusal too, no
@@ -28,16 +30,16 @@ from __future__ import annotations
 
 import math
 
-from instruments.errors import InstrumentError
-from instruments.interfaces import Clock, Identity, TableLimits, TableState
-from instruments.links.byte_link import byte_link
-from instruments.links.tcp import Reconnect
-from instruments.links.wirelog import WireLog
-from instruments.protocols.ensemble import ABORT_DECELERATION, PLANE_MOVES, AxisStatus, fault_names, parse_bits
-from instruments.protocols.lines import parse_number
-from instruments.rate_tables.constant_rate_table import LEAST, ConstantRateTable
-from instruments.rate_tables.ensemble_dialogue import EnsembleDialogue
-from instruments.rate_tables.kept_limits import check_finite, short_way_deg, wait_until
+from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.interfaces import Clock, Identity, TableLimits, TableState
+from benchctl_instruments.links.byte_link import byte_link
+from benchctl_instruments.links.tcp import Reconnect
+from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.protocols.ensemble import ABORT_DECELERATION, PLANE_MOVES, AxisStatus, fault_names, parse_bits
+from benchctl_instruments.protocols.lines import parse_number
+from benchctl_instruments.rate_tables.constant_rate_table import LEAST, ConstantRateTable
+from benchctl_instruments.rate_tables.ensemble_dialogue import EnsembleDialogue
+from benchctl_instruments.rate_tables.kept_limits import check_finite, short_way_deg, wait_until
 
 ASK_STATUS = "AXISSTATUS(@{axis})"
 ASK_FAULT = "AXISFAULT(@{axis})"
@@ -60,7 +62,7 @@ CONFIRM_S = 0.5  # bench time that a status is given to follow its command
 
 
 class Ensemble(ConstantRateTable[EnsembleDialogue]):
-    """One axis of an Ensemble; an `instruments.interfaces.RateTable`. Safe to call from several threads.
+    """One axis of an Ensemble; an `benchctl_instruments.interfaces.RateTable`. Safe to call from several threads.
 
     Parameters
     ----------
@@ -147,6 +149,11 @@ class Ensemble(ConstantRateTable[EnsembleDialogue]):
         with self._lock:
             rate_dps = self._limits.known().rate_dps
             self._fail_on_fault(f"an angle of {angle_deg:g} deg is asked for")
+            if not self._status() & AxisStatus.HOMED:
+                raise InstrumentError(
+                    f"{self._name}: an angle of {angle_deg:g} deg is asked for, and the axis is not homed: its angles"
+                    " count from where it was switched on; home it at the controller (HOME)"
+                )
             self._come_to_rest()
             by_deg = short_way_deg(self._angle_deg(), angle_deg)
             if abs(by_deg) >= LEAST:

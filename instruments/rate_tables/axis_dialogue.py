@@ -6,9 +6,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import TypeVar
 
-from instruments.errors import InstrumentError
-from instruments.links.lines import LineDialogue
-from instruments.links.recovered import note_recovered
+from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.links.lines import LineDialogue
+from benchctl_instruments.links.recovered import note_recovered
 
 Parsed = TypeVar("Parsed")
 
@@ -16,7 +16,7 @@ Parsed = TypeVar("Parsed")
 class AxisDialogue(ABC):
     """Queries, and commands that are up to the controller; every exchange is safe from several threads.
 
-    Junk in place of an answer is asked for once more, as silence is: `instruments.links.lines` says how.
+    Junk in place of an answer is asked for once more, as silence is: `benchctl_instruments.links.lines` says how.
 
     Parameters
     ----------

@@ -6,12 +6,12 @@ import threading
 from abc import ABC, abstractmethod
 from typing import ClassVar, Generic, Self, TypeVar
 
-from instruments.errors import InstrumentError, LinkError, UsageError
-from instruments.interfaces import Clock, TableReading
-from instruments.protocols.lines import parse_number
-from instruments.rate_tables.axis_dialogue import AxisDialogue
-from instruments.rate_tables.kept_limits import KeptLimits, refuse_to_oscillate, wait_until
-from instruments.rate_tables.proven_acceleration import ProvenAcceleration
+from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
+from benchctl_instruments.interfaces import Clock, TableReading
+from benchctl_instruments.protocols.lines import parse_number
+from benchctl_instruments.rate_tables.axis_dialogue import AxisDialogue
+from benchctl_instruments.rate_tables.kept_limits import KeptLimits, refuse_to_oscillate, wait_until
+from benchctl_instruments.rate_tables.proven_acceleration import ProvenAcceleration
 
 Dialogue = TypeVar("Dialogue", bound=AxisDialogue)
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeVar
 
-from instruments.errors import InstrumentError
-from instruments.interfaces import Clock
-from instruments.links.byte_link import ByteLink
-from instruments.links.lines import LineDialogue, Manners
-from instruments.protocols.ensemble import END, Outcome, is_bare, is_reply, parse_reply
-from instruments.protocols.lines import MOST_SHOWN
-from instruments.rate_tables.axis_dialogue import AxisDialogue
+from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.interfaces import Clock
+from benchctl_instruments.links.byte_link import ByteLink
+from benchctl_instruments.links.lines import LineDialogue, Manners
+from benchctl_instruments.protocols.ensemble import END, Outcome, is_bare, is_reply, parse_reply
+from benchctl_instruments.protocols.lines import MOST_SHOWN
+from benchctl_instruments.rate_tables.axis_dialogue import AxisDialogue
 
 Parsed = TypeVar("Parsed")
 

@@ -6,14 +6,14 @@ import math
 from collections.abc import Callable, Iterator
 from typing import TypeVar
 
-from instruments.errors import InstrumentError, LinkError
-from instruments.interfaces import Clock
-from instruments.links.byte_link import ByteLink
-from instruments.links.lines import LineDialogue, Manners
-from instruments.links.recovered import note_recovered
-from instruments.protocols.esp301 import ANSWER_END, SENT_END, Error, held_an_error, is_unasked, parse_error
-from instruments.protocols.lines import parse_number
-from instruments.rate_tables.axis_dialogue import AxisDialogue
+from benchctl_instruments.errors import InstrumentError, LinkError
+from benchctl_instruments.interfaces import Clock
+from benchctl_instruments.links.byte_link import ByteLink
+from benchctl_instruments.links.lines import LineDialogue, Manners
+from benchctl_instruments.links.recovered import note_recovered
+from benchctl_instruments.protocols.esp301 import ANSWER_END, SENT_END, Error, held_an_error, is_unasked, parse_error
+from benchctl_instruments.protocols.lines import parse_number
+from benchctl_instruments.rate_tables.axis_dialogue import AxisDialogue
 
 Parsed = TypeVar("Parsed")
 

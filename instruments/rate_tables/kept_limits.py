@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable
 from typing import NoReturn
 
-from instruments.errors import UsageError
-from instruments.interfaces import Clock, TableLimits
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.interfaces import Clock, TableLimits
 
 _LONGEST_STOP_S = 30.0  # bench time, where no limits are known
 _POLL_S = 0.05

@@ -1,6 +1,6 @@
 """Rotary stage on a Newport ESP301 controller, by its commands on a serial line. Not tried on hardware.
 
-Source: published driver code, see `instruments.protocols.esp301`. The axis must count in degrees. The line is 19200
+Source: published driver code, see `protocols.esp301`. The axis must count in degrees. The line is 19200
 baud, 8N1, as an ESP301 has it; an ESP302 answers at TCP port 5001 as well. What follows from the sources, and is done
 here:
 
@@ -14,6 +14,8 @@ here:
 - An ESP300 was seen to say an error unasked before an answer; such a line is left out, the queue has it too.
 - Acceleration and deceleration are programmed. The limit on the rate is kept by the driver, which refuses what lies
   beyond; a software limit of the angle (`SL`, `SR`), where one is set, is a fault when a turning table meets it.
+- After power-up the axis counts from where it stands, until it is homed (`1OR`), and no query tells which: home it
+  before angles matter. Rates need no home.
 - No public source describes a sinusoid: `oscillate` is refused. Nor does one name a query for the acceleration: the one
   that is read is what successive rates prove.
 
@@ -29,18 +31,18 @@ from __future__ import annotations
 
 import math
 
-from instruments.errors import InstrumentError
-from instruments.interfaces import Clock, Identity, TableLimits, TableState
-from instruments.links.byte_link import byte_link
-from instruments.links.lines import NoAnswerError
-from instruments.links.recovered import note_recovered
-from instruments.links.tcp import Reconnect
-from instruments.links.wirelog import WireLog
-from instruments.protocols.esp301 import DEGREES, Error, parse_flag
-from instruments.protocols.lines import MOST_SHOWN, parse_number
-from instruments.rate_tables.constant_rate_table import LEAST, ConstantRateTable
-from instruments.rate_tables.esp301_dialogue import Esp301Dialogue, listed
-from instruments.rate_tables.kept_limits import check_finite, short_way_deg
+from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.interfaces import Clock, Identity, TableLimits, TableState
+from benchctl_instruments.links.byte_link import byte_link
+from benchctl_instruments.links.lines import NoAnswerError
+from benchctl_instruments.links.recovered import note_recovered
+from benchctl_instruments.links.tcp import Reconnect
+from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.protocols.esp301 import DEGREES, Error, parse_flag
+from benchctl_instruments.protocols.lines import MOST_SHOWN, parse_number
+from benchctl_instruments.rate_tables.constant_rate_table import LEAST, ConstantRateTable
+from benchctl_instruments.rate_tables.esp301_dialogue import Esp301Dialogue, listed
+from benchctl_instruments.rate_tables.kept_limits import check_finite, short_way_deg
 
 ASK_VERSION = "VE?"
 ASK_UNITS = "{axis}SN?"
@@ -61,7 +63,7 @@ NEAR_DEG = 0.1  # so near to an angle, a table at rest has reached it
 
 
 class Esp301(ConstantRateTable[Esp301Dialogue]):
-    """One axis of an ESP301; an `instruments.interfaces.RateTable`. Safe to call from several threads.
+    """One axis of an ESP301; an `benchctl_instruments.interfaces.RateTable`. Safe to call from several threads.
 
     Parameters
     ----------

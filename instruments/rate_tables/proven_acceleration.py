@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from instruments.interfaces import Clock
+from benchctl_instruments.interfaces import Clock
 
 SHORTEST_S = 0.04
 """Reads closer together are not compared: what the rate may be off would hide any acceleration."""

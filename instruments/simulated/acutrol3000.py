@@ -5,14 +5,14 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 
-from instruments.errors import InstrumentError
-from instruments.protocols.acl import Lines, encode_reply
-from instruments.simulated.acutrol3000_controller import AcutrolController
-from instruments.simulated.faults.wires import Lines as LinesWire
-from instruments.simulated.faults.wires import Wire
-from instruments.simulated.machines import TableMachine
-from instruments.simulated.table_server import TableServer
-from instruments.simulated.tcp_server import TcpServer
+from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.protocols.acl import Lines, encode_reply
+from benchctl_instruments.simulated.acutrol3000_controller import AcutrolController
+from benchctl_instruments.simulated.faults.wires import Lines as LinesWire
+from benchctl_instruments.simulated.faults.wires import Wire
+from benchctl_instruments.simulated.machines import TableMachine
+from benchctl_instruments.simulated.table_server import TableServer
+from benchctl_instruments.simulated.tcp_server import TcpServer
 
 
 class SimulatedAcutrol3000(TableServer):

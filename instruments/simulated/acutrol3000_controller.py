@@ -12,15 +12,15 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from instruments.errors import InstrumentError, UsageError
-from instruments.protocols.acl import Command, parse_commands
-from instruments.protocols.lines import parse_number
-from instruments.simulated.machines import TableMachine
+from benchctl_instruments.errors import InstrumentError, UsageError
+from benchctl_instruments.protocols.acl import Command, parse_commands
+from benchctl_instruments.protocols.lines import parse_number
+from benchctl_instruments.simulated.machines import TableMachine
 
 IDENTITY = "simulated,ACUTROL3000,1,0"
 STATUS_FAULT = 65  # what a real one was seen to answer with its interlock in fault
 MODE_NAMES = {"off": "Off", "position": "Position", "rate": "Rate", "arate": "AbsRate", "synthesizer": "Synthesizer"}
-LIMITED_MODES = ("position", "rate", "arate", "synthesizer", "abort")
+LIMITED_MODES = ("position", "rate", "synthesizer", "abort", "arate")
 _PER_DEGREE: dict[str, Callable[[float], float]] = {  # what one unit of an oscillation's amplitude is in degrees
     "pos": lambda omega: 1.0,
     "rate": lambda omega: 1.0 / omega,
@@ -58,6 +58,7 @@ class AcutrolController:
     def __init__(self, table: TableMachine) -> None:
         self._table = table
         self._lock = threading.Lock()
+        self.closing = threading.Event()
         self._factory_limits = table.limits()
         self._limits = dict.fromkeys(LIMITED_MODES, self._factory_limits)
         self._velocity_trip_dps = 1.1 * self._factory_limits[0]
@@ -67,6 +68,7 @@ class AcutrolController:
         self._opened_by_hand = False
         self._rate_dps = 0.0
         self._angle_deg = 0.0
+        self._acceleration_dps2 = 0.0
         self._oscillator = Oscillator()
 
     def open_interlock(self) -> None:
@@ -121,10 +123,18 @@ class AcutrolController:
             case ("interlock", "reset"), False:
                 self._reset()
                 return None
-            case ("utility", "lockout"), False:
+            case ("utility", _) | ("configure", "window"), False:  # the front panel
                 return None
             case ("limit", "acceleration" | "rate" as limited), query:
                 return self._limit(limited, query, command.arguments)
+            case ("limit", "vtrip" | "lposition" | "hposition" as other), False:
+                self._limit_whole_axis(other, command.arguments)
+                return None
+            case ("limit",), False:
+                words = [*command.arguments, "", "", "", ""]  # axis, mode, rate, acceleration, jerk
+                self._limit("rate", False, [words[1], words[0], words[2]])
+                self._limit("acceleration", False, [words[1], words[0], words[3]])
+                return None
         arguments = _of_axis_1(command.arguments)
         match command.path, command.query:
             case ("read", what), True:
@@ -151,8 +161,6 @@ class AcutrolController:
             case ("limit", "absolute"), True:
                 rate, acceleration = self._factory_limits
                 return f"{rate:.6f},{acceleration:.6f},0,-360,360,{self._velocity_trip_dps:.6f}"
-            case ("limit", "vtrip"), False:
-                (self._velocity_trip_dps,) = _numbers(arguments, 1)
             case _:
                 raise UsageError(f"{':'.join(command.path)}{'?' * command.query} is not simulated")
         return None
@@ -167,8 +175,7 @@ class AcutrolController:
         return f"{value:.6f}"
 
     def _limit(self, what: str, query: bool, arguments: Sequence[str]) -> str | None:
-        name = arguments[0].lower() if arguments else ""
-        mode = next((mode for mode in LIMITED_MODES if name and mode.startswith(name)), None)
+        mode = _limited_mode(arguments[0]) if arguments else None
         if mode is None:
             raise UsageError(f"limit {what}: expected a mode, an axis and a number")
         rest = _of_axis_1(arguments[1:])
@@ -184,11 +191,20 @@ class AcutrolController:
             self._table.set_limits(*self._limits[mode])
         return None
 
+    def _limit_whole_axis(self, what: str, arguments: Sequence[str]) -> None:
+        """With or without a mode; the axis has no end, so limits of its position are taken and not kept."""
+        if arguments and _limited_mode(arguments[0]):
+            arguments = arguments[1:]
+        (value,) = _numbers(_of_axis_1(arguments), 1)
+        if what == "vtrip":
+            self._velocity_trip_dps = value
+
     def _demanded(self, what: str) -> str:
         o = self._oscillator
         answers = {
             "rate": f"{self._rate_dps:.6f}",
             "position": f"{self._angle_deg % 360.0:.6f}",
+            "acceleration": f"{self._acceleration_dps2:.6f}",
             "oscillator": f"{o.amplitude:.6f},{o.frequency_hz:.6f},{o.phase_deg:.6f}",
         }
         if what not in answers:
@@ -206,6 +222,8 @@ class AcutrolController:
             (angle_deg,) = _numbers(arguments, 1)
             self._angle_deg += _short_way(self._angle_deg, angle_deg)
             self._act("position")
+        elif what == "acceleration":  # no mode of the axis acts on it
+            (self._acceleration_dps2,) = _numbers(arguments, 1)
         elif what == "delta":
             (delta_deg,) = _numbers(arguments, 1)
             _within("delta", delta_deg, 180.0)
@@ -295,6 +313,10 @@ def _of_axis_1(arguments: Sequence[str]) -> Sequence[str]:
     if not arguments or arguments[0].lower() not in ("1", "all"):
         raise UsageError("expected axis 1")
     return arguments[1:]
+
+
+def _limited_mode(name: str) -> str | None:
+    return next((mode for mode in LIMITED_MODES if name and mode.startswith(name.lower())), None)
 
 
 def _numbers(words: Sequence[str], count: int) -> tuple[float, ...]:

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from instruments.errors import InstrumentError
-from instruments.protocols.ensemble import END, Outcome, Reply, encode_reply
-from instruments.protocols.lines import LineCutter
-from instruments.simulated.aerotech_ensemble_controller import EnsembleController
-from instruments.simulated.faults.wires import Lines, Wire
-from instruments.simulated.machines import TableMachine
-from instruments.simulated.table_server import TableServer
-from instruments.simulated.tcp_server import TcpServer
+from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.protocols.ensemble import END, Outcome, Reply, encode_reply
+from benchctl_instruments.protocols.lines import LineCutter
+from benchctl_instruments.simulated.aerotech_ensemble_controller import EnsembleController
+from benchctl_instruments.simulated.faults.wires import Lines, Wire
+from benchctl_instruments.simulated.machines import TableMachine
+from benchctl_instruments.simulated.table_server import TableServer
+from benchctl_instruments.simulated.tcp_server import TcpServer
 
 
 class SimulatedEnsemble(TableServer):
-    """Serves a simulated table, axis 0, at `tcp://host:port`; several clients may talk to it at once.
+    """Serves a simulated table, axis X of three, at `tcp://host:port`; several clients may talk to it at once.
 
     Parameters
     ----------

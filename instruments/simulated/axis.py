@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from instruments.errors import UsageError
-from instruments.interfaces import FloatArray
-from instruments.physics.servo import Motion, Segment, coast, follow, with_ripple
-from instruments.physics.table import Piece, TableParameters, to_angle, to_rate, to_sine
-from instruments.simulated.machines import TableMotion
-from instruments.simulated.timebase import Timebase
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.physics.servo import Motion, Segment, coast, follow, with_ripple
+from benchctl_instruments.physics.table import Piece, TableParameters, to_angle, to_rate, to_sine
+from benchctl_instruments.simulated.machines import TableMotion
+from benchctl_instruments.simulated.timebase import Timebase
 
 _LONG_AGO_S = -100.0
 

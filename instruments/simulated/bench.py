@@ -6,15 +6,15 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from typing import Any, Self
 
-from instruments.catalog import Kind, twin
-from instruments.errors import UsageError
-from instruments.physics.chain import Effect
-from instruments.simulated.clock import ScaledClock, VirtualClock
-from instruments.simulated.faults.bench import BenchFaults
-from instruments.simulated.faults.log import Fired
-from instruments.simulated.faults.tables import FaultTable
-from instruments.simulated.settings import WorldSettings
-from instruments.simulated.world import World
+from benchctl_instruments.catalog import Kind, twin
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.chain import Effect
+from benchctl_instruments.simulated.clock import ScaledClock, VirtualClock
+from benchctl_instruments.simulated.faults.bench import BenchFaults
+from benchctl_instruments.simulated.faults.log import Fired
+from benchctl_instruments.simulated.faults.tables import FaultTable
+from benchctl_instruments.simulated.settings import WorldSettings
+from benchctl_instruments.simulated.world import World
 
 
 class SimulatedBench:

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from instruments.errors import UsageError
-from instruments.interfaces import FloatArray
-from instruments.physics.chamber import (
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.physics.chamber import (
     ChamberParameters,
     ChamberState,
     Forecast,
@@ -18,7 +18,7 @@ from instruments.physics.chamber import (
     settled,
     switched,
 )
-from instruments.simulated.timebase import Timebase
+from benchctl_instruments.simulated.timebase import Timebase
 
 _LONG_AGO_S = -100.0
 

@@ -1,6 +1,6 @@
 """The simulated bench's time: a clock that jumps, and one that runs at a multiple of wall time.
 
-Both satisfy `instruments.interfaces.Clock`; beside it they let a simulated instrument wait for an instant of bench
+Both satisfy `interfaces.Clock`; beside it they let a simulated instrument wait for an instant of bench
 time.
 """
 
@@ -10,11 +10,11 @@ import threading
 import time
 from typing import Protocol
 
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 class BenchClock(Protocol):
-    """`instruments.interfaces.Clock` with something to wait on, for what runs beside the host's own thread."""
+    """`benchctl_instruments.interfaces.Clock` with something to wait on, for what runs beside the host's own thread."""
 
     def now(self) -> float:
         """Seconds of bench time since the clock was made; never goes back."""

@@ -1,20 +1,46 @@
-"""A simulated chamber with a CSZ EZT-430i controller: its registers over a chamber machine, served as Modbus RTU."""
+"""A simulated chamber with a CSZ EZT-430i controller: its registers over a chamber machine, served as Modbus RTU.
+
+Registers: EZT-430i Communications Manual, revision C, pages 4.8 to 5.7. Its second loop has no machine, and a program
+is stored but not run. Function 16 is acknowledged and carried out for programs alone, as on a real one.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.protocols.modbus import WRITE_SEVERAL, Request
+from benchctl_instruments.simulated.machines import ChamberMachine
+from benchctl_instruments.simulated.modbus_server import ModbusRtuServer
+from benchctl_instruments.simulated.registers import (
+    LimitedSetpoint,
+    Register,
+    RegisterTable,
+    constants,
+    laid_out,
+    scaled,
+    signed_word,
+    word,
+)
 
-from instruments.errors import UsageError
-from instruments.protocols.modbus import ILLEGAL_VALUE, ModbusRefusal
-from instruments.simulated.machines import ChamberMachine
-from instruments.simulated.modbus_server import ModbusRtuServer
-from instruments.simulated.registers import Register, RegisterTable, signed_word, word
-
-EVENTS = 0x3F  # six system events
+EVENTS = 6
 MOST_DECIMALS = 3
 SENSOR_BREAK = 39
-LOW_C, HIGH_C = -80.0, 200.0
 ALARM_C = 190.0
+PROGRAM, PROGRAM_WORDS = 100, 14 * 65  # a head and 64 steps
+MEMORY = {
+    10: (0,),  # autotune
+    14: (1,),  # first step of the program
+    41: (500, 0),  # loop 2: set point, output
+    51: (1900,) * 6,  # set points of the alarms
+    PROGRAM: (0,) * PROGRAM_WORDS,
+}
+CONSTANTS = {
+    2: (0, 0, 0),  # alarms: program out of step, communication of a loop, control of a loop
+    16: (0,) * 12,  # program: name, step, steps, time of the step, time left, cycles left
+    31: (0, 0),  # targets of the step
+    38: (0,),  # loop 1: mode
+    40: (500,),  # loop 2: process value
+    43: (0, 0),  # mode, error
+}
 
 
 class SimulatedCszEzt430i(ModbusRtuServer):
@@ -32,8 +58,8 @@ class SimulatedCszEzt430i(ModbusRtuServer):
         See `ModbusRtuServer`.
 
     Air above 190 °C latches its input alarm (register 5), until register 1 resets it with the air back below. `busy`
-    (register 0), `events` (12), `manual_override` (9), `program` (15) and `loop_error` (39) may be set by hand;
-    `reserved_writes` counts what was written to register 11.
+    (register 0), `events` (12), `manual_override` (9), `program` (15) and `loop_error` (39) may be set by hand; while
+    it is busy no write is carried out, which is assumed. `reserved_writes` counts what was written to register 11.
     """
 
     def __init__(
@@ -49,7 +75,7 @@ class SimulatedCszEzt430i(ModbusRtuServer):
         if not 0 <= decimals <= MOST_DECIMALS:
             raise UsageError(f"decimals = {decimals}: a simulated EZT-430i has 0 to {MOST_DECIMALS}")
         self._chamber = chamber
-        self._step = 10**decimals
+        self._decimals = decimals
         self._on_bit = 1 << (on_event - 1)
         self._latched = 0
         self.busy = 0
@@ -58,37 +84,33 @@ class SimulatedCszEzt430i(ModbusRtuServer):
         self.program = 0
         self.loop_error = 0
         self.reserved_writes = 0
-        registers = EztRegisters(self._registers(), is_busy=lambda: self.busy != 0)
-        super().__init__(registers, unit_id=unit_id, pace_baud=pace_baud, over_tcp=over_tcp)
+        registers = RegisterTable(self._registers(), memory=laid_out(MEMORY))
+        super().__init__(registers, unit_id=unit_id, pace_baud=pace_baud, over_tcp=over_tcp, ignores=self._ignores)
 
     def _registers(self) -> list[Register]:
         chamber = self._chamber
+        setpoint = LimitedSetpoint(chamber, -80.0, 200.0)
         return [
+            *constants(laid_out(CONSTANTS)),
             word(0, lambda: self.busy),
-            word(1, lambda: 0, self._reset_alarms),
-            word(2, lambda: 0),
-            word(3, lambda: 0),
-            word(4, lambda: 0),
+            word(1, lambda: 0, self._reset_alarms, takes=(0, 1)),
             word(5, self._input_alarm),
             word(9, lambda: self.manual_override),
-            word(10, lambda: 0),
             word(11, lambda: 0, self._touch_reserved),
-            word(12, lambda: self.events, self._set_events),
+            word(12, lambda: self.events, self._set_events, takes=range(1 << EVENTS)),
             word(15, lambda: self.program),
-            self._scaled(35, lambda: float("inf") if self.loop_error == SENSOR_BREAK else chamber.air_c()),
-            self._scaled(36, chamber.setpoint_c, self._set_setpoint),
+            scaled(
+                35,
+                lambda: float("inf") if self.loop_error == SENSOR_BREAK else chamber.air_c(),
+                decimals=self._decimals,
+            ),
+            scaled(36, chamber.setpoint_c, setpoint.put, decimals=self._decimals),
             signed_word(37, lambda: round(100 * chamber.power_percent())),
-            word(38, lambda: 0),
             word(39, lambda: self.loop_error),
         ]
 
-    def _scaled(self, address: int, get: Callable[[], float], put: Callable[[float], None] | None = None) -> Register:
-        """A temperature with the implied decimal point, at the end of its range where it does not fit."""
-        return signed_word(
-            address,
-            lambda: round(max(-0x8000, min(0x7FFF, get() * self._step))),
-            None if put is None else lambda value: put(value / self._step),
-        )
+    def _ignores(self, request: Request) -> bool:
+        return self.busy != 0 or (request.function == WRITE_SEVERAL and request.address < PROGRAM)
 
     def _input_alarm(self) -> int:
         if self._chamber.air_c() > ALARM_C:
@@ -96,8 +118,6 @@ class SimulatedCszEzt430i(ModbusRtuServer):
         return self._latched
 
     def _reset_alarms(self, value: int) -> None:
-        if value not in (0, 1):
-            raise ModbusRefusal(ILLEGAL_VALUE)
         if value == 1:
             self._latched = 0
 
@@ -105,32 +125,8 @@ class SimulatedCszEzt430i(ModbusRtuServer):
         self.reserved_writes += 1
 
     def _set_events(self, events: int) -> None:
-        if events & ~EVENTS:
-            raise ModbusRefusal(ILLEGAL_VALUE)
         self.events = events
         self._chamber.run(bool(events & self._on_bit))
-
-    def _set_setpoint(self, value_c: float) -> None:
-        if not LOW_C <= value_c <= HIGH_C:
-            raise ModbusRefusal(ILLEGAL_VALUE)
-        self._chamber.set_setpoint(value_c)
-
-
-class EztRegisters(RegisterTable):
-    """The EZT-430i's registers, one at a time: several at once are acknowledged, and nothing is done.
-
-    A real one treats function 16 so whatever the number of registers; here one register with function 16 is written.
-    While it is busy nothing is done either, which is assumed.
-    """
-
-    def __init__(self, registers: Iterable[Register], *, is_busy: Callable[[], bool]) -> None:
-        self._is_busy = is_busy
-        super().__init__(registers)
-
-    def write(self, address: int, values: list[int]) -> None:
-        """Write one register."""
-        if len(values) == 1 and not self._is_busy():
-            super().write(address, values)
 
 
 Twin = SimulatedCszEzt430i

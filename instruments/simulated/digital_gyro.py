@@ -17,11 +17,11 @@ from typing import Self
 
 import numpy as np
 
-from instruments.errors import UsageError
-from instruments.interfaces import FloatArray
-from instruments.simulated.machines import AnalogInputs
-from instruments.simulated.push_line import PushLine
-from instruments.simulated.settings import WorldSettings
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.simulated.machines import AnalogInputs
+from benchctl_instruments.simulated.push_line import PushLine
+from benchctl_instruments.simulated.settings import WorldSettings
 
 AXES = ("x", "y", "z")
 BITS_PER_BYTE = 10  # 8N1

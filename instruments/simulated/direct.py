@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Self
 
-from instruments.errors import InstrumentError, LinkError, UsageError
-from instruments.interfaces import (
+from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
+from benchctl_instruments.interfaces import (
     ChamberReading,
     FloatArray,
     Identity,
@@ -17,9 +17,9 @@ from instruments.interfaces import (
     TableReading,
     TableState,
 )
-from instruments.physics.adc import codes_from_volts, volts_from_codes
-from instruments.simulated.machines import SINGLE_READING_S, TableMotion
-from instruments.simulated.world import World
+from benchctl_instruments.physics.adc import codes_from_volts, volts_from_codes
+from benchctl_instruments.simulated.machines import SINGLE_READING_S, TableMotion
+from benchctl_instruments.simulated.world import World
 
 _REST_DPS = 0.005
 _REST_DPS2 = 0.5

@@ -4,29 +4,59 @@ How it decides where no source says how the real one does: while a program runs,
 refused with CHB NOT READY, except that MODE,STANDBY and MODE,OFF end a program and POWER,ON switches the panel on.
 Alarms that would leave the set point outside are refused, and so are alarms beyond the chamber's own range. Air found
 beyond an alarm while the chamber conditions is latched under a code of our own, and conditioning goes on. There is no
-humidity control, and no program but the one that is started by hand at the panel.
+control of humidity or of a product's temperature, no timer, and no program but the one that is started by hand at the
+panel; the date and the time are those that were set and stand still.
 """
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Callable
 from typing import Self
 
-from instruments.errors import InstrumentError
-from instruments.protocols import p300
-from instruments.protocols.lines import LineCutter, encode_line
-from instruments.protocols.p300 import data_line
-from instruments.simulated.faults.link_faults import LinkFaults
-from instruments.simulated.faults.wires import Lines, Wire
-from instruments.simulated.machines import ChamberMachine
-from instruments.simulated.serial_line import SerialLine
-from instruments.simulated.tcp_server import TcpServer
+from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.protocols import p300
+from benchctl_instruments.protocols.lines import LineCutter, encode_line
+from benchctl_instruments.protocols.p300 import data_line
+from benchctl_instruments.simulated.faults.link_faults import LinkFaults
+from benchctl_instruments.simulated.faults.wires import Lines, Wire
+from benchctl_instruments.simulated.machines import ChamberMachine
+from benchctl_instruments.simulated.serial_line import SerialLine
+from benchctl_instruments.simulated.tcp_server import TcpServer
 
 BAUD = 9600
 LOWEST_C, HIGHEST_C = -75.0, 180.0
 BEYOND_HIGH, BEYOND_LOW = 1, 2  # codes of our own: the real ones have no public list
 RELAYS = 12
+PAUSED = " PAUSE"
+ROM = "P300 SIMULATED 1.00"
+SETTINGS = {  # what is only stored: its form in a command, and what stands there at first
+    "DATE": (r"(\d{1,2}\.\d{1,2}/\d{1,2})\. ?[A-Z]{3}", "26.1/1"),
+    "TIME": (r"(\d{1,2}:\d{1,2}:\d{1,2})", "12:0:0"),
+    "MASK": ("([01]{8})", "00000000"),
+    "KEYPROTECT": ("(ON|OFF)", "OFF"),
+    "SET": ("(REF[01369])", "REF9"),
+}
+REFRIGERATION = {"REF0": "OFF", "REF1": "20", "REF3": "50", "REF6": "100", "REF9": "AUTO"}
+ALWAYS = {  # queries with an answer that never changes
+    "ROM": ROM,
+    "ROM,DISP": ROM,
+    "TYPE": f"T,P300,{HIGHEST_C}",
+    "TIMER ON": "0",
+    "TIMER USE": "0",
+    "PRGM USE,RAM": "0",
+    "SYSTEM SET,PTCOPT": "OFF",
+}
+REFUSED = {  # commands and queries of a real one for what this one does not have
+    **dict.fromkeys(("HUMI", "MON PTC", "TEMP PTC", "SET PTC", "PTC", "PRGM DATA PTC"), "CONT NOT READY-1"),
+    **dict.fromkeys(("CONSTANT SET,HUMI", "CONSTANT SET,PTC"), "CONT NOT READY-1"),
+    **dict.fromkeys(("RUN PRGM", "RUN PRGM MON"), "CONT NOT READY-3"),
+    **dict.fromkeys(("PRGM USE", "PRGM DATA", "PRGM ERASE", "TIMER LIST", "TIMER"), "DATA NOT READY"),
+    "PRGM DATA WRITE": "PRGM WRITE ERR-1",
+    "TIMER WRITE": "INVALID REQ",
+    "TIMER ERASE": "INVALID REQ",
+}
 
 
 class RefusedError(Exception):
@@ -55,27 +85,33 @@ class P300Controller:
         self._alarms: list[int] = []
         self._relays: set[int] = set()
         self.protected = False
+        self._settings = {name: first for name, (_, first) in SETTINGS.items()}
         self._queries: dict[str, Callable[[], str]] = {
+            **{name: lambda text=text: text for name, text in ALWAYS.items()},  # type: ignore[misc]
+            **{name: lambda name=name: self._settings[name] for name in SETTINGS},  # type: ignore[misc]
             "TEMP": lambda: data_line(chamber.air_c(), chamber.setpoint_c(), self._high_c, self._low_c),
-            "HUMI": self._no_humidity,
+            "CONSTANT SET,TEMP": lambda: data_line(chamber.setpoint_c(), "ON"),
+            "CONSTANT SET,REF": lambda: REFRIGERATION[self._settings["SET"]],
+            "CONSTANT SET,RELAY": self._relays_on,
             "MON": lambda: data_line(chamber.air_c(), None, self._short_mode(), len(self._alarms)),
             "MON,DETAIL": lambda: data_line(chamber.air_c(), None, self._mode, len(self._alarms)),
             "MODE": self._short_mode,
             "MODE,DETAIL": lambda: self._mode,
             "ALARM": lambda: data_line(len(self._alarms), *self._alarms),
-            "TYPE": lambda: data_line("T", "P300", HIGHEST_C),
-            "ROM": lambda: "SIMULATED 1.00",
             "SRQ": lambda: f"0{int(bool(self._alarms))}000000",
             "%": lambda: data_line(1, max(0.0, chamber.power_percent())),
-            "RELAY": lambda: data_line(len(self._relays), *sorted(self._relays)),
+            "RELAY": self._relays_on,
+            "REF": lambda: "2,ON1,ON2" if self._conditions() else "2,OFF1,OFF2",
+            "PRGM MON": lambda: self._of_program(data_line(1, chamber.setpoint_c(), "0:00", 0, 0)),
+            "PRGM SET": lambda: self._of_program("RAM:1,PANEL,END(STANDBY)"),
         }
         self._commands: dict[str, Callable[[tuple[str, ...]], object]] = {
             "TEMP": self._set_temperatures,
-            "HUMI": lambda _: self._no_humidity(),
             "MODE": self._set_mode,
             "POWER": self._set_power,
             "RELAY": self._set_relays,
             "PRGM": self._program,
+            "SRQ": self._reset_srq,
         }
 
     def run_program(self, mode: str = p300.RUN) -> None:
@@ -113,19 +149,25 @@ class P300Controller:
     # Queries and commands ---------------------------------------------------------------------------------------------
 
     def _answer(self, name: str, parameters: tuple[str, ...]) -> str:
-        if name not in self._queries:
-            raise RefusedError("CMD ERR")
-        answer = self._queries.get(",".join((name, *parameters)))
-        if answer is None:
-            raise RefusedError("PARA ERR")
-        return answer()
+        query = ",".join((name, *parameters))
+        if query in self._queries:
+            return self._queries[query]()
+        if refusal := REFUSED.get(query, REFUSED.get(name)):
+            raise RefusedError(refusal)
+        known = any(each.partition(",")[0] == name for each in self._queries)
+        raise RefusedError("PARA ERR" if known else "CMD ERR")
 
     def _obey(self, name: str, parameters: tuple[str, ...]) -> None:
-        if name not in self._commands:
-            raise RefusedError("CMD ERR")
+        if name not in self._commands and name not in SETTINGS:
+            raise RefusedError(REFUSED.get(name, "CMD ERR"))
         if self.protected:
             raise RefusedError("PROTECT ON")
-        self._commands[name](parameters)
+        if name in self._commands:
+            self._commands[name](parameters)
+        elif found := re.fullmatch(SETTINGS[name][0], ",".join(parameters)):
+            self._settings[name] = found[1]
+        else:
+            raise RefusedError("PARA ERR")
 
     def _set_temperatures(self, parameters: tuple[str, ...]) -> None:
         settings = p300.parse_settings(parameters)
@@ -177,14 +219,25 @@ class P300Controller:
             case ("RUN", _, _):
                 raise RefusedError("DATA NOT READY")
             case ("END", end) if end in ends:
-                if p300.RUN not in self._mode:
-                    raise RefusedError("CONT NOT READY-2")
-                self._enter(ends[end])
+                self._enter(self._of_program(ends[end]))
+            case ("PAUSE" | "CONTINUE" | "ADVANCE" as order,):
+                running = self._of_program(self._mode.removesuffix(PAUSED))
+                self._enter(running + PAUSED if order == "PAUSE" else running)
             case _:
                 raise RefusedError("PARA ERR")
 
-    def _no_humidity(self) -> str:
-        raise RefusedError("CONT NOT READY-1")
+    def _of_program(self, text: str) -> str:
+        """The text where a program runs; else a refusal."""
+        if p300.RUN not in self._mode:
+            raise RefusedError("CONT NOT READY-2")
+        return text
+
+    def _relays_on(self) -> str:
+        return data_line(len(self._relays), *sorted(self._relays))
+
+    def _reset_srq(self, parameters: tuple[str, ...]) -> None:
+        if parameters != ("RESET",):
+            raise RefusedError("PARA ERR")
 
     # States -----------------------------------------------------------------------------------------------------------
 

@@ -1,36 +1,34 @@
 """What the simulated Eurotherm controllers have in common: parameters at two addresses over a chamber machine.
 
-A parameter a answers as a scaled whole number at a and as a single at 2a + 32768, high word first. The target set point
-lies in an EEPROM, and every write to it is counted, changed or not. Manual mode alone freezes the output as it is: the
+A parameter a answers as a scaled whole number at a and as a single at 2a + 32768, high word first. The set points lie
+in an EEPROM, and every write to one is counted, changed or not. Manual mode alone freezes the output as it is: the
 chamber goes on until an output of zero is written.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import ClassVar
 
-from instruments.errors import UsageError
-from instruments.protocols.modbus import ILLEGAL_VALUE, ModbusRefusal
-from instruments.simulated.machines import ChamberMachine
-from instruments.simulated.modbus_server import ModbusRtuServer
-from instruments.simulated.registers import Register, RegisterTable, f32, signed_word, word
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.protocols.modbus import ILLEGAL_VALUE, ModbusRefusal
+from benchctl_instruments.simulated.machines import ChamberMachine
+from benchctl_instruments.simulated.modbus_server import ModbusRtuServer
+from benchctl_instruments.simulated.registers import LimitedSetpoint, Register, RegisterTable, f32, scaled, word
 
 AUTO, MANUAL = 0, 1
-SENSOR_BROKEN = 5  # bit of the status word
 UPSCALE_C = 1372.0  # what it shows without a sensor
 PROGRAM_RESET = 1
 
 
 class SimulatedEurotherm(ModbusRtuServer):
-    """A Eurotherm controller on a simulated line; its kinds differ in where the output of manual mode is written.
+    """A Eurotherm controller on a simulated line; its series differ in their parameters.
 
     Parameters
     ----------
     chamber
         What it controls.
-    manual_output
-        The parameter that takes the output of manual mode.
     decimals
         Digits behind the implied decimal point of the whole numbers, 0 to 2.
     unit_id
@@ -41,24 +39,32 @@ class SimulatedEurotherm(ModbusRtuServer):
     `program` (parameter 23), `sensor_broken` and the alarm bits `alarms` may be set by hand; `eeprom_writes` counts.
     """
 
+    PROCESS_VALUES: ClassVar[tuple[int, ...]]
+    OUTPUT: ClassVar[int]
+    MANUAL_OUTPUT: ClassVar[int]
+    KEPT: ClassVar[Mapping[int, float]]
+    """Parameters that keep what is written to them, with the controller's decimals."""
+    KEPT_WHOLE: ClassVar[Mapping[int, float]]
+    """The same without decimals."""
+
     def __init__(
         self,
         chamber: ChamberMachine,
         *,
-        manual_output: int,
-        decimals: int,
-        unit_id: int,
-        pace_baud: int | None,
-        over_tcp: bool,
+        decimals: int = 1,
+        unit_id: int = 1,
+        pace_baud: int | None = None,
+        over_tcp: bool = False,
     ) -> None:
         if decimals not in (0, 1, 2):
             raise UsageError(f"decimals = {decimals}: a simulated Eurotherm has 0, 1 or 2")
         self._chamber = chamber
         self._decimals = decimals
-        self._manual_output = manual_output
         self._mode = AUTO if chamber.running() else MANUAL
         self._frozen_percent = 0.0
-        self._limits_c = (-200.0, 850.0)
+        self._setpoint = LimitedSetpoint(chamber, -200.0, 850.0)
+        self._selected, self._other_c = 0, chamber.setpoint_c()  # parameter 15; of SP1 and SP2 the one not selected
+        self._values = {**self.KEPT, **self.KEPT_WHOLE}
         self.program = PROGRAM_RESET
         self.sensor_broken = False
         self.alarms = 0
@@ -67,16 +73,22 @@ class SimulatedEurotherm(ModbusRtuServer):
 
     def _registers(self) -> list[Register]:
         chamber = self._chamber
-        manual = {self._manual_output: self._set_output}
+        put = {self.MANUAL_OUTPUT: self._set_output}
         return [
-            *self._parameter(1, self._air_c),
+            *(each for number in self.PROCESS_VALUES for each in self._parameter(number, self._air_c)),
             *self._parameter(2, chamber.setpoint_c, self._set_setpoint),
-            *self._parameter(3, self._output_percent, manual.get(3), decimals=1),
             *self._parameter(5, chamber.setpoint_c),
-            *(self._parameter(276, self._output_percent, self._set_output, decimals=1) if 276 in manual else ()),
-            word(23, lambda: self.program),
-            word(75, lambda: self.alarms | int(self.sensor_broken) << SENSOR_BROKEN),
-            word(273, lambda: self._mode, self._set_mode),
+            word(15, lambda: self._selected, self._select, takes=(0, 1)),
+            *self._parameter(24, lambda: self._setpoint_of(0), lambda value: self._set_setpoint_of(0, value)),
+            *self._parameter(25, lambda: self._setpoint_of(1), lambda value: self._set_setpoint_of(1, value)),
+            *(
+                each
+                for number in {self.OUTPUT, self.MANUAL_OUTPUT}
+                for each in self._parameter(number, self._output_percent, put.get(number), decimals=1)
+            ),
+            word(273, lambda: self._mode, self._set_mode, takes=(AUTO, MANUAL)),
+            *(each for number in self.KEPT for each in self._kept(number, None)),
+            *(each for number in self.KEPT_WHOLE for each in self._kept(number, 0)),
         ]
 
     def _parameter(
@@ -88,30 +100,46 @@ class SimulatedEurotherm(ModbusRtuServer):
         decimals: int | None = None,
     ) -> tuple[Register, Register]:
         """Both addresses of a parameter."""
-        step = 10 ** (self._decimals if decimals is None else decimals)
-        whole = signed_word(
-            number,
-            lambda: max(-0x8000, min(0x7FFF, round(get() * step))),
-            None if put is None else lambda value: put(value / step),
-        )
+        whole = scaled(number, get, put, decimals=self._decimals if decimals is None else decimals)
         return whole, f32(2 * number + 0x8000, get, put)
+
+    def _kept(self, number: int, decimals: int | None) -> tuple[Register, Register]:
+        def put(value: float) -> None:
+            if not math.isfinite(value):
+                raise ModbusRefusal(ILLEGAL_VALUE)
+            self._values[number] = value
+
+        return self._parameter(number, lambda: self._values[number], put, decimals=decimals)
 
     def _air_c(self) -> float:
         return UPSCALE_C if self.sensor_broken else self._chamber.air_c()
 
     def _set_setpoint(self, value_c: float) -> None:
-        low_c, high_c = self._limits_c
-        if not (math.isfinite(value_c) and low_c <= value_c <= high_c):
-            raise ModbusRefusal(ILLEGAL_VALUE)
+        self._setpoint.put(value_c)
         self.eeprom_writes += 1
-        self._chamber.set_setpoint(value_c)
+
+    def _setpoint_of(self, which: int) -> float:
+        return self._chamber.setpoint_c() if which == self._selected else self._other_c
+
+    def _set_setpoint_of(self, which: int, value_c: float) -> None:
+        if which == self._selected:
+            self._set_setpoint(value_c)
+        elif not math.isfinite(value_c):
+            raise ModbusRefusal(ILLEGAL_VALUE)
+        else:
+            self.eeprom_writes += 1
+            self._other_c = value_c
+
+    def _select(self, which: int) -> None:
+        if which != self._selected:
+            before_c = self._chamber.setpoint_c()
+            self._setpoint.put(self._other_c)
+            self._selected, self._other_c = which, before_c
 
     def _output_percent(self) -> float:
         return self._frozen_percent if self._mode == MANUAL else self._chamber.power_percent()
 
     def _set_mode(self, mode: int) -> None:
-        if mode not in (AUTO, MANUAL):
-            raise ModbusRefusal(ILLEGAL_VALUE)
         if mode == MANUAL and self._mode == AUTO:
             self._frozen_percent = self._chamber.power_percent()
         self._mode = mode

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from instruments.interfaces import BoolArray, FloatArray, Position
-from instruments.simulated.timebase import Timebase
+from benchctl_instruments.interfaces import BoolArray, FloatArray, Position
+from benchctl_instruments.simulated.timebase import Timebase
 
 _ROUNDING = 1e-6
 """Instants of the grid; a scan that is meant to fall on one may miss it by that much."""

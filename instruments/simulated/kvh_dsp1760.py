@@ -2,34 +2,47 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
-from instruments.interfaces import FloatArray
-from instruments.protocols import kvh1760 as kvh
-from instruments.simulated.digital_gyro import DigitalGyro, axis_index, on_axis
-from instruments.simulated.machines import AnalogInputs
-from instruments.simulated.settings import WorldSettings
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.protocols import kvh1760 as kvh
+from benchctl_instruments.simulated.digital_gyro import DigitalGyro, axis_index, on_axis
+from benchctl_instruments.simulated.machines import AnalogInputs
+from benchctl_instruments.simulated.settings import WorldSettings
 
-CHOICES = {
-    "config": ("0", "1"),
-    "rotfmt": ("rate", "delta"),
-    "rotunits": tuple(kvh.ROTATION_DEGREES),
-    "tempunits": tuple(kvh.TEMPERATURE_STEP_C),
+SETTINGS = {  # what each may be, a pattern, and what it is as delivered
+    "config": ("[01]", "0"),
+    "dr": ("|".join(map(str, kvh.RATES_HZ)), "1000"),
+    "rotfmt": ("rate|delta", "delta"),
+    "rotunits": ("|".join(kvh.ROTATION_DEGREES), "rad"),
+    "tempunits": ("f|" + "|".join(kvh.TEMPERATURE_STEP_C), "c"),
+    "axes": (r"(-?[\d.]+,){8}-?[\d.]+", "1,0,0,0,1,0,0,0,1"),
+    "baud": ("9600|19200|38400|57600|115200|460800|576000|921600", "921600"),
+    "filten": ("[01]", "1"),
+    "filttype": ("g,(cheby|butter|ave)", "g,cheby"),
+    "msync": ("imu|ext", "imu"),
 }
+"""Those of public clients (avl_core kvh_imu.h, ros_kvh1750, LSST M1M3). Of these axes, baud, filter and synchronisation
+are kept and have no effect."""
 
 
 class SimulatedKvhDsp1760(DigitalGyro):
     """A DSP-1760 with one axis along the table's; as delivered it sends angles in radians, 1000 a second.
 
-    Settings are as strict as the sources are silent: outside of `config,1`, and for values it does not know, there is
-    no answer. A data rate may be any whole number that the line can carry.
+    In `config,1` it changes and states its settings (`SETTINGS`) and answers INVALID to all else, also to a data rate
+    that its line cannot carry; outside of it there is no answer. It has no built-in test (`?BIT`).
 
     Parameters
     ----------
     inputs, settings
         The bench: as of `DigitalGyro`.
     rate_hz
-        How many frames a second it sends as it is delivered; the driver may ask for another rate.
+        The data rate as delivered; the driver may ask for another one.
+    echoes_exit
+        Whether `=config,0` is echoed before the first frame; the public sources do not agree.
     axis
         "x", "y" or "z": the one that turns.
     baud
@@ -51,15 +64,21 @@ class SimulatedKvhDsp1760(DigitalGyro):
         settings: WorldSettings | None = None,
         *,
         rate_hz: float = 1000.0,
+        echoes_exit: bool = True,
         axis: str = "z",
         baud: int = kvh.DEFAULT_BAUD,
         over_tcp: bool = False,
     ) -> None:
+        if rate_hz not in kvh.RATES_HZ:
+            known = ", ".join(map(str, kvh.RATES_HZ))
+            raise UsageError(f"rate_hz {rate_hz:g}: a simulated KVH DSP-1760 has one of {known}")
         super().__init__(inputs, settings or WorldSettings(), baud=baud, over_tcp=over_tcp)
         self.status = kvh.GYROS_VALID
-        self._settings = {"config": "0", "rotfmt": "delta", "rotunits": "rad", "tempunits": "c", "dr": f"{rate_hz:.0f}"}
+        self._delivered = {name: value for name, (_, value) in SETTINGS.items()} | {"dr": f"{rate_hz:g}"}
+        self._settings = dict(self._delivered)
+        self._echoes_exit = echoes_exit
         self._axis = axis_index(axis)
-        self._heard = kvh.SettingReader()
+        self._heard = kvh.CommandReader()
         self._sequence = 0
 
     def start(self) -> None:
@@ -68,25 +87,33 @@ class SimulatedKvhDsp1760(DigitalGyro):
         super().start()
 
     def feed(self, data: bytes) -> bytes:
-        """Change the settings that are asked for."""
-        return b"".join(self._change(name, value) for name, value in self._heard.feed(data))
+        """Carry out the commands."""
+        return b"".join(self._answer(command) for command in self._heard.feed(data))
 
-    def _change(self, name: str, value: str) -> bytes:
-        if not self._may_be(name, value):
+    def _answer(self, command: kvh.Command) -> bytes:
+        name, value = command.name, command.value
+        if self._settings["config"] != "1" and (command.sign, name) != ("=", "config"):
             return b""
+        if command.sign == "?" and name in self._settings and not value:
+            return kvh.encode_answer(name, self._settings[name])
+        if command.sign == "=" and name == "rstcfg" and not value:
+            self._settings = self._delivered | {"config": "1"}
+            return kvh.encode_answer(name)
+        if command.sign == "?" or not self._may_be(name, value):
+            return kvh.encode_answer("invalid", name, *([value] if value else []))
         self._settings[name] = value
-        if name == "config" and value == "1":
+        if name != "config":
+            return kvh.encode_answer(name, value)
+        if value == "1":
             self._end_stream()
-        elif name == "config":
+        else:
             self._begin_stream(float(self._settings["dr"]))
-        return kvh.encode_echo(name, value)
+        return kvh.encode_answer(name, value) if value == "1" or self._echoes_exit else b""
 
     def _may_be(self, name: str, value: str) -> bool:
-        if name != "config" and self._settings["config"] != "1":
+        if name not in SETTINGS or not re.fullmatch(SETTINGS[name][0], value):
             return False
-        if name == "dr":
-            return value.isdecimal() and 0.0 < int(value) * self._wire_s <= 1.0
-        return value in CHOICES.get(name, ())
+        return name != "dr" or int(value) * self._wire_s <= 1.0
 
     def _skip(self, frames: int) -> None:
         self._sequence += frames
@@ -94,7 +121,10 @@ class SimulatedKvhDsp1760(DigitalGyro):
     def _frames(self, rate_dps: FloatArray, temperature_c: FloatArray) -> bytes:
         degrees = rate_dps if self._settings["rotfmt"] == "rate" else rate_dps / self._rate_hz
         rotation = on_axis(degrees / kvh.ROTATION_DEGREES[self._settings["rotunits"]], self._axis)
-        temperature = np.rint(temperature_c / kvh.TEMPERATURE_STEP_C[self._settings["tempunits"]])
+        unit = self._settings["tempunits"]
+        temperature = np.rint(
+            1.8 * temperature_c + 32.0 if unit == "f" else temperature_c / kvh.TEMPERATURE_STEP_C[unit]
+        )
         first, self._sequence = self._sequence, self._sequence + len(rotation)
         return kvh.encode_frames(rotation, temperature, first_sequence=first, status=self.status)
 

@@ -1,35 +1,39 @@
 """A simulated LabJack T7: its registers on Modbus TCP and its spontaneous stream on a socket of its own.
 
-Only what a driver of this bench uses is there, as strict as the T7 or stricter: inputs are not read singly, and nothing
-is configured, while a stream runs; that is refused with error 2605. The scan rate is the nearest whose interval is a
-whole number of ticks of the 40 MHz clock, rounded to the single that its register states.
+Its registers are LabJack's: inputs, DIO_EF and stream act, `t7_register_map` lists the others. An unknown register is
+refused with the exception "illegal data address". It is stricter than the T7 in one way: while a stream runs, inputs
+are not read singly, and neither they nor the stream can be configured; that is refused with error 2605.
+
+The scan interval is a whole number of steps of 100 ns, 65536 at most; a longer one takes steps of 200 ns, 400 ns, ...
+That the steps double is assumed from the T7's timers; LabJack states no more than "rounding".
 """
 
 from __future__ import annotations
 
 import math
-import struct
 from collections.abc import Callable
+from functools import partial
 from typing import Self, TypeVar
 
-from instruments.errors import UsageError
-from instruments.protocols.modbus import DEVICE_FAILURE, ModbusRefusal
-from instruments.protocols.t7_stream import MOST_SAMPLES
-from instruments.simulated.faults.link_faults import LinkFaults
-from instruments.simulated.faults.stream_faults import StreamFaults
-from instruments.simulated.faults.wires import MODBUS_TCP, Wire
-from instruments.simulated.machines import AnalogInputs
-from instruments.simulated.modbus_server import ModbusTcpServer
-from instruments.simulated.registers import Register, RegisterTable, f32, u32, word
-from instruments.simulated.t7_stream_buffer import StreamBuffer, StreamSettings
-from instruments.simulated.t7_stream_server import T7StreamServer
-from instruments.simulated.t7_terminals import ANALOG_INPUTS, DIGITAL_LINES, RANGES_V, DigitalLine, T7Terminals
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.protocols.modbus import DEVICE_FAILURE, ILLEGAL_ADDRESS, ModbusRefusal
+from benchctl_instruments.protocols.t7_stream import MOST_SAMPLES
+from benchctl_instruments.simulated import t7_register_map as labjack
+from benchctl_instruments.simulated.faults.link_faults import LinkFaults
+from benchctl_instruments.simulated.faults.stream_faults import StreamFaults
+from benchctl_instruments.simulated.faults.wires import MODBUS_TCP, Wire
+from benchctl_instruments.simulated.machines import AnalogInputs
+from benchctl_instruments.simulated.modbus_server import ModbusTcpServer
+from benchctl_instruments.simulated.registers import Register, RegisterTable, f32, u32, word
+from benchctl_instruments.simulated.t7_stream_buffer import StreamBuffer, StreamSettings
+from benchctl_instruments.simulated.t7_stream_server import T7StreamServer
+from benchctl_instruments.simulated.t7_terminals import EF_ENABLE, EF_INDEX, RANGE, RANGES_V, T7Terminals
 
 Number = TypeVar("Number", int, float)
 
 CORE_HZ = 40_000_000
+SCAN_CLOCK_HZ, LONGEST_COUNT = 10_000_000, 1 << 16
 CORE_AT_START = 0xF000_0000  # it has been on for a while, and wraps soon
-LONGEST_SCAN_LIST = 128
 DEFAULT_BUFFER_BYTES, LARGEST_BUFFER_BYTES = 4096, 32768
 ETHERNET = 1
 
@@ -39,7 +43,13 @@ NO_CODE = 0  # refused, but LabJack's code for it is not known here
 
 RATE, LENGTH, PACKET, BUFFER, TARGET, DATATYPE, BURST = 4002, 4004, 4006, 4012, 4016, 4018, 4020
 SCAN_LIST = 4100
-AS_DELIVERED = {DATATYPE: 1, TARGET: 16}
+CONFIGURATION = (range(4000, 5000), range(40000, 44000))  # not to be written while a stream runs
+AINS, DIOS = range(labjack.ANALOG_INPUTS), range(labjack.DIGITAL_LINES)
+NAME, NAME_WORDS = 60500, 25
+REBOOT = 0x4C4A  # in the upper half of SYSTEM_REBOOT
+
+KINDS: dict[labjack.Kind, Callable[..., Register]] = {"u16": word, "u32": u32, "f32": f32}
+AS_DELIVERED: dict[int, float] = {address: value for address, _, value in labjack.each(labjack.KEPT)} | {RATE: 0.0}
 
 
 class SimulatedLabJackT7:
@@ -73,13 +83,14 @@ class SimulatedLabJackT7:
     ) -> None:
         self._inputs = inputs
         self._serial = serial
+        self._settings = dict(AS_DELIVERED)
         self._terminals = T7Terminals(
-            inputs, encoder_channel=encoder_channel, gyro_ain=gyro_ain, thermistor_ain=thermistor_ain
+            inputs, self._settings, encoder_channel=encoder_channel, gyro_ain=gyro_ain, thermistor_ain=thermistor_ain
         )
-        self._last_error = 0
-        self._settings: dict[int, float] = dict(AS_DELIVERED)
+        self._last_error = self._last_exception = 0
+        self._name = [0] * NAME_WORDS
         self._flash_pointer = 0
-        self._started = (0, 0.0)  # CORE_TIMER at the first scan, actual rate
+        self._started = 0  # CORE_TIMER at the first scan
         self._stream = T7StreamServer(inputs, host=host, port=stream_port)
         self._modbus = ModbusTcpServer(RegisterTable(self._registers()), unit_id=None, host=host, port=port)
 
@@ -114,9 +125,8 @@ class SimulatedLabJackT7:
     def restart(self) -> None:
         """Start anew, as after a power failure: no stream, every setting as delivered, encoder lines at rest."""
         self._stream.end()
-        self._settings.clear()
         self._settings |= AS_DELIVERED
-        self._terminals.restart()
+        self._terminals.zero = 0
 
     def start(self) -> None:
         """Serve; when it returns, a driver can connect."""
@@ -141,67 +151,66 @@ class SimulatedLabJackT7:
 
     def _registers(self) -> list[Register]:
         return [
-            u32(55000, lambda: self._last_error),
-            u32(55100, lambda: 0x00112233),
-            f32(55124, lambda: -9999.0),
-            f32(60000, lambda: 7.0),
-            f32(60004, lambda: 1.0292),
+            *(self._setting(address, kind) for address, kind, _ in labjack.each(labjack.KEPT)),
+            *(
+                KINDS[kind](address, partial(float if kind == "f32" else int, value))
+                for address, kind, value in labjack.each(labjack.STATED)
+            ),
+            *(
+                KINDS[kind](address, _write_only, lambda value: None)
+                for address, kind, _ in labjack.each(labjack.ACCEPTED)
+            ),
+            *(self._all_inputs(*row) for row in labjack.ALL_INPUTS.items()),
+            f32(RATE, lambda: scan_rate(self._settings[RATE]), lambda value: self._keep(RATE, value)),
+            u32(4026, lambda: self._started),
+            u32(4990, lambda: int(self._stream.running), self._enable),
+            word(55000, lambda: self._last_error),
+            word(55001, lambda: self._last_exception),
             u32(60028, lambda: self._serial),
+            Register(address=NAME, words=NAME_WORDS, read=lambda: self._name, write=partial(setattr, self, "_name")),
             u32(61520, lambda: self._core_timer(self._inputs.now())),
+            u32(61522, lambda: math.floor(self._inputs.now() * 20)),
             u32(61810, lambda: self._flash_pointer, lambda value: setattr(self, "_flash_pointer", value)),
             Register(address=61812, words=8, read=lambda: self._terminals.flash(self._flash_pointer)),
-            *(self._setting(f32, address) for address in (RATE, 4008)),
-            *(self._setting(u32, address) for address in (LENGTH, PACKET, 4010, BUFFER, 4014, TARGET, DATATYPE, BURST)),
-            self._setting(u32, 4024),
-            u32(4026, lambda: self._started[0]),
-            *(self._setting(u32, SCAN_LIST + 2 * place) for place in range(LONGEST_SCAN_LIST)),
-            f32(4494, lambda: self._started[1]),
-            u32(4990, lambda: int(self._stream.running), self._enable),
-            *(register for channel in range(ANALOG_INPUTS) for register in self._analog(channel)),
-            *(register for line in range(DIGITAL_LINES) for register in self._digital(line)),
+            u32(61998, _write_only, lambda value: self.restart() if value >> 16 == REBOOT else None),
+            *(f32(2 * ain, partial(self._at_rest, self._terminals.single_volts, ain)) for ain in AINS),
+            *(u32(50000 + 2 * ain, partial(self._at_rest, self._terminals.single_code, ain)) for ain in AINS),
+            *(u32(3000 + 2 * dio, partial(self._at_rest, self._terminals.count, dio)) for dio in DIOS),
+            *(u32(3100 + 2 * dio, partial(self._at_rest, self._terminals.count, dio, reset=True)) for dio in DIOS),
         ]
 
-    def _setting(self, kind: Callable[..., Register], address: int) -> Register:
-        """A number that is kept as it is written, while no stream runs."""
-        return kind(address, lambda: self._settings.get(address, 0), lambda value: self._keep(address, value))
+    def _setting(self, address: int, kind: labjack.Kind) -> Register:
+        """A number that is kept as it is written; of an input's range, the smallest that holds it, of 0 the largest."""
+        return KINDS[kind](address, lambda: self._settings[address], lambda value: self._keep(address, value))
 
     def _keep(self, address: int, value: float) -> None:
-        self._refuse_while_streaming()
+        if any(address in addresses for addresses in CONFIGURATION):
+            self._refuse_while_streaming()
+        if (address - RANGE) / 2 in AINS:
+            wide_enough = [range_v for range_v in RANGES_V if value and range_v >= value * (1.0 - 1e-6)]
+            value = min(wide_enough, default=RANGES_V[0])
+        if (address - EF_INDEX) / 2 in DIOS and self._settings[address - EF_INDEX + EF_ENABLE]:
+            raise self._refusal(NO_CODE)
         self._settings[address] = value
 
-    def _analog(self, channel: int) -> list[Register]:
-        ranges = self._terminals.range_v
-        return [
-            f32(2 * channel, lambda: self._at_rest(lambda: self._terminals.single_volts(channel))),
-            f32(40000 + 2 * channel, lambda: ranges[channel], lambda value: self._set_range(channel, value)),
-            self._setting(word, 41000 + channel),
-            self._setting(word, 41500 + channel),
-            self._setting(f32, 42000 + 2 * channel),
-        ]
+    def _all_inputs(self, address: int, first: int) -> Register:
+        """A register that sets all analog inputs at once."""
+        (row,) = (row for row in labjack.KEPT if row.address == first)
+        places = [place for place, _, _ in labjack.each([row])]
 
-    def _digital(self, number: int) -> list[Register]:
-        line = self._terminals.lines[number]
-        return [
-            u32(3000 + 2 * number, lambda: self._at_rest(lambda: self._terminals.count(number))),
-            u32(44000 + 2 * number, lambda: line.enabled, lambda value: setattr(line, "enabled", value)),
-            u32(44100 + 2 * number, lambda: line.index, lambda value: self._set_feature(line, value)),
-            u32(44200 + 2 * number, lambda: line.options, lambda value: setattr(line, "options", value)),
-        ]
+        def read() -> float:
+            found = {self._settings[place] for place in places}
+            return found.pop() if len(found) == 1 else labjack.MIXED[row.kind]
 
-    def _at_rest(self, reading: Callable[[], Number]) -> Number:
+        def write(value: float) -> None:
+            for place in places:
+                self._keep(place, value)
+
+        return KINDS[row.kind](address, read, write)
+
+    def _at_rest(self, reading: Callable[..., Number], *arguments: int, **more: bool) -> Number:
         self._refuse_while_streaming()
-        return reading()
-
-    def _set_range(self, channel: int, value: float) -> None:
-        """The smallest range that holds what was asked for; 0 means the largest."""
-        self._refuse_while_streaming()
-        wide_enough = [range_v for range_v in RANGES_V if value and range_v >= value * (1.0 - 1e-6)]
-        self._terminals.range_v[channel] = min(wide_enough, default=RANGES_V[0])
-
-    def _set_feature(self, line: DigitalLine, index: int) -> None:
-        if line.enabled:
-            raise self._refusal(NO_CODE)
-        line.index = index
+        return reading(*arguments, **more)
 
     def _enable(self, value: int) -> None:
         if not value:
@@ -212,9 +221,9 @@ class SimulatedLabJackT7:
         self._refuse_while_streaming()
         self._check_settings()
         scan_list = self._scan_list()
-        rate_hz = _single(CORE_HZ / max(1, round(CORE_HZ / self._settings[RATE])))
+        rate_hz = scan_rate(self._settings[RATE])
         first_s = self._inputs.now()
-        self._started = (self._core_timer(first_s), rate_hz)
+        self._started = self._core_timer(first_s)
         self._stream.begin(
             StreamBuffer(
                 StreamSettings(
@@ -222,7 +231,7 @@ class SimulatedLabJackT7:
                     rate_hz=rate_hz,
                     scan_length=len(scan_list),
                     samples_per_packet=int(self._settings[PACKET]),
-                    buffer_bytes=int(self._settings.get(BUFFER, 0)) or DEFAULT_BUFFER_BYTES,
+                    buffer_bytes=int(self._settings[BUFFER]) or DEFAULT_BUFFER_BYTES,
                     sample=lambda start, scans: self._terminals.scans(
                         scan_list, first_s, 1.0 / rate_hz, scans, start=start
                     ),
@@ -232,39 +241,47 @@ class SimulatedLabJackT7:
 
     def _check_settings(self) -> None:
         settings = self._settings
-        rate_hz, buffer_bytes = settings.get(RATE, 0.0), int(settings.get(BUFFER, 0))
+        rate_hz, buffer_bytes = settings[RATE], int(settings[BUFFER])
         right = {
-            LIST_INVALID: settings.get(LENGTH, 0) <= LONGEST_SCAN_LIST
+            LIST_INVALID: settings[LENGTH] <= labjack.SCAN_LIST_LENGTH
             and self._terminals.can_stream(self._scan_list()),
             RATE_INVALID: math.isfinite(rate_hz) and rate_hz > 0.0,
-            PACKET_INVALID: 1 <= settings.get(PACKET, 0) <= MOST_SAMPLES,
+            PACKET_INVALID: 1 <= settings[PACKET] <= MOST_SAMPLES,
             BUFFER_INVALID: buffer_bytes <= LARGEST_BUFFER_BYTES and not buffer_bytes & (buffer_bytes - 1),
             TARGET_INVALID: settings[TARGET] == ETHERNET,
-            NO_CODE: settings[DATATYPE] == 0 and settings.get(BURST, 0) == 0,
+            NO_CODE: settings[DATATYPE] == 0 and settings[BURST] == 0,
         }
         for code, holds in right.items():
             if not holds:
                 raise self._refusal(code)
 
     def _scan_list(self) -> list[int]:
-        length = int(self._settings.get(LENGTH, 0))
-        return [int(self._settings.get(SCAN_LIST + 2 * place, 0)) for place in range(length)]
+        return [int(self._settings[SCAN_LIST + 2 * place]) for place in range(int(self._settings[LENGTH]))]
 
     def _refuse_while_streaming(self) -> None:
         if self._stream.running:
             raise self._refusal(STREAM_RUNS)
 
     def _refusal(self, code: int) -> ModbusRefusal:
-        self._last_error = code
+        self._last_error, self._last_exception = code, DEVICE_FAILURE
         return ModbusRefusal(DEVICE_FAILURE)
 
     def _core_timer(self, bench_time_s: float) -> int:
         return (CORE_AT_START + math.floor(bench_time_s * CORE_HZ)) & 0xFFFFFFFF
 
 
-def _single(value: float) -> float:
-    """The nearest IEEE 754 single."""
-    return float(struct.unpack(">f", struct.pack(">f", value))[0])
+def scan_rate(rate_hz: float) -> float:
+    """The scan rate [Hz] that a T7 does where `rate_hz` is asked for; what is no rate is given back."""
+    if not 0.0 < rate_hz < math.inf:
+        return rate_hz
+    count, steps = SCAN_CLOCK_HZ / rate_hz, 1
+    while count / steps > LONGEST_COUNT:
+        steps *= 2
+    return SCAN_CLOCK_HZ / (max(1, round(count / steps)) * steps)
+
+
+def _write_only() -> int:
+    raise ModbusRefusal(ILLEGAL_ADDRESS)
 
 
 Twin = SimulatedLabJackT7

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 
-from instruments.errors import UsageError, reason
+from benchctl_instruments.errors import UsageError, reason
 
 Where = tuple[str, int]
 """Host and port; port 0 takes a free one."""

@@ -1,6 +1,6 @@
 """What a simulated server needs of the simulated bench behind it: the machines, without any wire.
 
-`instruments.simulated.world.World` provides all three. Every method is safe to call from any thread, and every
+`benchctl_instruments.simulated.world.World` provides all three. Every method is safe to call from any thread, and every
 answer is that of the bench clock's present instant.
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from instruments.interfaces import FloatArray, IntArray
+from benchctl_instruments.interfaces import FloatArray, IntArray
 
 SINGLE_READING_S = 1e-3
 """One unhurried reading averages the gyro's white noise over this time, whichever instrument takes it."""

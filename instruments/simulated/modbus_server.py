@@ -6,9 +6,10 @@ several pipelined requests, so that a client's time-outs and queues could not be
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from threading import Lock
 
-from instruments.protocols.modbus import (
+from benchctl_instruments.protocols.modbus import (
     READS,
     ModbusRefusal,
     Request,
@@ -16,10 +17,10 @@ from instruments.protocols.modbus import (
     ServerFraming,
     TcpFraming,
 )
-from instruments.simulated.faults.wires import MODBUS_RTU, MODBUS_TCP, Wire
-from instruments.simulated.registers import RegisterMap
-from instruments.simulated.serial_line import SerialLine
-from instruments.simulated.tcp_server import TcpServer
+from benchctl_instruments.simulated.faults.wires import MODBUS_RTU, MODBUS_TCP, Wire
+from benchctl_instruments.simulated.registers import RegisterMap
+from benchctl_instruments.simulated.serial_line import SerialLine
+from benchctl_instruments.simulated.tcp_server import TcpServer
 
 BROADCAST = 0
 
@@ -37,6 +38,8 @@ class ModbusSession:
         The unit; None answers whatever unit is asked for, as devices with a network socket of their own do.
     broadcasts
         Whether unit 0 means every unit: writes are then carried out and not answered.
+    ignores
+        The writes that the unit acknowledges and does not carry out.
     """
 
     def __init__(
@@ -47,12 +50,14 @@ class ModbusSession:
         unit_id: int | None,
         lock: Lock,
         broadcasts: bool = False,
+        ignores: Callable[[Request], bool] = lambda _: False,
     ) -> None:
         self._framing = framing
         self._registers = registers
         self._unit_id = unit_id
         self._lock = lock
         self._broadcasts = broadcasts
+        self._ignores = ignores
 
     def feed(self, data: bytes) -> bytes:
         """Take bytes as they come; the replies to what is complete with them, in order."""
@@ -74,7 +79,8 @@ class ModbusSession:
             with self._lock:
                 if request.function in READS:
                     return self._framing.reply(request, self._registers.read(request.address, request.count))
-                self._registers.write(request.address, list(request.values))
+                if not self._ignores(request):
+                    self._registers.write(request.address, list(request.values))
         except ModbusRefusal as refusal:
             return self._framing.refuse(request, refusal.code)
         return self._framing.reply(request)
@@ -124,6 +130,8 @@ class ModbusRtuServer(SerialLine):
         What it serves.
     unit_id
         The unit that answers; unit 0 is carried out and not answered.
+    ignores
+        See `ModbusSession`.
     """
 
     wire: Wire = MODBUS_RTU
@@ -136,10 +144,13 @@ class ModbusRtuServer(SerialLine):
         baud: int = 19200,
         pace_baud: int | None = None,
         over_tcp: bool = False,
+        ignores: Callable[[Request], bool] = lambda _: False,
     ) -> None:
         lock = Lock()
         super().__init__(
-            lambda: ModbusSession(RtuFraming(), registers, unit_id=unit_id, lock=lock, broadcasts=True),
+            lambda: ModbusSession(
+                RtuFraming(), registers, unit_id=unit_id, lock=lock, broadcasts=True, ignores=ignores
+            ),
             baud=baud,
             pace_baud=pace_baud,
             over_tcp=over_tcp,

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from instruments.errors import InstrumentError
-from instruments.protocols.esp301 import ANSWER_END, SENT_END
-from instruments.protocols.lines import LineCutter
-from instruments.simulated.faults.wires import Lines, Wire
-from instruments.simulated.machines import TableMachine
-from instruments.simulated.newport_esp301_controller import Esp301Controller
-from instruments.simulated.serial_line import SerialLine
-from instruments.simulated.table_server import TableServer
+from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.protocols.esp301 import ANSWER_END, SENT_END
+from benchctl_instruments.protocols.lines import LineCutter
+from benchctl_instruments.simulated.faults.wires import Lines, Wire
+from benchctl_instruments.simulated.machines import TableMachine
+from benchctl_instruments.simulated.newport_esp301_controller import Esp301Controller
+from benchctl_instruments.simulated.serial_line import SerialLine
+from benchctl_instruments.simulated.table_server import TableServer
 
 
 class SimulatedEsp301(TableServer):

@@ -6,11 +6,10 @@ what the profile says that it is, so a wrong number in the profile is wrong here
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from instruments.chambers.profile import (
+from benchctl_instruments.chambers.profile import (
     BitSwitch,
     Condition,
     KeySwitch,
@@ -20,13 +19,13 @@ from instruments.chambers.profile import (
     RegisterSwitch,
     Switch,
 )
-from instruments.chambers.profile_file import changed
-from instruments.chambers.profile_rules import words
-from instruments.protocols.modbus import ILLEGAL_VALUE, ModbusRefusal
-from instruments.protocols.words import WordOrder
-from instruments.simulated.machines import ChamberMachine
-from instruments.simulated.modbus_server import ModbusRtuServer
-from instruments.simulated.registers import Register, RegisterTable, f32, signed_word, word
+from benchctl_instruments.chambers.profile_file import changed
+from benchctl_instruments.chambers.profile_rules import words
+from benchctl_instruments.protocols.modbus import ILLEGAL_VALUE, ModbusRefusal
+from benchctl_instruments.protocols.words import WordOrder
+from benchctl_instruments.simulated.machines import ChamberMachine
+from benchctl_instruments.simulated.modbus_server import ModbusRtuServer
+from benchctl_instruments.simulated.registers import LimitedSetpoint, Register, RegisterTable, f32, signed_word, word
 
 LOW_C, HIGH_C = -70.0, 180.0
 
@@ -68,7 +67,7 @@ class SimulatedProfiled(ModbusRtuServer):
         self._chamber = chamber
         self._profile = profile
         self._pending_c = chamber.setpoint_c()
-        self._limits_c = dict(zip(("low", "high"), profile.kept_limits_c or (LOW_C, HIGH_C), strict=True))
+        self._setpoint = LimitedSetpoint(self, *(profile.kept_limits_c or (LOW_C, HIGH_C)))
         self._outputs: dict[int, float] = {}  # what was written there since it is off
         self.words = {address: 0 for _, address in words(profile)} | self._first_words()
         self._declared: list[Register] = []
@@ -98,14 +97,14 @@ class SimulatedProfiled(ModbusRtuServer):
 
     def _declare(self) -> None:
         """Every register; of two that the profile puts at one address the first stands."""
-        profile, chamber, limits = self._profile, self._chamber, self._limits_c
+        profile, chamber, setpoint = self._profile, self._chamber, self._setpoint
         self._number(profile.air, chamber.air_c)
         for address in (profile.setpoint.address, *profile.setpoint.also):
             register = profile.setpoint.model_copy(update={"address": address})
-            self._number(register, lambda: self._pending_c, self._set_setpoint)
+            self._number(register, lambda: self._pending_c, setpoint.put)
         self._number(profile.setpoint.taken, chamber.setpoint_c)
-        self._number(profile.low_limit, lambda: limits["low"], lambda value: self._set_limits(value, limits["high"]))
-        self._number(profile.high_limit, lambda: limits["high"], lambda value: self._set_limits(limits["low"], value))
+        self._number(profile.low_limit, lambda: setpoint.low_c, setpoint.put_low)
+        self._number(profile.high_limit, lambda: setpoint.high_c, setpoint.put_high)
         self._declare_switch(profile.switch)
         self._number(profile.power, chamber.power_percent)
         self._number(profile.heating, lambda: max(0.0, chamber.power_percent()))
@@ -154,22 +153,16 @@ class SimulatedProfiled(ModbusRtuServer):
         if not claimed & set(range(register.address, register.address + register.words)):
             self._declared.append(register)
 
-    def _set_setpoint(self, value_c: float) -> None:
-        if not (math.isfinite(value_c) and self._limits_c["low"] <= value_c <= self._limits_c["high"]):
-            raise ModbusRefusal(ILLEGAL_VALUE)
-        self._pending_c = value_c
+    def set_setpoint(self, setpoint_c: float) -> None:
+        """A new set point; one that the controller has to take over waits for that."""
+        self._pending_c = setpoint_c
         if self._profile.setpoint.run is None:
-            self._chamber.set_setpoint(value_c)
+            self._chamber.set_setpoint(setpoint_c)
 
     def _run(self, value: int) -> None:
         if self._profile.setpoint.run is None or value != self._profile.setpoint.run.value:
             raise ModbusRefusal(ILLEGAL_VALUE)
         self._chamber.set_setpoint(self._pending_c)
-
-    def _set_limits(self, low_c: float, high_c: float) -> None:
-        if not low_c < high_c:  # nor where one of them is no number
-            raise ModbusRefusal(ILLEGAL_VALUE)
-        self._limits_c.update(low=low_c, high=high_c)
 
     def _cleared(self, alarm: Condition) -> Callable[[int], None]:
         def put(value: int) -> None:

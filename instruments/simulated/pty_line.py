@@ -8,8 +8,8 @@ import time
 import tty
 from threading import Thread
 
-from instruments.simulated.faults.link_faults import FaultyConversation, LinkFaults
-from instruments.simulated.tcp_server import Conversation
+from benchctl_instruments.simulated.faults.link_faults import FaultyConversation, LinkFaults
+from benchctl_instruments.simulated.tcp_server import Conversation
 
 BITS_PER_BYTE = 10  # 8N1: start bit, eight data bits, stop bit
 MOST_BYTES = 4096

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 from typing import Protocol, Self
 
-from instruments.simulated.listening import Where, address_of, listen
+from benchctl_instruments.simulated.listening import Where, address_of, listen
 
 PIECE_S = 0.004
 """Wall time between two looks at what is due: as coarse as a good serial converter hands it on."""

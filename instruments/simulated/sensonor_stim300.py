@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from instruments.errors import UsageError
-from instruments.interfaces import FloatArray
-from instruments.protocols import stim300 as stim
-from instruments.protocols import stim300_answers as answers
-from instruments.protocols.stim300_answers import StimConfiguration
-from instruments.simulated.digital_gyro import DigitalGyro, axis_index, on_axis
-from instruments.simulated.machines import AnalogInputs
-from instruments.simulated.settings import WorldSettings
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.protocols import stim300 as stim
+from benchctl_instruments.protocols import stim300_answers as answers
+from benchctl_instruments.protocols.stim300_answers import StimConfiguration
+from benchctl_instruments.simulated.digital_gyro import DigitalGyro, axis_index, on_axis
+from benchctl_instruments.simulated.machines import AnalogInputs
+from benchctl_instruments.simulated.settings import WorldSettings
 
 RANGE_DPS = 400.0
 OVERLOAD = 1 << 4
@@ -29,7 +29,7 @@ class SimulatedStim300(DigitalGyro):
     rate_hz
         125, 250, 500, 1000 or 2000, if the line can carry it.
     datagram_id
-        What it sends: `instruments.protocols.stim300.PARTS`.
+        What it sends: `benchctl_instruments.protocols.stim300.PARTS`.
     crlf
         Whether CR LF ends a datagram.
     gyro_unit

@@ -6,13 +6,13 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from instruments.interfaces import Position
-from instruments.physics.chain import Baseline, gyro_baseline
-from instruments.physics.gyro import earth_rate_dps, horizontal_earth_rate_dps, white_deviation_v
-from instruments.physics.mounting import mounted_across
-from instruments.physics.response_gyro import response_baseline
-from instruments.physics.turn_on import turned_on
-from instruments.simulated.settings import WorldSettings
+from benchctl_instruments.interfaces import Position
+from benchctl_instruments.physics.chain import Baseline, gyro_baseline
+from benchctl_instruments.physics.gyro import earth_rate_dps, horizontal_earth_rate_dps, white_deviation_v
+from benchctl_instruments.physics.mounting import mounted_across
+from benchctl_instruments.physics.response_gyro import response_baseline
+from benchctl_instruments.physics.turn_on import turned_on
+from benchctl_instruments.simulated.settings import WorldSettings
 
 _FORGETTING_TIME_CONSTANTS = 40.0
 

@@ -6,11 +6,11 @@ import sys
 from collections.abc import Callable
 from typing import Self
 
-from instruments.simulated.faults.link_faults import LinkFaults
-from instruments.simulated.tcp_server import Conversation, TcpServer
+from benchctl_instruments.simulated.faults.link_faults import LinkFaults
+from benchctl_instruments.simulated.tcp_server import Conversation, TcpServer
 
 if sys.platform != "win32":
-    from instruments.simulated.pty_line import PtyLine
+    from benchctl_instruments.simulated.pty_line import PtyLine
 
 
 class SerialLine:

@@ -10,12 +10,12 @@ from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from instruments.errors import UsageError
-from instruments.physics.chamber import ChamberParameters
-from instruments.physics.encoder import EncoderParameters
-from instruments.physics.gyro import GyroParameters
-from instruments.physics.response_gyro import ResponseParameters
-from instruments.physics.table import TableParameters
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.chamber import ChamberParameters
+from benchctl_instruments.physics.encoder import EncoderParameters
+from benchctl_instruments.physics.gyro import GyroParameters
+from benchctl_instruments.physics.response_gyro import ResponseParameters
+from benchctl_instruments.physics.table import TableParameters
 
 _Settings = TypeVar("_Settings")
 
@@ -91,7 +91,10 @@ def built(cls: type[_Settings], mapping: Mapping[str, Any], where: str) -> _Sett
     for item in items:
         if item.default is MISSING and item.default_factory is MISSING and item.name not in values:
             raise UsageError(f"[{where}] {item.name}: this field is needed and is not there")
-    return cls(**values)
+    try:
+        return cls(**values)
+    except UsageError as err:  # of several numbers together
+        raise UsageError(f"[{where}] {err}") from err
 
 
 def _checked(wanted: Any, value: object, where: str, name: str) -> object:

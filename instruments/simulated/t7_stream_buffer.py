@@ -1,7 +1,7 @@
 """The stream of a simulated T7 between its inputs and the wire: scans when they are due, packets when they are full.
 
 The instrument's buffer holds what the wire does not take. When it is full, scans are skipped and counted; once the wire
-has taken what was kept, a dummy scan marks the gap and scanning goes on: `instruments.protocols.t7_stream` shows it.
+has taken what was kept, a dummy scan marks the gap and scanning goes on: `protocols.t7_stream` shows it.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from instruments.protocols.t7_stream import (
+from benchctl_instruments.protocols.t7_stream import (
     AUTO_RECOVER_ACTIVE,
     AUTO_RECOVER_END,
     DUMMY,

@@ -8,8 +8,8 @@ import socket
 import threading
 import time
 
-from instruments.simulated.faults.stream_faults import JUNK, StreamFaults
-from instruments.simulated.faults.stream_kinds import (
+from benchctl_instruments.simulated.faults.stream_faults import JUNK, StreamFaults
+from benchctl_instruments.simulated.faults.stream_kinds import (
     Overrun,
     StreamCut,
     StreamEnds,
@@ -18,9 +18,9 @@ from instruments.simulated.faults.stream_kinds import (
     StreamJunk,
     StreamStalls,
 )
-from instruments.simulated.listening import address_of, listen
-from instruments.simulated.machines import AnalogInputs
-from instruments.simulated.t7_stream_buffer import StreamBuffer
+from benchctl_instruments.simulated.listening import address_of, listen
+from benchctl_instruments.simulated.machines import AnalogInputs
+from benchctl_instruments.simulated.t7_stream_buffer import StreamBuffer
 
 SEND_BUFFER_BYTES = 1 << 16  # small, as in the instrument: a client that does not read is noticed
 MOST_AHEAD = 256  # packets that are asked about, and sampled, at once

@@ -8,20 +8,20 @@ calibration in the flash. Enabling quadrature leaves the count as it is.
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from instruments.interfaces import FloatArray, IntArray
-from instruments.physics.adc import codes_from_volts, volts_from_codes
-from instruments.simulated.machines import SINGLE_READING_S, AnalogInputs
+from benchctl_instruments.interfaces import FloatArray, IntArray
+from benchctl_instruments.physics.adc import codes_from_volts, volts_from_codes
+from benchctl_instruments.simulated.machines import SINGLE_READING_S, AnalogInputs
+from benchctl_instruments.simulated.t7_register_map import ANALOG_INPUTS, DIGITAL_LINES
 
-ANALOG_INPUTS = 14
-DIGITAL_LINES = 8
 RANGES_V = (10.0, 1.0, 0.1, 0.01)
 QUADRATURE = 10
+RANGE, EF_ENABLE, EF_INDEX = 40000, 44000, 44100
 DATA_CAPTURE_16 = 4899
 READ_A_0 = 3000
 HIGHEST_STREAMED_CODE = 0xFFFE  # FFFFh marks skipped scans and nothing else
@@ -29,45 +29,40 @@ CALIBRATION_FLASH_ADDRESS = 0x3C4000
 
 
 @dataclass(slots=True)
-class DigitalLine:
-    """The extended feature of a digital line."""
-
-    index: int = 0
-    enabled: int = 0
-    options: int = 0
-
-
-@dataclass(slots=True)
 class T7Terminals:
-    """The inputs and their settings; lists have an entry a channel or line.
+    """The inputs; `settings` are LabJack's registers, address -> value.
 
     `encoder_channel` is the digital line of the encoder's phase A, phase B is on the next one; `gyro_ain` and
-    `thermistor_ain` are the analog inputs to which those two are wired.
+    `thermistor_ain` are the analog inputs to which those two are wired. `zero` is the count at the last reset.
     """
 
     inputs: AnalogInputs
+    settings: Mapping[int, float]
     encoder_channel: int = 0
     gyro_ain: int = 0
     thermistor_ain: int = 1
-    range_v: list[float] = field(default_factory=lambda: [RANGES_V[0]] * ANALOG_INPUTS)
-    lines: list[DigitalLine] = field(default_factory=lambda: [DigitalLine() for _ in range(DIGITAL_LINES)])
+    zero: int = 0
 
-    def restart(self) -> None:
-        """Every setting as after power-on."""
-        self.range_v[:] = [RANGES_V[0]] * ANALOG_INPUTS
-        for line in self.lines:
-            line.index = line.enabled = line.options = 0
-
-    def single_volts(self, channel: int) -> float:
-        """An unhurried reading of an analog input."""
+    def single_code(self, channel: int) -> int:
+        """An unhurried reading of an analog input, 24 bits."""
         _, gyro_v, thermistor_v = self._now()
         volts = self._wired(channel, gyro_v, thermistor_v)
-        codes = codes_from_volts(volts, range_v=self.range_v[channel], bits=24)
-        return float(volts_from_codes(codes, range_v=self.range_v[channel], bits=24)[0])
+        return int(codes_from_volts(volts, range_v=self._range_v(channel), bits=24)[0])
 
-    def count(self, line: int) -> int:
-        """The count of a pair of lines, 0 where nothing is wired or quadrature is not enabled."""
-        return int(self._now()[0][0]) if self._counts(line) else 0
+    def single_volts(self, channel: int) -> float:
+        """The same in volts."""
+        code = np.array([self.single_code(channel)])
+        return float(volts_from_codes(code, range_v=self._range_v(channel), bits=24)[0])
+
+    def count(self, line: int, *, reset: bool = False) -> int:
+        """The count of a pair of lines, 0 where nothing is wired or quadrature is not enabled; it may be reset to 0."""
+        if not self._counts(line):
+            return 0
+        count = int(self._now()[0][0])
+        since_reset = count - self.zero
+        if reset:
+            self.zero = count
+        return since_reset
 
     def can_stream(self, scan_list: Sequence[int]) -> bool:
         """Whether every address of a scan list is one that can be sampled here."""
@@ -81,6 +76,7 @@ class T7Terminals:
     ) -> npt.NDArray[np.uint16]:
         """Samples of each address at evenly spaced instants from scan `start` on, shape (scans, addresses)."""
         count, gyro_v, thermistor_v = self.inputs.sample(first_s, interval_s, scans, start=start)
+        count = count - self.zero
         samples = np.empty((scans, len(scan_list)), np.uint16)
         upper: IntArray | int = 0  # what DATA_CAPTURE_16 gives: the upper half of the number before it
         for place, address in enumerate(scan_list):
@@ -91,7 +87,7 @@ class T7Terminals:
                 samples[:, place], upper = value & 0xFFFF, value >> 16 & 0xFFFF
             else:
                 volts = self._wired(address // 2, gyro_v, thermistor_v)
-                codes = codes_from_volts(volts, range_v=self.range_v[address // 2])
+                codes = codes_from_volts(volts, range_v=self._range_v(address // 2))
                 samples[:, place] = np.minimum(codes, HIGHEST_STREAMED_CODE)
         return samples
 
@@ -110,8 +106,12 @@ class T7Terminals:
     def _counts(self, line: int) -> bool:
         places = (self.encoder_channel, self.encoder_channel + 1)
         return line in places and all(
-            self.lines[place].enabled and self.lines[place].index == QUADRATURE for place in places
+            self.settings[EF_ENABLE + 2 * place] and self.settings[EF_INDEX + 2 * place] == QUADRATURE
+            for place in places
         )
+
+    def _range_v(self, channel: int) -> float:
+        return self.settings[RANGE + 2 * channel]
 
     def _now(self) -> tuple[IntArray, FloatArray, FloatArray]:
         return self.inputs.sample(self.inputs.now(), SINGLE_READING_S, 1)

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import threading
 from typing import Protocol, Self
 
-from instruments.simulated.faults.link_faults import LinkFaults
-from instruments.simulated.serial_line import SerialLine
-from instruments.simulated.tcp_server import TcpServer
+from benchctl_instruments.simulated.faults.link_faults import LinkFaults
+from benchctl_instruments.simulated.serial_line import SerialLine
+from benchctl_instruments.simulated.tcp_server import TcpServer
 
 
 class TableController(Protocol):
-    """The states of a simulated controller, as far as a hand at the bench can reach them."""
+    """The states of a simulated controller, as far as a hand at the bench can reach them.
+
+    `closing` is set while nothing serves it: no answer waits for a motion then.
+    """
+
+    closing: threading.Event
 
     def open_interlock(self) -> None:
         """Press the emergency stop."""
@@ -56,10 +62,12 @@ class TableServer:
 
     def start(self) -> None:
         """Serve; when it returns, a client can connect."""
+        self._controller.closing.clear()
         self._line.start()
 
     def stop(self) -> None:
         """Stop serving; the table goes on with what it was doing."""
+        self._controller.closing.set()
         self._line.stop()
 
     def open_interlock(self) -> None:

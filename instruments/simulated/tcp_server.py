@@ -10,8 +10,8 @@ import time
 from collections.abc import Callable
 from typing import Protocol, Self
 
-from instruments.simulated.faults.link_faults import FaultyConversation, LinkFaults
-from instruments.simulated.listening import address_of, listen
+from benchctl_instruments.simulated.faults.link_faults import FaultyConversation, LinkFaults
+from benchctl_instruments.simulated.listening import address_of, listen
 
 _SLICE_S = 0.005  # a paced reply leaves in slices of this much line time
 _BITS_PER_BYTE = 10  # start, eight data, stop

@@ -14,20 +14,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from instruments.errors import UsageError
-from instruments.interfaces import FloatArray, IntArray
-from instruments.physics.chain import GRID_STAGES, Baseline, Effect, Signals, run_chain
-from instruments.physics.effects.kinds import ClockEffect, FilterEffect
-from instruments.physics.encoder import encoder_angle_deg, quadrature_count
-from instruments.physics.noise import RandomWalk, WhiteNoise
-from instruments.physics.turn_on import warming_up_since
-from instruments.simulated.axis import TableAxis
-from instruments.simulated.climate import ClimateChamber
-from instruments.simulated.installation import Installation, Installed
-from instruments.simulated.sensor import Sensor
-from instruments.simulated.settings import WorldSettings
-from instruments.simulated.timebase import Timebase
-from instruments.simulated.two_clocks import TwoClocks
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.interfaces import FloatArray, IntArray
+from benchctl_instruments.physics.chain import GRID_STAGES, Baseline, Effect, Signals, run_chain
+from benchctl_instruments.physics.effects.kinds import ClockEffect, FilterEffect
+from benchctl_instruments.physics.encoder import encoder_angle_deg, quadrature_count
+from benchctl_instruments.physics.noise import RandomWalk, WhiteNoise
+from benchctl_instruments.physics.turn_on import warming_up_since
+from benchctl_instruments.simulated.axis import TableAxis
+from benchctl_instruments.simulated.climate import ClimateChamber
+from benchctl_instruments.simulated.installation import Installation, Installed
+from benchctl_instruments.simulated.sensor import Sensor
+from benchctl_instruments.simulated.settings import WorldSettings
+from benchctl_instruments.simulated.timebase import Timebase
+from benchctl_instruments.simulated.two_clocks import TwoClocks
 
 _BLOCK = 32_768
 """Instants of the grid that are computed at once: few enough to stay in the processor's cache."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 
-from instruments.simulated.clock import BenchClock
+from benchctl_instruments.simulated.clock import BenchClock
 
 MARGIN_S = 60.0
 """How much more than is asked for is remembered: what the gyro's electronics need, and callers that are late."""

@@ -15,8 +15,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from instruments.interfaces import FloatArray
-from instruments.physics.effects.kinds import ClockEffect
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.physics.effects.kinds import ClockEffect
 
 _ROOM_S = 3600.0
 _NEXT_SCAN = 0.5

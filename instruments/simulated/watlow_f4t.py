@@ -1,23 +1,65 @@
-"""A simulated chamber with a Watlow F4T controller: its registers over a chamber machine, served as Modbus TCP."""
+"""A simulated chamber with a Watlow F4T controller: its registers over a chamber machine, served as Modbus TCP.
+
+Register numbers: EspecNorthAmerica/ChamberConnectLibrary (watlowf4t.py); 1328, 2794 to 2798, 6730 Watlow's and
+TestEquity's F4T manuals. No profile is stored: one that is started runs, and stays where it is. The clock shows what
+was written to it and does not run.
+"""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
+from functools import partial
 from typing import Literal
 
-from instruments.protocols.modbus import DEVICE_FAILURE, ILLEGAL_ADDRESS, ILLEGAL_VALUE, ModbusRefusal
-from instruments.protocols.words import WordOrder
-from instruments.simulated.machines import ChamberMachine
-from instruments.simulated.modbus_server import ModbusTcpServer
-from instruments.simulated.registers import Register, RegisterTable, f32, word
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.protocols.modbus import DEVICE_FAILURE, ILLEGAL_ADDRESS, ModbusRefusal
+from benchctl_instruments.protocols.words import WordOrder, words_from_f32
+from benchctl_instruments.simulated.machines import ChamberMachine
+from benchctl_instruments.simulated.modbus_server import ModbusTcpServer
+from benchctl_instruments.simulated.registers import (
+    LimitedSetpoint,
+    Register,
+    RegisterTable,
+    constants,
+    f32,
+    laid_out,
+    word,
+)
 
-PART_NUMBER = "F4T1L1EAA1D1AAA"
-AUTO, OFF, ON, NONE, PROFILE_OFF, PRESS = 10, 62, 63, 61, 62, 1457
-ALARMS, KEYS = 4, 4
+AUTO, MANUAL, OFF, ON, NONE = 10, 54, 62, 63, 61
+CELSIUS, FAHRENHEIT = 15, 30
+UP, DOWN = 1456, 1457
+PAUSE, RESUME, TERMINATE, RUNNING, START = 146, 147, 148, 149, 1782
+SAFE, NO, MINUTES = 1667, 59, 57
+FUNCTIONS_OF = {6: "D", 8: "E", 14: "F"}  # of the part number, by alarms; all three with profiles
+KEYS, LOOPS = 4, 4
 EVENT_ADDRESSES = (16594, 16596, 16598, 16600, 16822, 16824, 16826, 16828)
 OUTPUTS = range(33718, 33718 + 6 * 240)  # six modules
 AIR_DECIMALS = 3  # what its converter resolves
+PROFILES = 40
+LIMIT_MODULE = 60 * (5 - 1)  # the only one, in slot 5
+MEMORY = {
+    1328: (CELSIUS, 0),  # unit on the panel
+    6730: (CELSIUS, 0),  # unit of the Ethernet bus, by which temperatures come
+    14080: (CELSIUS, 0),  # unit of the RTU bus
+    14664: (12, 0, 0, 0, 0, 0, 1, 0, 1, 0, 2026, 0),  # clock: h, min, s, month, day, year
+    16558: (1, 0, 1, 0),  # profile and step to start
+    18888: (1, 0),  # profile to edit
+    37546: (NO, 0, *[0] * 158) * 4,  # messages: shown?, text
+}
+CONSTANTS = {
+    11250 + LIMIT_MODULE: (NONE, 0),  # state
+    11264 + LIMIT_MODULE: (SAFE, 0),  # status
+    11288 + LIMIT_MODULE: (NONE, 0),  # error
+    16536: (1540, 0),  # quantity of the profiles' loop 1: absolute temperature
+    16570: (0, 0, 0, 0),  # time left: min, h
+    16622: (0,) * 6,  # time left in the step: s, min, h
+    16886: (0,) * 40 * PROFILES,  # names
+    18920: (0, 0),  # steps of the profile to edit
+}
+RAMP, RAMP_SINGLES = {2794: OFF, 2796: MINUTES}, {2784: 0.0, 2798: 1.0}  # of each loop, with its manual power
+IDLE = {2730: AUTO, 2814: AUTO}  # of a loop without a chamber
+IDLE_SINGLES = {2774: -70.0, 2776: 180.0, 2782: 0.0, 2808: 0.0, 2810: 0.0, 2820: 0.0}
 
 OnBy = Literal["event", "toggle_key", "momentary_key", "nothing"]
 
@@ -34,14 +76,17 @@ class SimulatedWatlowF4T(ModbusTcpServer):
     unit_id
         Its Modbus address.
     loop
-        The control loop that the chamber is wired to; it has no other.
+        The control loop that the chamber is wired to; it is the last of its loops.
+    alarms
+        How many it has: 6, 8 or 14.
     on_by, on_number
         What conditioning is wired to, an event or a key, and its number; "nothing": it conditions, having power.
         The output 1 of module 1 is always on while the chamber runs.
     host, port, pace_baud
         See `ModbusTcpServer`.
 
-    `profile_state` (register 16568) and `control_mode` (registers 2730, 2814) may be set by hand.
+    Its part number states its loops and alarms. `memory` (the units of the buses, 6730 and 14080), `profile_state`
+    (register 16568) and `control_mode` (2730, 2814) may be set by hand. `registers` can be served on a serial line too.
     """
 
     def __init__(
@@ -51,104 +96,115 @@ class SimulatedWatlowF4T(ModbusTcpServer):
         word_order: WordOrder = "low_first",
         unit_id: int = 1,
         loop: int = 1,
+        alarms: int = 8,
         on_by: OnBy = "toggle_key",
         on_number: int = 1,
         host: str = "127.0.0.1",
         port: int = 0,
         pace_baud: int | None = None,
     ) -> None:
+        if alarms not in FUNCTIONS_OF or not 1 <= loop <= LOOPS:
+            raise UsageError(
+                f"alarms = {alarms}, loop = {loop}: a simulated Watlow F4T has 6, 8 or 14 alarms and 1 to {LOOPS} loops"
+            )
         self._chamber = chamber
         self._word_order: WordOrder = word_order
         self._loop = loop
         self._on_by: OnBy = on_by
         self._on_place = on_number - 1
-        self._limits_c = {"low": -70.0, "high": 180.0}
-        self.control_mode = AUTO
+        self._part_number = f"F4T1L1{FUNCTIONS_OF[alarms]}AA1D{loop}AAA"
         self._events = [OFF] * len(EVENT_ADDRESSES)
         self._keys = [OFF] * KEYS
-        self._alarms = [NONE] * ALARMS
-        self.profile_state = PROFILE_OFF
+        self._alarms = [NONE] * alarms
+        self.control_mode = AUTO
+        self.profile_state = OFF
         if on_by == "nothing":
             chamber.run(True)
-        super().__init__(F4TRegisters(self._registers()), unit_id=unit_id, host=host, port=port, pace_baud=pace_baud)
+        self.memory = laid_out(MEMORY)
+        for number in range(1, loop + 1):
+            codes = RAMP if number == loop else RAMP | IDLE
+            singles = RAMP_SINGLES if number == loop else RAMP_SINGLES | IDLE_SINGLES
+            self.memory |= laid_out({address + 160 * (number - 1): (code,) for address, code in codes.items()})
+            for address, value in singles.items():
+                self.memory |= laid_out({address + 160 * (number - 1): words_from_f32(value, word_order)})
+        self.registers = F4TRegisters(self._registers(), memory=self.memory)
+        super().__init__(self.registers, unit_id=unit_id, host=host, port=port, pace_baud=pace_baud)
 
     def hold_alarm(self, number: int, code: int) -> None:
         """An alarm shows a state from now on, until it is given another one."""
         self._alarms[number - 1] = code
 
     def _registers(self) -> list[Register]:
-        chamber, limits, offset = self._chamber, self._limits_c, 160 * (self._loop - 1)
-        part_number = (word(16 + place, _constant(ord(letter))) for place, letter in enumerate(PART_NUMBER))
+        chamber, offset = self._chamber, 160 * (self._loop - 1)
+        setpoint = LimitedSetpoint(chamber, -70.0, 180.0)
         return [
-            *part_number,
-            *(word(1356 + 100 * place, self._state_of(self._alarms, place)) for place in range(ALARMS)),
-            word(2730 + offset, lambda: self.control_mode, self._set_mode),
-            self._single(2774 + offset, lambda: limits["low"], self._set_low_limit),
-            self._single(2776 + offset, lambda: limits["high"], self._set_high_limit),
-            self._single(2782 + offset, chamber.setpoint_c, self._set_setpoint),
-            self._single(2808 + offset, lambda: round(chamber.power_percent(), 2)),
-            self._single(2810 + offset, chamber.setpoint_c),
+            *constants(laid_out({16: tuple(self._part_number.encode()), **CONSTANTS})),
+            *(word(1356 + 100 * place, self._state_of(self._alarms, place)) for place in range(len(self._alarms))),
+            word(2730 + offset, lambda: self.control_mode, self._set_mode, takes=(AUTO, MANUAL, OFF)),
+            self._temperature(2774 + offset, lambda: setpoint.low_c, setpoint.put_low),
+            self._temperature(2776 + offset, lambda: setpoint.high_c, setpoint.put_high),
+            self._temperature(2782 + offset, chamber.setpoint_c, setpoint.put),
+            f32(2808 + offset, lambda: round(chamber.power_percent(), 2), word_order=self._word_order),
+            self._temperature(2810 + offset, chamber.setpoint_c),
             word(2814 + offset, lambda: self.control_mode),
-            self._single(2820 + offset, lambda: round(chamber.air_c(), AIR_DECIMALS)),
+            self._temperature(2820 + offset, lambda: round(chamber.air_c(), AIR_DECIMALS)),
             *(word(6844 + 20 * place, self._state_of(self._keys, place)) for place in range(KEYS)),
-            *(word(6850 + 20 * place, lambda: 0, self._press(place)) for place in range(KEYS)),
-            word(16568, lambda: self.profile_state),
             *(
-                word(address, self._state_of(self._events, place), self._set_event(place))
+                word(6850 + 20 * place, lambda: UP, partial(self._press, place), takes=(UP, DOWN))
+                for place in range(KEYS)
+            ),
+            word(16562, lambda: NONE, self._order_profile, takes=(START,)),
+            word(16564, lambda: NONE, self._order_profile, takes=(RESUME,)),
+            word(16566, lambda: NONE, self._order_profile, takes=(PAUSE, TERMINATE)),
+            word(16568, lambda: self.profile_state),
+            word(16588, lambda: self.memory[16558]),
+            word(16590, lambda: self.memory[16560]),
+            *(
+                word(address, self._state_of(self._events, place), partial(self._set_event, place), takes=(ON, OFF))
                 for place, address in enumerate(EVENT_ADDRESSES)
             ),
+            word(18890, lambda: NONE, lambda _: None),
             word(OUTPUTS.start, lambda: ON if chamber.running() else OFF),
         ]
-
-    def _single(self, address: int, get: Callable[[], float], put: Callable[[float], None] | None = None) -> Register:
-        return f32(address, get, put, word_order=self._word_order)
 
     def _state_of(self, states: list[int], place: int) -> Callable[[], int]:
         return lambda: states[place]
 
+    def _temperature(
+        self, address: int, get: Callable[[], float], put: Callable[[float], None] | None = None
+    ) -> Register:
+        """A temperature in the unit of the Ethernet bus."""
+
+        def shown() -> float:
+            return get() * 1.8 + 32.0 if self.memory[6730] == FAHRENHEIT else get()
+
+        def take(value: float) -> None:
+            if put is not None:
+                put((value - 32.0) / 1.8 if self.memory[6730] == FAHRENHEIT else value)
+
+        return f32(address, shown, None if put is None else take, word_order=self._word_order)
+
     def _set_mode(self, mode: int) -> None:
-        if mode not in (AUTO, OFF):
-            raise ModbusRefusal(ILLEGAL_VALUE)
         self.control_mode = mode
 
-    def _set_setpoint(self, value_c: float) -> None:
-        if not self._limits_c["low"] <= value_c <= self._limits_c["high"]:
-            raise ModbusRefusal(ILLEGAL_VALUE)
-        self._chamber.set_setpoint(value_c)
+    def _order_profile(self, code: int) -> None:
+        self.profile_state = {START: RUNNING, RESUME: RUNNING, PAUSE: PAUSE, TERMINATE: OFF}[code]
 
-    def _set_low_limit(self, value_c: float) -> None:
-        if not (math.isfinite(value_c) and value_c < self._limits_c["high"]):
-            raise ModbusRefusal(ILLEGAL_VALUE)
-        self._limits_c["low"] = value_c
+    def _set_event(self, place: int, state: int) -> None:
+        self._events[place] = state
+        if place == self._on_place and self._on_by == "event":
+            self._chamber.run(state == ON)
 
-    def _set_high_limit(self, value_c: float) -> None:
-        if not (math.isfinite(value_c) and value_c > self._limits_c["low"]):
-            raise ModbusRefusal(ILLEGAL_VALUE)
-        self._limits_c["high"] = value_c
-
-    def _set_event(self, place: int) -> Callable[[int], None]:
-        def put(state: int) -> None:
-            if state not in (ON, OFF):
-                raise ModbusRefusal(ILLEGAL_VALUE)
-            self._events[place] = state
-            if place == self._on_place and self._on_by == "event":
-                self._chamber.run(state == ON)
-
-        return put
-
-    def _press(self, place: int) -> Callable[[int], None]:
-        def put(code: int) -> None:
-            if code != PRESS:
-                raise ModbusRefusal(ILLEGAL_VALUE)
-            momentary = self._on_by == "momentary_key" and place == self._on_place
-            if momentary:
+    def _press(self, place: int, code: int) -> None:
+        """Press a key: 1457 switches a toggle key on and 1456 off; of a momentary key each 1457 starts or stops."""
+        wired = place == self._on_place
+        if wired and self._on_by == "momentary_key":
+            if code == DOWN:
                 self._chamber.run(not self._chamber.running())
-                return
-            self._keys[place] = OFF if self._keys[place] == ON else ON
-            if self._on_by == "toggle_key" and place == self._on_place:
-                self._chamber.run(self._keys[place] == ON)
-
-        return put
+            return
+        self._keys[place] = ON if code == DOWN else OFF
+        if wired and self._on_by == "toggle_key":
+            self._chamber.run(code == DOWN)
 
 
 class F4TRegisters(RegisterTable):
@@ -162,10 +218,6 @@ class F4TRegisters(RegisterTable):
             if refusal.code == ILLEGAL_ADDRESS and address in OUTPUTS:
                 raise ModbusRefusal(DEVICE_FAILURE) from refusal
             raise
-
-
-def _constant(value: int) -> Callable[[], int]:
-    return lambda: value
 
 
 Twin = SimulatedWatlowF4T

@@ -20,9 +20,9 @@ import inspect
 from collections.abc import Mapping
 from typing import Any
 
-from instruments.catalog import Kind, driver, twin
-from instruments.errors import UsageError
-from instruments.links.address import parse_address
+from benchctl_instruments.catalog import Kind, driver, twin
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.links.address import parse_address
 
 BOTH_ENDS = frozenset(
     {
@@ -49,7 +49,7 @@ def twin_keywords(
 ) -> dict[str, Any]:
     """The keywords with which the twin of a model is wired as its driver with these options at that address.
 
-    `profile` is as of `instruments.catalog.twin`.
+    `profile` is as of `benchctl_instruments.catalog.twin`.
 
     Raises
     ------

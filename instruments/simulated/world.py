@@ -9,24 +9,24 @@ from dataclasses import replace
 import scipy.signal
 import scipy.special  # noqa: F401
 
-from instruments.interfaces import Position
-from instruments.physics.chain import GRID_STAGES, Effect
-from instruments.simulated.axis import TableAxis
-from instruments.simulated.climate import ClimateChamber
-from instruments.simulated.clock import BenchClock
-from instruments.simulated.installation import Installation
-from instruments.simulated.machines import AnalogInputs, ChamberMachine, TableMachine
-from instruments.simulated.sensor import sensor_of
-from instruments.simulated.settings import WorldSettings
-from instruments.simulated.terminals import Terminals
-from instruments.simulated.timebase import Timebase
+from benchctl_instruments.interfaces import Position
+from benchctl_instruments.physics.chain import GRID_STAGES, Effect
+from benchctl_instruments.simulated.axis import TableAxis
+from benchctl_instruments.simulated.climate import ClimateChamber
+from benchctl_instruments.simulated.clock import BenchClock
+from benchctl_instruments.simulated.installation import Installation
+from benchctl_instruments.simulated.machines import AnalogInputs, ChamberMachine, TableMachine
+from benchctl_instruments.simulated.sensor import sensor_of
+from benchctl_instruments.simulated.settings import WorldSettings
+from benchctl_instruments.simulated.terminals import Terminals
+from benchctl_instruments.simulated.timebase import Timebase
 
 OTHER_NOISE = 1 << 32
 """What is added to the seed for the noise of a second gyro."""
 
 
 class World:
-    """The bench's physics behind `instruments.simulated.machines`, safe from any thread.
+    """The bench's physics behind `benchctl_instruments.simulated.machines`, safe from any thread.
 
     Nothing is computed until it is asked for. Motion and temperatures are known in closed form between demands, so that
     a jump of hours costs no more than one of a second; only what is sampled runs through the gyro's electronics,
@@ -39,7 +39,7 @@ class World:
     settings
         What the bench obeys; the defaults where none are given.
     effects
-        Physics beside the baseline, by stage of `instruments.physics.chain`.
+        Physics beside the baseline, by stage of `benchctl_instruments.physics.chain`.
     """
 
     def __init__(

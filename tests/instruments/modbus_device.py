@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from instruments.protocols.modbus import ILLEGAL_ADDRESS, ModbusRefusal, Request, RtuFraming, ServerFraming, TcpFraming
+from benchctl_instruments.protocols.modbus import (
+    ILLEGAL_ADDRESS,
+    ModbusRefusal,
+    Request,
+    RtuFraming,
+    ServerFraming,
+    TcpFraming,
+)
 
 
 class Memory:

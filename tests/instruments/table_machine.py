@@ -2,7 +2,26 @@
 
 from __future__ import annotations
 
-from instruments.simulated.machines import TableMotion
+from benchctl_instruments.links.byte_link import byte_link
+from benchctl_instruments.simulated.machines import TableMotion
+
+HOMING = {
+    "aerotech_ensemble": (b"ENABLE @0\n", b"HOME @0\n", b"DISABLE @0\n"),
+    "newport_esp301": (b"1MO;1OR1;1WS;1MF;1MD?\r",),
+}
+
+
+def home(model: str, address: str) -> None:
+    """Home the axis over its wire, as its operator does after power-up."""
+    operator = byte_link(address)
+    operator.open(5.0)
+    for line in HOMING[model]:
+        operator.send(line)
+        answer = b""
+        while not answer.endswith(b"\n"):
+            answer += operator.receive(64, 5.0)
+        assert answer.startswith((b"%", b"1")), (line, answer)
+    operator.close()
 
 
 class InstantTable:

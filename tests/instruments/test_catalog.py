@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from instruments.catalog import Kind, driver, find_profile, models, twin
-from instruments.errors import UsageError
+from benchctl_instruments.catalog import Kind, driver, find_profile, models, twin
+from benchctl_instruments.errors import UsageError
 from tests.instruments.chambers.lab_controllers import BRAND
 
 OURS: dict[Kind, tuple[str, ...]] = {

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 
 from benchctl.plan.find import find_procedure, installed_procedures, procedure_names
-from instruments.catalog import driver, models, twin
-from instruments.entry_points import offers
-from instruments.errors import UsageError
-from instruments.physics.effects.registry import effect, effects
-from instruments.physics.effects.saturation import Saturation
+from benchctl_instruments.catalog import driver, models, twin
+from benchctl_instruments.entry_points import offers
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.effects.registry import effect, effects
+from benchctl_instruments.physics.effects.saturation import Saturation
 from tests.third_party.packages import install, site
 
 __all__ = ["site"]
@@ -31,7 +31,7 @@ EFFECT = '''
 from dataclasses import dataclass
 from typing import ClassVar
 
-from instruments.physics.effects.rate_squared import RateSquared
+from benchctl_instruments.physics.effects.rate_squared import RateSquared
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,7 +129,7 @@ def test_a_name_of_ours_stays_ours_and_that_is_said_once(site: Path, caplog: pyt
     for _ in range(2):
         assert find_procedure("static").says.startswith("Bias")
         assert driver("chamber", "watlow_f4").__name__ == "WatlowF4"
-        assert twin("chamber", "watlow_f4").__module__ == "instruments.simulated.watlow_f4"
+        assert twin("chamber", "watlow_f4").__module__ == "benchctl_instruments.simulated.watlow_f4"
         assert effect("saturation") is Saturation
         assert "coulomb_friction" not in effects()
     lines = said(caplog)

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 import pytest
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
-from instruments.field_faults import expectation, field_fault
+from benchctl_instruments.field_faults import expectation, field_fault
 
 
 class _Slow(BaseModel):

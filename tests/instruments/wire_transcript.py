@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from instruments.links.wirelog import WireEntry, WireLog
+from benchctl_instruments.links.wirelog import WireEntry, WireLog
 
 
 class Transcript:

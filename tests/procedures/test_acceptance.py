@@ -11,7 +11,7 @@ from benchctl.bench import load_bench
 from benchctl.campaign.check import problems
 from benchctl.plan import ConstantRate, Mount, Plan, PowerCycle, Sine, Soak, Static, ThermalRamp
 from benchctl.plan.find import find_procedure
-from benchctl.plan.steps import faults
+from benchctl_instruments.errors import UsageError
 
 NAMES = (
     "acceptance",
@@ -128,8 +128,9 @@ def test_small_rates_are_tried_about_rest_and_about_a_rate() -> None:
 @pytest.mark.parametrize(
     ("parameter", "text"), [("run_s", "-1"), ("zero_s", "0"), ("soak_s", "-5")], ids=lambda one: str(one)
 )
-def test_a_parameter_that_no_bench_can_do_is_a_fault(name: str, parameter: str, text: str) -> None:
+def test_a_parameter_that_no_bench_can_do_is_refused(name: str, parameter: str, text: str) -> None:
     known = {one.name for one in find_procedure(name).parameters}
     if parameter not in known:
         pytest.skip(f"{name} has no {parameter}")
-    assert [fault for step in plan(name, **{parameter: text}).steps for fault in faults(step)]
+    with pytest.raises(UsageError, match=f"parameter {parameter}: expected .*, got {text}"):
+        plan(name, **{parameter: text})

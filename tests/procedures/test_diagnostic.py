@@ -8,7 +8,7 @@ from benchctl.bench import load_bench
 from benchctl.campaign.check import problems
 from benchctl.plan import ConstantRate, Plan, Sine, Soak, Static, ThermalRamp
 from benchctl.plan.find import find_procedure
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 def plan(**texts: str) -> Plan:

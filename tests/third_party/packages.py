@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from instruments.entry_points import leave_out, offers
-from instruments.physics import effect_modules
-from instruments.physics.chamber_effects.registry import chamber_effects
-from instruments.physics.drive_effects.registry import drive_effects
-from instruments.physics.effects.registry import effects
+from benchctl_instruments.entry_points import leave_out, offers
+from benchctl_instruments.physics import effect_modules
+from benchctl_instruments.physics.chamber_effects.registry import chamber_effects
+from benchctl_instruments.physics.drive_effects.registry import drive_effects
+from benchctl_instruments.physics.effects.registry import effects
 
 
 def install(folder: Path, name: str, points: Mapping[str, Mapping[str, str]], modules: Mapping[str, str]) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
+import scipy  # which loads signal when it is first used
 
-from instruments.interfaces import FloatArray
-from instruments.physics.chamber_effects.effect import ChamberSignals
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.physics.chamber_effects.effect import ChamberSignals
 
 _KELVIN = 273.15
 _PER_KELVIN = 1.0 / (4.0 * 300.0**3)
@@ -20,18 +22,22 @@ def air_c(signals: ChamberSignals, start_c: float, gain: float, tau_s: float) ->
     From sample to sample everything that drives the air is held and the loss is linear in the temperature: exact
     without radiation and stores, and with them to first order in the interval over their time constants.
     """
+    if not signals.radiation:
+        return _linear(signals, start_c, gain, tau_s)
     steps = signals.interval_s / max(tau_s, signals.interval_s)
     room = signals.room_c.tolist()
     heating = (gain * signals.drive).tolist()
     losses = signals.loss.tolist()
+    exchange = signals.exchange
+    second = (signals.room_c if signals.second_c is None else signals.second_c).tolist()
     radiation = signals.radiation * _PER_KELVIN
     couplings = [coupling for coupling, _ in signals.stores]
     shares = [-math.expm1(-signals.interval_s / store_tau_s) for _, store_tau_s in signals.stores]
     temperature, stored = start_c, [start_c] * len(couplings)
     air = []
-    for heat, outside, loss in zip(heating, room, losses, strict=True):
+    for heat, outside, loss, beside in zip(heating, room, losses, second, strict=True):
         air.append(temperature)
-        slope, pull = loss, heat + loss * outside
+        slope, pull = loss + exchange, heat + loss * outside + exchange * beside
         if radiation:
             hot, cold = temperature + _KELVIN, outside + _KELVIN
             steep = 4.0 * radiation * hot**3
@@ -47,3 +53,36 @@ def air_c(signals: ChamberSignals, start_c: float, gain: float, tau_s: float) ->
         for place, part in enumerate(shares):
             stored[place] += ((before + temperature) / 2 - stored[place]) * part
     return np.array(air)
+
+
+def _linear(signals: ChamberSignals, start_c: float, gain: float, tau_s: float) -> FloatArray:
+    """The same without radiation: between changes of the loss a linear recursion, each of its modes a filter."""
+    steps = signals.interval_s / max(tau_s, signals.interval_s)
+    couplings = np.array([coupling for coupling, _ in signals.stores])
+    shares = np.array([-math.expm1(-signals.interval_s / store_tau_s) for _, store_tau_s in signals.stores])
+    heat = gain * signals.drive
+    if signals.second_c is not None:
+        heat = heat + signals.exchange * signals.second_c
+    state = np.full(1 + couplings.size, start_c)
+    air = np.empty_like(heat)
+    changes = [0, *(np.flatnonzero(np.diff(signals.loss)) + 1).tolist(), heat.size]
+    for first, last in itertools.pairwise(changes):
+        loss = float(signals.loss[first])
+        slope = loss + signals.exchange + float(couplings.sum())
+        share = -math.expm1(-slope * steps) / slope if slope else steps
+        # the air a sample later by air and stores now; a store then follows the mean of the air over that time
+        onward = np.concatenate([[1.0 - slope * share], share * couplings])
+        following = np.outer(shares, onward) / 2.0
+        following[:, 0] += shares / 2.0
+        following[:, 1:] += np.diag(1.0 - shares)
+        values, modes = np.linalg.eig(np.vstack([onward, following]))
+        into, beginning = np.linalg.solve(modes, np.column_stack([np.concatenate([[1.0], shares / 2.0]), state])).T
+        driven = share * (heat[first:last] + loss * signals.room_c[first:last])
+        courses = [
+            scipy.signal.lfilter([1.0], [1.0, -value], np.concatenate([[begun], one * driven]))
+            for value, one, begun in zip(values, into, beginning, strict=True)
+        ]
+        states = np.real(modes @ np.array(courses))
+        air[first:last] = states[0, :-1]
+        state = states[:, -1]
+    return np.clip(air, -_KELVIN, _HOTTEST_C)

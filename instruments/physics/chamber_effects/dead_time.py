@@ -8,8 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from instruments.physics.chamber_effects.effect import ChamberEffect, ChamberSignals, ChamberStage
-from instruments.physics.effects.effect import Parameter
+from benchctl_instruments.physics.chamber_effects.effect import ChamberEffect, ChamberSignals, ChamberStage
+from benchctl_instruments.physics.effects.effect import Parameter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,8 +41,11 @@ class DeadTime(ChamberEffect):
     }
 
     def apply(self, signals: ChamberSignals) -> ChamberSignals:
-        """The drive of a while ago; before the start it has long been as it is."""
-        return replace(signals, drive=np.interp(signals.time_s - self.delay_s, signals.time_s, signals.drive))
+        """The drive of a while ago."""
+        # a drive is held from sample to sample, so that its first value sets in at the start itself
+        time_s = np.concatenate([signals.time_s[:1] - signals.interval_s, signals.time_s])
+        drive = np.concatenate([[signals.drive_before], signals.drive])
+        return replace(signals, drive=np.interp(signals.time_s - self.delay_s, time_s, drive))
 
     def says(self) -> str:
         """The finding in one sentence."""

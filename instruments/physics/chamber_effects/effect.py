@@ -9,8 +9,8 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from instruments.interfaces import FloatArray
-from instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 ChamberStage = Literal["source", "transport", "loss"]
 """`source`: what the heater makes of its drive; `transport`: on its way to the air; `loss`: out of the air again."""
@@ -24,7 +24,9 @@ class ChamberSignals:
 
     `time_s` counts from the start of the run. `drive` is the heater's power in its own unit, or the set point [°C];
     `room_c` where the heat goes to. The air loses `loss` · (T − room) + `radiation` · (T⁴ − room⁴)/(4·300³), K each,
-    with T and room there in kelvin; to each of `stores` (coupling, time constant [s]), `coupling` · (T − T_store).
+    with T and room there in kelvin; to each of `stores` (coupling, time constant [s]), `coupling` · (T − T_store); and
+    `exchange` · (T − `second_c`) to a second body whose temperature was measured (n,). `before` is the drive before the
+    start; None: it had long been what it is at the start.
     """
 
     time_s: FloatArray
@@ -34,13 +36,25 @@ class ChamberSignals:
     loss: FloatArray
     radiation: float = 0.0
     stores: tuple[tuple[float, float], ...] = ()
+    second_c: FloatArray | None = None
+    exchange: float = 0.0
+    before: float | None = None
+
+    @property
+    def drive_before(self) -> float:
+        """The drive before the start."""
+        return float(self.drive[0]) if self.before is None else self.before
 
 
 class ChamberEffect(DescribedEffect):
-    """Physics of a chamber; `stage` orders effects, `drives` says with which kind of drive it makes sense."""
+    """Physics of a chamber; `stage` orders effects, `drives` says with which kind of drive it makes sense.
+
+    `needs_second` is for those that take the measured temperature of a second body.
+    """
 
     stage: ClassVar[ChamberStage]
     drives: ClassVar[tuple[Drive, ...]] = ("power", "setpoint")
+    needs_second: ClassVar[bool] = False
 
     @abstractmethod
     def apply(self, signals: ChamberSignals) -> ChamberSignals:

@@ -8,8 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from instruments.physics.chamber_effects.effect import ChamberEffect, ChamberSignals, ChamberStage
-from instruments.physics.effects.effect import Parameter
+from benchctl_instruments.physics.chamber_effects.effect import ChamberEffect, ChamberSignals, ChamberStage
+from benchctl_instruments.physics.effects.effect import Parameter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

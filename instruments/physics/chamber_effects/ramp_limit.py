@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from instruments.physics.chamber_effects.effect import ChamberEffect, ChamberSignals, ChamberStage, Drive
-from instruments.physics.effects.effect import Parameter
+from benchctl_instruments.physics.chamber_effects.effect import ChamberEffect, ChamberSignals, ChamberStage, Drive
+from benchctl_instruments.physics.effects.effect import Parameter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import lru_cache
 from types import MappingProxyType
 
-import instruments.physics.chamber_effects as package
-from instruments.physics.chamber_effects.effect import ChamberEffect
-from instruments.physics.effect_modules import known_effects
+import benchctl_instruments.physics.chamber_effects as package
+from benchctl_instruments.physics.chamber_effects.effect import ChamberEffect
+from benchctl_instruments.physics.effect_modules import known_effects
 
 
 @lru_cache(maxsize=1)

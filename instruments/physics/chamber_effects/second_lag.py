@@ -10,8 +10,8 @@ from typing import ClassVar
 import numpy as np
 import scipy  # which loads signal when it is first used
 
-from instruments.physics.chamber_effects.effect import ChamberEffect, ChamberSignals, ChamberStage
-from instruments.physics.effects.effect import Parameter
+from benchctl_instruments.physics.chamber_effects.effect import ChamberEffect, ChamberSignals, ChamberStage
+from benchctl_instruments.physics.effects.effect import Parameter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,11 +44,11 @@ class SecondLag(ChamberEffect):
     }
 
     def apply(self, signals: ChamberSignals) -> ChamberSignals:
-        """The drive behind the lag, exact for one held from sample to sample; before the start it was long as it is."""
+        """The drive behind the lag, exact for one held from sample to sample."""
         if self.tau_s <= 0.0:
             return signals
         left = math.exp(-signals.interval_s / self.tau_s)
-        lagging, _ = scipy.signal.lfilter([1.0 - left], [1.0, -left], signals.drive, zi=[left * signals.drive[0]])
+        lagging, _ = scipy.signal.lfilter([1.0 - left], [1.0, -left], signals.drive, zi=[left * signals.drive_before])
         return replace(signals, drive=np.asarray(lagging))
 
     def says(self) -> str:

@@ -8,14 +8,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from instruments.interfaces import FloatArray
-from instruments.physics.drive_effects.effect import DriveEffect, DriveSignals
-from instruments.physics.effects.effect import Parameter
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.physics.drive_effects.effect import DriveEffect, DriveSignals
+from benchctl_instruments.physics.effects.effect import Parameter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CoggingTorque(DriveEffect):
-    """amplitude·cos(order·(θ−phase)); order 1 is also an imbalance of a table that is not level."""
+    """amplitude·cos(order·(θ−phase)); once a turn it is an unbalance, which `gravity` has."""
 
     amplitude_nm: float
     phase_deg: float
@@ -23,13 +23,13 @@ class CoggingTorque(DriveEffect):
 
     identifier: ClassVar[str] = "cogging_torque"
     words: ClassVar[str] = (
-        "The torque depends on the angle, a whole number of times a turn: the magnets of the motor hold at its "
-        "teeth, a bearing runs untrue, or, once a turn, the load is out of balance."
+        "The torque depends on the angle, several times a turn: the magnets of the motor hold at its teeth, or a "
+        "bearing runs untrue."
     )
     equation: ClassVar[str] = "τ → τ + amplitude·cos(order·(θ−phase))"
     coordinate: ClassVar[str] = "angle"
     excited_by: ClassVar[str] = "slow whole turns"
-    look_alikes: ClassVar[tuple[str, ...]] = ("torque_offset",)
+    look_alikes: ClassVar[tuple[str, ...]] = ("gravity", "torque_offset")
     several: ClassVar[bool] = True
     parameters: ClassVar[Mapping[str, Parameter]] = {
         "amplitude_nm": Parameter(
@@ -55,7 +55,7 @@ class CoggingTorque(DriveEffect):
             low=1.0,
             high=360.0,
             role="choice",
-            scan=tuple(float(order) for order in range(1, 73)),
+            scan=tuple(float(order) for order in range(2, 73)),
         ),
     }
 

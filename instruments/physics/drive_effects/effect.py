@@ -9,8 +9,8 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from instruments.interfaces import FloatArray
-from instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 DriveStage = Literal["friction", "measurement"]
 """`friction`: a torque of its own; `measurement`: how all the torque is measured. They act in this order."""

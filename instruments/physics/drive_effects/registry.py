@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import lru_cache
 from types import MappingProxyType
 
-import instruments.physics.drive_effects as package
-from instruments.physics.drive_effects.effect import DriveEffect
-from instruments.physics.effect_modules import known_effects
+import benchctl_instruments.physics.drive_effects as package
+from benchctl_instruments.physics.drive_effects.effect import DriveEffect
+from benchctl_instruments.physics.effect_modules import known_effects
 
 
 @lru_cache(maxsize=1)

@@ -9,9 +9,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from instruments.interfaces import FloatArray
-from instruments.physics.drive_effects.effect import DriveEffect, DriveSignals
-from instruments.physics.effects.effect import Parameter
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.physics.drive_effects.effect import DriveEffect, DriveSignals
+from benchctl_instruments.physics.effects.effect import Parameter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,7 +1,7 @@
 """What every effect must keep, whoever adds it, and the check of it, for the tests of whoever writes one.
 
->>> from instruments.physics.effect_contract import check_effect
->>> from instruments.physics.effects.saturation import Saturation
+>>> from benchctl_instruments.physics.effect_contract import check_effect
+>>> from benchctl_instruments.physics.effects.saturation import Saturation
 >>> check_effect(Saturation)
 
 An effect of another package is looked at by `description` whenever it is taken in; what it does is for its own tests:
@@ -15,7 +15,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from instruments.physics.effects.effect import DescribedEffect
+    from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 
 def check_effect(kind: type[DescribedEffect]) -> None:
@@ -23,10 +23,10 @@ def check_effect(kind: type[DescribedEffect]) -> None:
 
     Of effects of the drive and of the chamber only their descriptions are looked at.
     """
-    from instruments.physics.effect_contract.behaviour import PROMISES
-    from instruments.physics.effect_contract.description import faults_in
-    from instruments.physics.effects.effect import PhysicalEffect
-    from instruments.physics.effects.registry import effects
+    from benchctl_instruments.physics.effect_contract.behaviour import PROMISES
+    from benchctl_instruments.physics.effect_contract.description import faults_in
+    from benchctl_instruments.physics.effects.effect import PhysicalEffect
+    from benchctl_instruments.physics.effects.registry import effects
 
     broken = list(faults_in(kind, getattr(kind, "identifier", "")))
     if not broken and issubclass(kind, PhysicalEffect):

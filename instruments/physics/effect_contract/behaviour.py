@@ -14,9 +14,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from instruments.interfaces import FloatArray
-from instruments.physics.chain import Signals
-from instruments.physics.effect_contract.motion import (
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.physics.chain import Signals
+from benchctl_instruments.physics.effect_contract.motion import (
     CIRCUMSTANCES,
     COARSE_HZ,
     FINE,
@@ -28,8 +28,14 @@ from instruments.physics.effect_contract.motion import (
     sampled,
     stretch,
 )
-from instruments.physics.effects.effect import PhysicalEffect
-from instruments.physics.effects.kinds import ClockEffect, ComplexArray, EncoderEffect, FilterEffect, NoiseEffect
+from benchctl_instruments.physics.effects.effect import PhysicalEffect
+from benchctl_instruments.physics.effects.kinds import (
+    ClockEffect,
+    ComplexArray,
+    EncoderEffect,
+    FilterEffect,
+    NoiseEffect,
+)
 
 Kind = type[PhysicalEffect]
 Promise = Callable[[Kind], None]
@@ -52,8 +58,10 @@ def is_gone_at_its_zero(kind: Kind) -> None:
     signals, ideal = sampled(), _without(sampled())
     zeros = {name: p.zero for name, p in kind.parameters.items() if p.zero is not None}
     sizes = {name: zero for name, zero in zeros.items() if kind.parameters[name].role == "size"}
-    # sizes go together; of the others each is enough
-    for gone in filter(None, (sizes, *({name: zeros[name]} for name in set(zeros) - set(sizes)))):
+    # sizes go together, and so do two ends of a range; of the others each is enough
+    ends = zeros if set(zeros.values()) == {-math.inf, math.inf} else {}
+    others = ({name: zeros[name]} for name in set(zeros) - set(sizes) - set(ends))
+    for gone in filter(None, (sizes, ends, *others)):
         if issubclass(kind, FilterEffect):
             nearly = {name: min(zero, 1e9) for name, zero in gone.items()}
             gain = kind.make({**_plain(kind), **nearly}, CIRCUMSTANCES).response(np.linspace(0.0, 50.0, 101))

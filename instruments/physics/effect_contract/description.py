@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, fields
 from typing import Any
 
-from instruments.physics.chain import STAGES
-from instruments.physics.effects.effect import COORDINATES, DescribedEffect, Parameter, PhysicalEffect
+from benchctl_instruments.physics.chain import STAGES
+from benchctl_instruments.physics.effects.effect import COORDINATES, DescribedEffect, Parameter, PhysicalEffect
 
 _SAID = ("words", "equation", "coordinate", "excited_by")
 _LEAST_WORDS = 40

@@ -9,9 +9,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from instruments.interfaces import FloatArray
-from instruments.physics.chain import Signals
-from instruments.physics.effects.effect import PhysicalEffect
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.physics.chain import Signals
+from benchctl_instruments.physics.effects.effect import PhysicalEffect
 
 COARSE_HZ = 125.0
 FINE = 16

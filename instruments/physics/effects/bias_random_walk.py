@@ -8,10 +8,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from instruments.physics.chain import Signals, Stage
-from instruments.physics.effects.draws import normals
-from instruments.physics.effects.effect import Parameter
-from instruments.physics.effects.kinds import NoiseEffect
+from benchctl_instruments.physics.chain import Signals, Stage
+from benchctl_instruments.physics.effects.draws import normals
+from benchctl_instruments.physics.effects.effect import Parameter
+from benchctl_instruments.physics.effects.kinds import NoiseEffect
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from instruments.interfaces import FloatArray
-from instruments.physics.chain import Stage
-from instruments.physics.effects.effect import Parameter
-from instruments.physics.effects.kinds import ClockEffect
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.physics.chain import Stage
+from benchctl_instruments.physics.effects.effect import Parameter
+from benchctl_instruments.physics.effects.kinds import ClockEffect
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,10 +9,10 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from instruments.physics.chain import Signals, Stage
-from instruments.physics.effects.draws import generator
-from instruments.physics.effects.effect import Parameter
-from instruments.physics.effects.kinds import NoiseEffect
+from benchctl_instruments.physics.chain import Signals, Stage
+from benchctl_instruments.physics.effects.draws import generator
+from benchctl_instruments.physics.effects.effect import Parameter
+from benchctl_instruments.physics.effects.kinds import NoiseEffect
 
 _MISSED_SCAN = 1.5
 """Intervals between two samples of which the second is no longer the next scan."""

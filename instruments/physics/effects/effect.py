@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import ClassVar, Literal, Self
 
-from instruments.physics.chain import Signals, Stage
+from benchctl_instruments.physics.chain import Signals, Stage
 
 Role = Literal["size", "shape", "phase", "choice"]
 """`size`: the effect grows in proportion to it; `shape`: a time constant, a cutoff; `phase`: an angle, periodic, in

@@ -8,10 +8,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from instruments.interfaces import FloatArray
-from instruments.physics.chain import Stage
-from instruments.physics.effects.effect import Parameter
-from instruments.physics.effects.kinds import EncoderEffect
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.physics.chain import Stage
+from benchctl_instruments.physics.effects.effect import Parameter
+from benchctl_instruments.physics.effects.kinds import EncoderEffect
 
 _RAD_PER_ARCSEC = np.radians(1.0 / 3600.0)
 

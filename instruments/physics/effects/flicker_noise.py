@@ -10,11 +10,11 @@ from typing import ClassVar
 import numpy as np
 import scipy  # which loads signal when it is first used
 
-from instruments.interfaces import FloatArray
-from instruments.physics.chain import Signals, Stage
-from instruments.physics.effects.draws import generator, normals
-from instruments.physics.effects.effect import Parameter
-from instruments.physics.effects.kinds import NoiseEffect
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.physics.chain import Signals, Stage
+from benchctl_instruments.physics.effects.draws import generator, normals
+from benchctl_instruments.physics.effects.effect import Parameter
+from benchctl_instruments.physics.effects.kinds import NoiseEffect
 
 _SLOWEST = 17
 """The longest time constant is two seconds to this power: its corner lies at 1.2 µHz."""

@@ -10,8 +10,8 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from instruments.physics.chain import Signals, Stage
-from instruments.physics.effects.effect import Parameter, PhysicalEffect
+from benchctl_instruments.physics.chain import Signals, Stage
+from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffect
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -43,7 +43,7 @@ class FringeAmbiguity(PhysicalEffect):
     equation: ClassVar[str] = "ω → fold − |(ω + fold) mod 4·fold − 2·fold|"
     coordinate: ClassVar[str] = "rate"
     excited_by: ClassVar[str] = "rates at the end of the range and beyond"
-    look_alikes: ClassVar[tuple[str, ...]] = ("saturation", "rate_nonlinearity")
+    look_alikes: ClassVar[tuple[str, ...]] = ("overload", "saturation", "two_rails", "rate_nonlinearity")
     parameters: ClassVar[Mapping[str, Parameter]] = {
         "fold_dps": Parameter(
             unit="degree/s",

@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 import scipy  # which loads signal when it is first used
 
-from instruments.interfaces import FloatArray
-from instruments.physics.chain import Signals
-from instruments.physics.effects.effect import PhysicalEffect
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.physics.chain import Signals
+from benchctl_instruments.physics.effects.effect import PhysicalEffect
 
 ComplexArray = npt.NDArray[np.complex128]
 

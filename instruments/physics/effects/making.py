@@ -6,12 +6,21 @@ import math
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
 
-from instruments.errors import UsageError
-from instruments.physics.effects.effect import Parameter, PhysicalEffect
-from instruments.physics.effects.numbered import identifier_in
-from instruments.physics.effects.registry import effect, effects
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffect
+from benchctl_instruments.physics.effects.numbered import identifier_in
+from benchctl_instruments.physics.effects.registry import effect, effects
 
-LATE = ("sensor_bandwidth", "saturation", "mains_pickup", "adc_nonlinearity", "adc_coarse", "outliers", "dropouts")
+LATE = (
+    "sensor_bandwidth",
+    "saturation",
+    "two_rails",
+    "mains_pickup",
+    "adc_nonlinearity",
+    "adc_coarse",
+    "outliers",
+    "dropouts",
+)
 """Effects that act after the others of their stage, in this order: amplifier, cable, converter, transmission."""
 
 
@@ -40,7 +49,7 @@ def _made(name: str, table: Mapping[str, float], circumstances: Mapping[str, flo
     try:
         kind = effect(identifier_in(name, effects()))
     except UsageError as err:
-        raise UsageError(f"[{where}] {err}") from err
+        raise UsageError(f"[{where}.{name}] {err}") from err
     place = f"[{where}.{name}]"
     if not isinstance(table, Mapping):
         raise UsageError(f"{place} expected a table of its parameters, got {table!r}")

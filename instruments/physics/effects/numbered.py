@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 _NUMBERED = re.compile(r"(?P<identifier>.+)_(?P<number>[2-9]|[1-9]\d+)", re.ASCII)
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from instruments.physics.chain import Signals, Stage
-from instruments.physics.effects.effect import Parameter, PhysicalEffect
+from benchctl_instruments.physics.chain import Signals, Stage
+from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffect
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +32,7 @@ class RateNonlinearity(PhysicalEffect):
     equation: ClassVar[str] = "U − U0 → (U − U0)·(1 + c2·ω² + c4·ω⁴)"
     coordinate: ClassVar[str] = "rate"
     excited_by: ClassVar[str] = "rates from a third of the range up to all of it"
-    look_alikes: ClassVar[tuple[str, ...]] = ("saturation", "fringe_ambiguity", "dead_zone")
+    look_alikes: ClassVar[tuple[str, ...]] = ("saturation", "two_rails", "overload", "fringe_ambiguity", "dead_zone")
     parameters: ClassVar[Mapping[str, Parameter]] = {
         "c2": Parameter(
             unit="(degree/s)-2",

@@ -5,10 +5,10 @@ from __future__ import annotations
 from functools import lru_cache
 from types import MappingProxyType
 
-import instruments.physics.effects as package
-from instruments.errors import UsageError
-from instruments.physics.effect_modules import known_effects, refuse_broken
-from instruments.physics.effects.effect import PhysicalEffect
+import benchctl_instruments.physics.effects as package
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.effect_modules import known_effects, refuse_broken
+from benchctl_instruments.physics.effects.effect import PhysicalEffect
 
 
 @lru_cache(maxsize=1)

@@ -9,8 +9,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from instruments.physics.chain import Signals, Stage
-from instruments.physics.effects.effect import Parameter, PhysicalEffect
+from benchctl_instruments.physics.chain import Signals, Stage
+from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffect
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,7 +30,7 @@ class Saturation(PhysicalEffect):
     equation: ClassVar[str] = "U → min(max(U, −limit), limit)"
     coordinate: ClassVar[str] = "output"
     excited_by: ClassVar[str] = "rates near the end of the range"
-    look_alikes: ClassVar[tuple[str, ...]] = ("fringe_ambiguity", "rate_nonlinearity")
+    look_alikes: ClassVar[tuple[str, ...]] = ("two_rails", "overload", "fringe_ambiguity", "rate_nonlinearity")
     parameters: ClassVar[Mapping[str, Parameter]] = {
         "limit_v": Parameter(
             unit="V",

@@ -9,10 +9,10 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from instruments.interfaces import FloatArray
-from instruments.physics.chain import Stage
-from instruments.physics.effects.effect import Parameter
-from instruments.physics.effects.kinds import FORGETTING_TIME_CONSTANTS, FilterEffect
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.physics.chain import Stage
+from benchctl_instruments.physics.effects.effect import Parameter
+from benchctl_instruments.physics.effects.kinds import FORGETTING_TIME_CONSTANTS, FilterEffect
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from instruments.interfaces import FloatArray
-from instruments.physics.effects.effect import Parameter
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.physics.effects.effect import Parameter
 
 SETTLING_TIME = Parameter(
     unit="s",

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from instruments.physics.chain import Signals, Stage
-from instruments.physics.effects.effect import Parameter, PhysicalEffect
+from benchctl_instruments.physics.chain import Signals, Stage
+from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffect
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

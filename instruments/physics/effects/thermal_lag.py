@@ -10,9 +10,9 @@ from typing import ClassVar
 import numpy as np
 import scipy  # which loads signal when it is first used
 
-from instruments.interfaces import FloatArray
-from instruments.physics.chain import Signals, Stage
-from instruments.physics.effects.effect import Parameter, PhysicalEffect
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.physics.chain import Signals, Stage
+from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffect
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

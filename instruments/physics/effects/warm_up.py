@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from instruments.physics.chain import Signals, Stage
-from instruments.physics.effects.effect import Parameter, PhysicalEffect
-from instruments.physics.effects.settling import SETTLING_TIME, left
+from benchctl_instruments.physics.chain import Signals, Stage
+from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffect
+from benchctl_instruments.physics.effects.settling import SETTLING_TIME, left
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

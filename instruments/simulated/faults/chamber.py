@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-from instruments.simulated.faults.log import FaultLog
-from instruments.simulated.faults.machine_kinds import MachineFault, OverRange, StallsShort, StuckReading
-from instruments.simulated.faults.spells import spells
-from instruments.simulated.machines import ChamberMachine
+from benchctl_instruments.simulated.faults.log import FaultLog
+from benchctl_instruments.simulated.faults.machine_kinds import MachineFault, OverRange, StallsShort, StuckReading
+from benchctl_instruments.simulated.faults.spells import spells
+from benchctl_instruments.simulated.machines import ChamberMachine
 
 
 class FaultyChamber:

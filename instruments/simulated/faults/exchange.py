@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from instruments.simulated.faults.wires import Wire
+from benchctl_instruments.simulated.faults.wires import Wire
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

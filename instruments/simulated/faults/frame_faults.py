@@ -18,10 +18,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from instruments.interfaces import FloatArray
-from instruments.simulated.faults.frame_kinds import FrameFault
-from instruments.simulated.faults.log import FaultLog, Fired
-from instruments.simulated.faults.schedule import Schedule
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.simulated.faults.frame_kinds import FrameFault
+from benchctl_instruments.simulated.faults.log import FaultLog, Fired
+from benchctl_instruments.simulated.faults.schedule import Schedule
 
 JUNK = bytes.fromhex("ff 00 5a 81")
 CHECKSUM_BYTES = 4

@@ -1,6 +1,6 @@
 """The faults of the line on which a digital gyro sends frames: an operation is a frame, `frame 17`, at its instant.
 
-What becomes of a frame is told in `instruments.simulated.faults.frame_faults`. Frames are counted from 0 over all
+What becomes of a frame is told in `simulated.faults.frame_faults`. Frames are counted from 0 over all
 streams, those that nobody heard left out.
 """
 
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal
 
-from instruments.simulated.faults.tables import FaultTable, Place
+from benchctl_instruments.simulated.faults.tables import FaultTable, Place
 
 FrameKind = Literal[
     "frame_lost",

@@ -6,17 +6,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from instruments.interfaces import FloatArray, IntArray
-from instruments.simulated.faults.log import FaultLog
-from instruments.simulated.faults.machine_kinds import (
+from benchctl_instruments.interfaces import FloatArray, IntArray
+from benchctl_instruments.simulated.faults.log import FaultLog
+from benchctl_instruments.simulated.faults.machine_kinds import (
     ClockDrift,
     EncoderJump,
     MachineFault,
     OverRange,
     StuckReading,
 )
-from instruments.simulated.faults.spells import spells
-from instruments.simulated.machines import AnalogInputs
+from benchctl_instruments.simulated.faults.spells import spells
+from benchctl_instruments.simulated.machines import AnalogInputs
 
 Samples = tuple[IntArray, FloatArray, FloatArray]
 

@@ -8,15 +8,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from instruments.errors import UsageError
-from instruments.simulated.faults.exchange import Answer, Exchange, Piece, at_once
-from instruments.simulated.faults.link_kinds import LinkFault
-from instruments.simulated.faults.log import FaultLog, Fired
-from instruments.simulated.faults.schedule import Schedule
-from instruments.simulated.faults.wires import Wire
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.simulated.faults.exchange import Answer, Exchange, Piece, at_once
+from benchctl_instruments.simulated.faults.link_kinds import LinkFault
+from benchctl_instruments.simulated.faults.log import FaultLog, Fired
+from benchctl_instruments.simulated.faults.schedule import Schedule
+from benchctl_instruments.simulated.faults.wires import Wire
 
 if TYPE_CHECKING:
-    from instruments.simulated.tcp_server import Conversation
+    from benchctl_instruments.simulated.tcp_server import Conversation
 
 
 class LinkFaults:

@@ -7,8 +7,8 @@ from typing import ClassVar, Literal
 
 from pydantic import Field, field_validator
 
-from instruments.simulated.faults.exchange import Answer, Exchange, Piece, at_once
-from instruments.simulated.faults.tables import FaultTable, Place, Positive
+from benchctl_instruments.simulated.faults.exchange import Answer, Exchange, Piece, at_once
+from benchctl_instruments.simulated.faults.tables import FaultTable, Place, Positive
 
 
 class LinkFault(FaultTable):

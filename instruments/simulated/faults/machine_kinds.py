@@ -11,7 +11,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from instruments.simulated.faults.tables import FaultTable, Place, Positive
+from benchctl_instruments.simulated.faults.tables import FaultTable, Place, Positive
 
 
 class MachineFault(FaultTable):

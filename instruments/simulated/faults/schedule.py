@@ -19,7 +19,7 @@ class When:
     ----------
     pattern
         Only operations in whose text this regular expression is found; the conditions below count these alone. How an
-        operation reads is a matter of its wire: `instruments.simulated.faults.wires`.
+        operation reads is a matter of its wire: `benchctl_instruments.simulated.faults.wires`.
     from_s, to_s
         Only from this bench time on, and before that one.
     nth

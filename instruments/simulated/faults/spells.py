@@ -7,9 +7,9 @@ import threading
 from collections.abc import Iterable
 from typing import Generic, TypeVar
 
-from instruments.simulated.faults.log import FaultLog, Fired
-from instruments.simulated.faults.machine_kinds import MachineFault
-from instruments.simulated.faults.schedule import Schedule
+from benchctl_instruments.simulated.faults.log import FaultLog, Fired
+from benchctl_instruments.simulated.faults.machine_kinds import MachineFault
+from benchctl_instruments.simulated.faults.schedule import Schedule
 
 FaultT = TypeVar("FaultT", bound=MachineFault)
 

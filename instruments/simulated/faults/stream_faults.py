@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from instruments.simulated.faults.log import FaultLog, Fired
-from instruments.simulated.faults.schedule import Schedule
-from instruments.simulated.faults.stream_kinds import StreamFault
+from benchctl_instruments.simulated.faults.log import FaultLog, Fired
+from benchctl_instruments.simulated.faults.schedule import Schedule
+from benchctl_instruments.simulated.faults.stream_kinds import StreamFault
 
 JUNK = bytes.fromhex("ff 00 5a ff 00 5a ff 00 5a ff 00 5a ff 00 5a ff")
 

@@ -9,7 +9,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from instruments.simulated.faults.tables import FaultTable, Place, Positive
+from benchctl_instruments.simulated.faults.tables import FaultTable, Place, Positive
 
 
 class StreamFault(FaultTable):

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from instruments.simulated.faults.log import FaultLog
-from instruments.simulated.faults.machine_kinds import MachineFault, StuckReading, VelocityTrip
-from instruments.simulated.faults.spells import spells
-from instruments.simulated.machines import TableMachine, TableMotion
+from benchctl_instruments.simulated.faults.log import FaultLog
+from benchctl_instruments.simulated.faults.machine_kinds import MachineFault, StuckReading, VelocityTrip
+from benchctl_instruments.simulated.faults.spells import spells
+from benchctl_instruments.simulated.machines import TableMachine, TableMotion
 
 
 class FaultyTable:

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from instruments.simulated.faults.schedule import When
+from benchctl_instruments.simulated.faults.schedule import When
 
 Place = Literal["rate_table", "chamber", "digitizer", "digitizer_stream", "gyro"]
 """A link, named after the instrument at its end; the digitizer's stream has one of its own, `gyro` is a digital one."""

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from instruments.protocols.modbus import MBAP, READS, RTU_CRC, with_crc
+from benchctl_instruments.protocols.modbus import MBAP, READS, RTU_CRC, with_crc
 
 MOST_SHOWN = 200  # characters of a request
 LINE = re.compile(rb"[^\r\n]*[\r\n]+|[^\r\n]+$")

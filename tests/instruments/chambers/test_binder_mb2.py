@@ -7,9 +7,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from instruments.chambers.binder_mb2 import BinderMb2
-from instruments.errors import InstrumentError
-from instruments.simulated.binder_mb2 import IDLE, SimulatedBinderMb2
+from benchctl_instruments.chambers.binder_mb2 import BinderMb2
+from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.simulated.binder_mb2 import IDLE, SimulatedBinderMb2
 from tests.instruments.chamber_machine import FakeChamber, InstantClock
 from tests.instruments.wire_transcript import Transcript
 

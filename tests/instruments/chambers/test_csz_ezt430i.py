@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from instruments.chambers.csz_ezt430i import CszEzt430i
-from instruments.errors import InstrumentError
-from instruments.simulated.csz_ezt430i import SimulatedCszEzt430i
+from benchctl_instruments.chambers.csz_ezt430i import CszEzt430i
+from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.simulated.csz_ezt430i import SimulatedCszEzt430i
 from tests.instruments.chamber_machine import FakeChamber, InstantClock
 from tests.instruments.wire_transcript import Transcript
 
@@ -108,6 +108,16 @@ def test_a_controller_that_stays_busy_is_an_error_and_nothing_is_written(
         with pytest.raises(InstrumentError, match=r"busy or offline \(register 0 reads 1\) for more than 10 s"):
             action()
     assert (machine.setpoint, machine.switched) == (20.0, 0)
+
+
+def test_a_controller_that_means_ready_by_its_busy_register_is_a_setting_which_the_refusal_names(
+    twin: SimulatedCszEzt430i, machine: FakeChamber
+) -> None:
+    twin.busy = 1
+    with pytest.raises(InstrumentError, match=r"one public client takes it for ready; .* changes = (\{ busy = .* \})$"):
+        CszEzt430i(twin.address, clock=InstantClock()).open()
+    with CszEzt430i(twin.address, clock=InstantClock(), changes={"busy": {"free": [0, 1]}}) as chamber:
+        assert chamber.read().temperature_c == 23.0
 
 
 def test_a_stop_that_a_busy_controller_does_not_carry_out_is_found_out(

@@ -8,11 +8,11 @@ from collections.abc import Iterator
 
 import pytest
 
-from instruments.chambers.espec_p300 import EspecP300
-from instruments.errors import InstrumentError, LinkError, UsageError
-from instruments.interfaces import Chamber, Identity
-from instruments.links.lines import NoAnswerError
-from instruments.simulated.espec_p300 import SimulatedEspecP300
+from benchctl_instruments.chambers.espec_p300 import EspecP300
+from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
+from benchctl_instruments.interfaces import Chamber, Identity
+from benchctl_instruments.links.lines import NoAnswerError
+from benchctl_instruments.simulated.espec_p300 import SimulatedEspecP300
 from tests.instruments.chamber_machine import FakeChamber, InstantClock
 
 SERIAL = pytest.param(True, marks=pytest.mark.skipif(sys.platform == "win32", reason="needs pseudo-terminals"))
@@ -37,7 +37,7 @@ def chamber(twin: SimulatedEspecP300) -> Iterator[EspecP300]:
 
 def test_it_is_a_chamber_that_says_who_it_is(chamber: EspecP300) -> None:
     as_chamber: Chamber = chamber
-    assert as_chamber.identify() == Identity(manufacturer="ESPEC", model="P300", firmware="SIMULATED 1.00")
+    assert as_chamber.identify() == Identity(manufacturer="ESPEC", model="P300", firmware="P300 SIMULATED 1.00")
 
 
 def test_air_set_point_and_heater_are_read(chamber: EspecP300, machine: FakeChamber) -> None:

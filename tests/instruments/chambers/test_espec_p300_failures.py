@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from instruments.chambers.espec_p300 import EspecP300
-from instruments.errors import InstrumentError, LinkError, UsageError
-from instruments.links.lines import NoAnswerError
-from instruments.links.tcp import Reconnect
-from instruments.protocols.lines import LineCutter
-from instruments.simulated.tcp_server import TcpServer
+from benchctl_instruments.chambers.espec_p300 import EspecP300
+from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
+from benchctl_instruments.links.lines import NoAnswerError
+from benchctl_instruments.links.tcp import Reconnect
+from benchctl_instruments.protocols.lines import LineCutter
+from benchctl_instruments.simulated.tcp_server import TcpServer
 from tests.instruments.chamber_machine import InstantClock
 
 GOOD = {

@@ -6,13 +6,13 @@ from collections.abc import Iterator
 
 import pytest
 
-from instruments.chambers.espec_p300 import EspecP300
-from instruments.errors import InstrumentError
-from instruments.simulated.clock import VirtualClock
-from instruments.simulated.espec_p300 import SimulatedEspecP300
-from instruments.simulated.faults.bench import BenchFaults
-from instruments.simulated.faults.link_kinds import LinkFault, Refusal, Silence
-from instruments.simulated.world import World
+from benchctl_instruments.chambers.espec_p300 import EspecP300
+from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.simulated.clock import VirtualClock
+from benchctl_instruments.simulated.espec_p300 import SimulatedEspecP300
+from benchctl_instruments.simulated.faults.bench import BenchFaults
+from benchctl_instruments.simulated.faults.link_kinds import LinkFault, Refusal, Silence
+from benchctl_instruments.simulated.world import World
 
 
 @pytest.fixture

@@ -6,13 +6,13 @@ from collections.abc import Iterator
 
 import pytest
 
-from instruments.chambers.eurotherm_2400 import Eurotherm2400
-from instruments.chambers.eurotherm_3500 import Eurotherm3500
-from instruments.errors import InstrumentError, LinkError, UsageError
-from instruments.interfaces import Chamber, Identity
-from instruments.links.modbus import Retry
-from instruments.simulated.eurotherm_2400 import SimulatedEurotherm2400
-from instruments.simulated.eurotherm_3500 import SimulatedEurotherm3500
+from benchctl_instruments.chambers.eurotherm_2400 import Eurotherm2400
+from benchctl_instruments.chambers.eurotherm_3500 import Eurotherm3500
+from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
+from benchctl_instruments.interfaces import Chamber, Identity
+from benchctl_instruments.links.modbus import ModbusLink, Retry
+from benchctl_instruments.simulated.eurotherm_2400 import SimulatedEurotherm2400
+from benchctl_instruments.simulated.eurotherm_3500 import SimulatedEurotherm3500
 from tests.instruments.chamber_machine import FakeChamber, InstantClock
 from tests.instruments.wire_transcript import Transcript
 
@@ -71,28 +71,73 @@ def test_the_2400_is_asked_for_singles_at_twice_the_parameter_and_32768(machine:
     assert (reading.temperature_c, reading.setpoint_c) == pytest.approx((78.1, 49.9))
 
 
-def test_the_3500_is_asked_for_whole_numbers_and_told_with_function_16(machine: FakeChamber) -> None:
-    machine.air, machine.setpoint = 78.1, 49.9
+def test_the_3500_is_asked_for_its_own_registers_and_told_with_function_16(machine: FakeChamber) -> None:
+    machine.air, machine.setpoint, machine.power, machine.on = 78.1, 49.9, 12.5, True
     heard = Transcript()
     with (
         SimulatedEurotherm3500(machine) as twin,
         Eurotherm3500(twin.address, clock=InstantClock(), wire_log=heard.log) as chamber,
     ):
         heard.lines.clear()
-        assert chamber.read().temperature_c == 78.1
+        reading = chamber.read()
         chamber.go_to(-12.5)
     assert heard.lines == [
-        "> 01 03 00 01 00 03 54 0B",
-        "< 01 03 06 03 0D 01 F3 00 00 FD 48",
-        "> 01 03 00 4B 00 01 F4 1C",
-        "< 01 03 02 00 00 B8 44",
         "> 01 03 00 02 00 01 25 CA",
         "< 01 03 02 01 F3 F9 91",
-        "> 01 10 00 02 00 01 02 FF 83 A7 E3",
-        "< 01 10 00 02 00 01 A0 09",
+        "> 01 03 00 55 00 01 94 1A",
+        "< 01 03 02 00 7D 78 65",
+        "> 01 03 01 21 00 01 D5 FC",
+        "< 01 03 02 03 0D 79 71",
+        "> 01 03 27 E5 00 01 9F 49",
+        "< 01 03 02 00 00 B8 44",
+        "> 01 03 00 18 00 01 04 0D",
+        "< 01 03 02 01 F3 F9 91",
+        "> 01 10 00 18 00 01 02 FF 83 A5 D9",
+        "< 01 10 00 18 00 01 81 CE",
+        "> 01 03 00 18 00 01 04 0D",
+        "< 01 03 02 FF 83 B8 15",
+        "> 01 03 01 11 00 01 D5 F3",
+        "< 01 03 02 00 00 B8 44",
         "> 01 03 00 02 00 01 25 CA",
         "< 01 03 02 FF 83 B8 15",
     ]
+    assert (reading.temperature_c, reading.setpoint_c, reading.power_percent) == (78.1, 49.9, 12.5)
+
+
+def test_the_3500s_alarm_summary_is_told(machine: FakeChamber) -> None:
+    with (
+        SimulatedEurotherm3500(machine) as twin,
+        Eurotherm3500(twin.address, clock=InstantClock()) as chamber,
+    ):
+        assert chamber.read().alarms == ()
+        twin.alarms = 4
+        assert chamber.read().alarms == ("alarm summary says that an alarm is active",)
+
+
+@pytest.mark.parametrize(("decimals", "says"), [(1, r"reads 1372 °C, expected -200 to 850"), (2, "reads 32767 .over")])
+def test_a_3500_without_a_sensor_has_no_temperature(machine: FakeChamber, decimals: int, says: str) -> None:
+    with (
+        SimulatedEurotherm3500(machine, decimals=decimals) as twin,
+        Eurotherm3500(twin.address, clock=InstantClock(), changes={"decimals": decimals}) as chamber,
+    ):
+        twin.sensor_broken = True
+        with pytest.raises(InstrumentError, match=rf"no valid temperature, air temperature \(register 289\) {says}"):
+            chamber.read()
+
+
+def test_a_3500_that_obeys_its_second_set_point_is_not_started(machine: FakeChamber) -> None:
+    with SimulatedEurotherm3500(machine) as twin:
+        panel = ModbusLink(twin.address)
+        panel.open()
+        panel.write(25, [800])
+        panel.write(15, [1])
+        panel.close()
+        with Eurotherm3500(twin.address, clock=InstantClock()) as chamber:
+            chamber.go_to(-12.5)
+            with pytest.raises(
+                InstrumentError, match=r"taken over \(register 2\) should be -12.5 °C and still reads 80"
+            ):
+                chamber.start()
 
 
 @pytest.mark.parametrize(

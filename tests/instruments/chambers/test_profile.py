@@ -14,8 +14,8 @@ import tomli_w
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from instruments.chambers.profile import Profile
-from instruments.chambers.profile_file import (
+from benchctl_instruments.chambers.profile import Profile
+from benchctl_instruments.chambers.profile_file import (
     MOST_BYTES,
     changed,
     parse_profile,
@@ -23,9 +23,9 @@ from instruments.chambers.profile_file import (
     profile_text,
     shipped_profile,
 )
-from instruments.chambers.profiled import ProfiledChamber
-from instruments.errors import UsageError
-from instruments.simulated.profiled import SimulatedProfiled
+from benchctl_instruments.chambers.profiled import ProfiledChamber
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.simulated.profiled import SimulatedProfiled
 from tests.instruments.chamber_machine import FakeChamber, InstantClock
 from tests.instruments.chambers.lab_controllers import ACME, BRAND
 from tests.slowness import slowness

@@ -9,15 +9,15 @@ from typing import Any
 
 import pytest
 
-from instruments.catalog import driver
-from instruments.chambers.profile_file import parse_profile
-from instruments.chambers.profiled import ProfiledChamber
-from instruments.errors import InstrumentError, LinkError, UsageError
-from instruments.interfaces import Chamber, Identity
-from instruments.links.modbus import Retry
-from instruments.protocols.modbus import RtuFraming
-from instruments.simulated.modbus_server import ModbusRtuServer, ModbusSession
-from instruments.simulated.serial_line import SerialLine
+from benchctl_instruments.catalog import driver
+from benchctl_instruments.chambers.profile_file import parse_profile
+from benchctl_instruments.chambers.profiled import ProfiledChamber
+from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
+from benchctl_instruments.interfaces import Chamber, Identity
+from benchctl_instruments.links.modbus import Retry
+from benchctl_instruments.protocols.modbus import RtuFraming
+from benchctl_instruments.simulated.modbus_server import ModbusRtuServer, ModbusSession
+from benchctl_instruments.simulated.serial_line import SerialLine
 from tests.instruments.chamber_machine import FakeChamber, InstantClock
 from tests.instruments.chambers.lab_controllers import ACME, ACME_WITHOUT_LIMITS, BRAND, Acme9, BrandX
 

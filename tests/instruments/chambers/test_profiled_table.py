@@ -5,11 +5,11 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from instruments.chambers.profile import Run
-from instruments.chambers.profile_file import changed, parse_profile
-from instruments.chambers.profiled_table import ProfiledQuantity, ProfiledTable
-from instruments.chambers.quantities import WORDS
-from instruments.links.modbus import ModbusLink
+from benchctl_instruments.chambers.profile import Run
+from benchctl_instruments.chambers.profile_file import changed, parse_profile
+from benchctl_instruments.chambers.profiled_table import ProfiledQuantity, ProfiledTable
+from benchctl_instruments.chambers.quantities import WORDS
+from benchctl_instruments.links.modbus import ModbusLink
 from tests.instruments.chamber_machine import InstantClock
 from tests.instruments.chambers.lab_controllers import BRAND
 

@@ -7,14 +7,14 @@ from typing import Any
 
 import pytest
 
-from instruments.chambers.watlow_f4t import WatlowF4T
-from instruments.errors import InstrumentError, LinkError, UsageError
-from instruments.interfaces import Chamber, Identity
-from instruments.links.modbus import Retry
-from instruments.protocols.words import WordOrder
-from instruments.simulated.modbus_server import ModbusTcpServer
-from instruments.simulated.registers import RegisterTable, word
-from instruments.simulated.watlow_f4t import OnBy, SimulatedWatlowF4T
+from benchctl_instruments.chambers.watlow_f4t import WatlowF4T
+from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
+from benchctl_instruments.interfaces import Chamber, Identity
+from benchctl_instruments.links.modbus import Retry
+from benchctl_instruments.protocols.words import WordOrder
+from benchctl_instruments.simulated.modbus_server import ModbusRtuServer, ModbusTcpServer
+from benchctl_instruments.simulated.registers import RegisterTable, word
+from benchctl_instruments.simulated.watlow_f4t import OnBy, SimulatedWatlowF4T
 from tests.instruments.chamber_machine import FakeChamber, InstantClock
 
 RUNNING: dict[str, Any] = {"running_output": [1, 1]}
@@ -154,6 +154,20 @@ def test_a_chamber_that_does_not_start_is_found_out_by_its_running_output(machin
         chamber.start()
 
 
+def test_a_momentary_key_taken_for_a_toggle_key_is_found_out_with_what_to_give(machine: FakeChamber) -> None:
+    with (
+        SimulatedWatlowF4T(machine, on_by="momentary_key") as twin,
+        driver_at(twin.address, on_by="toggle_key") as chamber,
+        pytest.raises(
+            InstrumentError,
+            match=r"key 1 \(register 6844\) should be 63 .*; the key was pressed, look whether the chamber runs; .*"
+            r" give on_by = 'momentary_key' and running_output$",
+        ),
+    ):
+        chamber.start()
+    assert machine.on
+
+
 def test_an_output_that_is_not_fitted_is_named(twin: SimulatedWatlowF4T) -> None:
     with (
         driver_at(twin.address, on_by="momentary_key", running_output=[2, 3]) as chamber,
@@ -184,13 +198,57 @@ def test_a_chamber_that_always_conditions_is_left_as_it_is(twin: SimulatedWatlow
     assert machine.switched == 0
 
 
-def test_a_running_profile_is_not_fought_with(
-    chamber: WatlowF4T, twin: SimulatedWatlowF4T, machine: FakeChamber
+@pytest.mark.parametrize(
+    ("state", "doing"), [(149, "runs"), (146, "is paused"), (1783, "waits for its start by the clock")]
+)
+def test_a_profile_that_runs_is_paused_or_waits_is_not_fought_with(
+    chamber: WatlowF4T, twin: SimulatedWatlowF4T, machine: FakeChamber, state: int, doing: str
 ) -> None:
-    twin.profile_state = 149
-    with pytest.raises(InstrumentError, match="a profile runs and would not keep our set point"):
+    twin.profile_state = state
+    with pytest.raises(InstrumentError, match=f"a profile {doing} and would not keep our set point; end it on its"):
         chamber.start()
     assert not machine.on
+    chamber.stop()
+
+
+@pytest.mark.parametrize(("line", "register"), [("tcp", 6730), ("serial", 14080)])
+def test_a_bus_that_speaks_fahrenheit_is_refused_with_how_to_set_it(
+    twin: SimulatedWatlowF4T, line: str, register: int
+) -> None:
+    """As delivered: 85 °F would otherwise be taken for 85 °C. The other line's unit does not matter."""
+    with ModbusRtuServer(twin.registers, unit_id=1, over_tcp=True) as serial_server:
+        address = twin.address if line == "tcp" else serial_server.address
+        for unit in (30, 17):
+            twin.memory.update({6730: 15, 14080: 15, register: unit})
+            shown = "30 (°F)" if unit == 30 else "17"
+            with pytest.raises(InstrumentError) as refused:
+                driver_at(address).open()
+            assert f"(register {register}) is code {shown}, expected code 15 (°C); set Display Units" in str(
+                refused.value
+            )
+        twin.memory.update({6730: 30, 14080: 30, register: 15})
+        with driver_at(address) as chamber:
+            assert chamber.identify().model == "F4T1L1EAA1D1AAA"
+
+
+@pytest.mark.parametrize("alarms", [6, 8, 14])
+def test_every_alarm_that_the_part_number_promises_is_told(machine: FakeChamber, alarms: int) -> None:
+    with SimulatedWatlowF4T(machine, alarms=alarms) as twin, driver_at(twin.address) as chamber:
+        assert chamber.read().alarms == ()
+        twin.hold_alarm(alarms, 28)
+        assert chamber.read().alarms == (f"alarm {alarms} active, code 28 (error)",)
+
+
+def test_of_a_part_number_that_is_not_known_the_six_alarms_are_read_that_every_f4t_has() -> None:
+    words = {16 + place: ord(letter) for place, letter in enumerate("F4T1L1XAA1D1AAA")}
+    words |= {6730: 15, 2774: 0, 2775: 0, 2776: 0, 2777: 0x42C8}  # limits 0 and 100 °C
+    words |= dict.fromkeys((2782, 2783, 2808, 2809, 2820, 2821), 0)
+    words |= {1356 + 100 * place: 28 for place in range(6)}
+    with (
+        ModbusTcpServer(RegisterTable([], memory=words), unit_id=1) as server,
+        driver_at(server.address) as chamber,
+    ):
+        assert len(chamber.read().alarms) == 6
 
 
 def test_a_loop_that_does_not_control_is_found_out(chamber: WatlowF4T, twin: SimulatedWatlowF4T) -> None:

@@ -8,18 +8,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from instruments.catalog import driver, twin
-from instruments.digitizers.labjack_t7 import LabJackT7
-from instruments.errors import InstrumentError, LinkError, UsageError
-from instruments.interfaces import Digitizer
-from instruments.links.modbus import ModbusLink
-from instruments.links.wirelog import WireLog
-from instruments.protocols.t7_stream import StreamReader
-from instruments.simulated.clock import ScaledClock, VirtualClock
-from instruments.simulated.labjack_t7 import SimulatedLabJackT7
-from instruments.simulated.modbus_server import ModbusTcpServer
-from instruments.simulated.registers import RegisterTable, f32, u32
+from benchctl_instruments.catalog import driver, twin
+from benchctl_instruments.digitizers.labjack_t7 import LabJackT7
+from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
+from benchctl_instruments.interfaces import Digitizer
+from benchctl_instruments.links.modbus import ModbusLink
+from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.protocols.t7_stream import StreamReader
+from benchctl_instruments.simulated.clock import ScaledClock, VirtualClock
+from benchctl_instruments.simulated.labjack_t7 import SimulatedLabJackT7
+from benchctl_instruments.simulated.modbus_server import ModbusTcpServer
+from benchctl_instruments.simulated.registers import RegisterTable, f32, u32
 from tests.instruments.simulated.fake_inputs import FakeInputs
+from tests.instruments.wire_transcript import Transcript
 
 
 @pytest.fixture
@@ -131,10 +132,69 @@ def test_the_start_is_counted_from_open_however_often_the_counter_has_wrapped(
             t7.stop_stream()
 
 
-def test_the_actual_rate_is_the_nearest_that_the_clock_can_do(t7: LabJackT7) -> None:
-    start = t7.start_stream(300.0)
-    assert start.rate_hz == pytest.approx(40e6 / 133_333, rel=1e-7)
-    assert start.rate_hz != 300.0
+@pytest.mark.parametrize(
+    ("asked_hz", "actual_hz"), [(500.0, 500.0), (3000.0, 3000.3000300), (300.0, 300.0030000), (120.0, 119.9990400)]
+)
+def test_the_rate_of_a_stream_is_the_one_that_the_t7_does_and_the_instants_of_its_scans_follow_from_it(
+    t7: LabJackT7, inputs: FakeInputs, asked_hz: float, actual_hz: float
+) -> None:
+    inputs.counts_per_s = 1e6
+    inputs.clock.sleep(3.0)
+    start = t7.start_stream(asked_hz)
+    assert start.rate_hz == pytest.approx(actual_hz, rel=1e-7)
+    inputs.clock.sleep(100.0)
+    counts = t7.read_stream(int(99.0 * asked_hz), 10.0).encoder_count
+    times_s = start.start_s + np.arange(len(counts)) / start.rate_hz
+    assert np.abs(counts - inputs.counts(times_s)).max() <= 10  # 10 µs, of 10 ms that the asked rate would be off
+    t7.stop_stream()
+    assert t7.start_stream(asked_hz).rate_hz == start.rate_hz
+
+
+def test_a_rate_that_is_far_from_the_one_that_was_asked_for_is_an_instrument_error(
+    t7: LabJackT7, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("benchctl_instruments.simulated.labjack_t7.scan_rate", lambda rate_hz: rate_hz / 2.0)
+    with pytest.raises(InstrumentError, match=r"asked for 100 scans a second, it scans 50 times"):
+        t7.start_stream(100.0)
+
+
+def answers_after(transcript: list[str], request: str) -> list[str]:
+    """What goes over the wire from a request on, without the numbers of the transactions."""
+    bare = [f"{line[0]} {line[8:]}" for line in transcript]
+    return bare[bare.index(request) :]
+
+
+def test_byte_for_byte_stopping_asks_for_the_one_word_of_last_err_detail_and_takes_2620_for_a_stopped_stream(
+    server: SimulatedLabJackT7, inputs: FakeInputs
+) -> None:
+    transcript = Transcript()
+    with LabJackT7(server.address, server.stream_address, clock=inputs.clock, wire_log=transcript.log) as t7:
+        t7.stop_stream()
+    assert answers_after(transcript.lines, "> 00 00 00 0B 01 10 13 7E 00 02 04 00 00 00 00")[:6] == [
+        "> 00 00 00 0B 01 10 13 7E 00 02 04 00 00 00 00",  # 0 to STREAM_ENABLE, 4990
+        "< 00 00 00 03 01 90 04",
+        "> 00 00 00 06 01 03 D6 D8 00 01",  # one word from 55000
+        "< 00 00 00 05 01 03 02 0A 3C",  # 2620
+        "> 00 00 00 06 01 03 13 7E 00 02",
+        "< 00 00 00 07 01 03 04 00 00 00 00",
+    ]
+
+
+def test_byte_for_byte_a_stream_is_enabled_and_then_its_actual_rate_is_read_from_4002(
+    server: SimulatedLabJackT7, inputs: FakeInputs
+) -> None:
+    transcript = Transcript()
+    with LabJackT7(server.address, server.stream_address, clock=inputs.clock, wire_log=transcript.log) as t7:
+        assert t7.start_stream(3000.0).rate_hz == 3000.300048828125
+    assert "> 00 00 00 0B 01 10 0F A2 00 02 04 45 3B 80 00" in answers_after(
+        transcript.lines, "> 00 00 00 06 01 03 D7 3C 00 02"
+    )
+    assert answers_after(transcript.lines, "> 00 00 00 0B 01 10 13 7E 00 02 04 00 00 00 01")[1:4] == [
+        "< 00 00 00 06 01 10 13 7E 00 02",
+        "> 00 00 00 06 01 03 0F A2 00 02",
+        "< 00 00 00 07 01 03 04 45 3B 84 CD",
+    ]
+    assert not any("03 11 8E" in line for line in transcript.lines)  # 4494 is no register of a T7
 
 
 @pytest.mark.parametrize(("rate_hz", "samples"), [(1.0, 4), (100.0, 20), (1000.0, 200), (20_000.0, 512)])
@@ -230,31 +290,58 @@ def test_stopping_is_safe_at_any_time_and_a_stream_can_be_started_again(t7: LabJ
     assert block.encoder_count[0] == inputs.counts(np.array([start.start_s]))[0]
 
 
-def test_a_stream_that_somebody_left_running_is_stopped_on_open(server: SimulatedLabJackT7, inputs: FakeInputs) -> None:
-    first = LabJackT7(server.address, server.stream_address, clock=inputs.clock)
-    first.open()
-    first.start_stream(100.0)
-    first.close()
-    with LabJackT7(server.address, server.stream_address, clock=inputs.clock) as second:
-        assert second.read_once().encoder_count == -500
+@pytest.mark.parametrize("call", ["read_once", "start_stream"])
+def test_a_stream_of_another_program_is_left_alone_until_this_one_is_told_to_stop_it(
+    server: SimulatedLabJackT7, inputs: FakeInputs, call: str
+) -> None:
+    with LabJackT7(server.address, server.stream_address, clock=inputs.clock) as first:
+        first.start_stream(100.0)
+        with LabJackT7(server.address, server.stream_address, clock=inputs.clock) as second:
+            assert second.identify().serial == first.identify().serial
+            with pytest.raises(InstrumentError, match="a stream runs that this program did not start"):
+                _ = second.read_once() if call == "read_once" else second.start_stream(100.0)
+            inputs.clock.sleep(1.0)
+            block = first.read_stream(90, 5.0)
+            assert (block.first_index, len(block.gyro_v) >= 90) == (0, True)
+            second.stop_stream()
+            assert second.read_once().encoder_count == inputs.counts(np.array([inputs.clock.now()]))[0]
 
 
-def test_an_encoder_input_that_counts_already_is_left_alone(server: SimulatedLabJackT7, inputs: FakeInputs) -> None:
-    lines = server._terminals.lines
-    with LabJackT7(server.address, server.stream_address, clock=inputs.clock):
-        assert [(line.index, line.enabled) for line in lines[:3]] == [(10, 1), (10, 1), (0, 0)]
-    lines[0].options = 77
-    with LabJackT7(server.address, server.stream_address, clock=inputs.clock):
-        assert lines[0].options == 77
-    lines[1].index = 7
-    with LabJackT7(server.address, server.stream_address, clock=inputs.clock):
-        assert [(line.index, line.enabled) for line in lines[:2]] == [(10, 1), (10, 1)]
+@pytest.fixture
+def link(server: SimulatedLabJackT7) -> Iterator[ModbusLink]:
+    other = ModbusLink(server.address)
+    other.open()
+    yield other
+    other.close()
+
+
+def test_an_encoder_input_that_counts_already_is_left_alone(
+    server: SimulatedLabJackT7, link: ModbusLink, inputs: FakeInputs
+) -> None:
+    index, enable = 44100, 44000
+
+    def features() -> list[list[int]]:
+        return [[link.read_u32(first + 2 * line, "high_first") for first in (index, enable)] for line in range(3)]
+
+    with LabJackT7(server.address, server.stream_address, clock=inputs.clock) as t7:
+        t7.read_once()
+        assert features() == [[10, 1], [10, 1], [0, 0]]
+        inputs.clock.sleep(1.0)
+        link.read_u32(3100, "high_first")  # sets the count to zero
+        assert t7.read_once().encoder_count == 0
+    with LabJackT7(server.address, server.stream_address, clock=inputs.clock) as t7:
+        assert t7.read_once().encoder_count == 0
+    link.write_u32(enable + 2, 0, "high_first")
+    link.write_u32(index + 2, 7, "high_first")
+    with LabJackT7(server.address, server.stream_address, clock=inputs.clock) as t7:
+        t7.read_once()
+        assert features() == [[10, 1], [10, 1], [0, 0]]
 
 
 def test_a_refused_setting_is_explained_in_labjacks_words(
     t7: LabJackT7, server: SimulatedLabJackT7, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("instruments.digitizers.labjack_t7.BUFFER_BYTES", 3000)
+    monkeypatch.setattr("benchctl_instruments.digitizers.labjack_t7.BUFFER_BYTES", 3000)
     with pytest.raises(InstrumentError, match=r"STREAM_ENABLE.*LabJack error 2615, the buffer size is invalid"):
         t7.start_stream(100.0)
     monkeypatch.undo()
@@ -276,7 +363,7 @@ def test_a_second_stream_writes_nothing_that_is_as_the_first_one_left_it(
     monkeypatch.setattr(server, "_keep", noted)
     t7.start_stream(200.0)
     t7.stop_stream()
-    assert written == [4018]  # which no register map lists, so perhaps it cannot be read
+    assert written == [4002, 4018]  # one reads otherwise than written, the other perhaps cannot be read
     t7.start_stream(100.0)
     assert set(written) == {4018, 4002, 4006}
 
@@ -284,8 +371,9 @@ def test_a_second_stream_writes_nothing_that_is_as_the_first_one_left_it(
 def test_a_setting_that_does_not_stay_is_an_instrument_error(
     t7: LabJackT7, server: SimulatedLabJackT7, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    t7.read_once()
     monkeypatch.setattr(server, "_keep", lambda address, value: None)
-    with pytest.raises(InstrumentError, match=r"wrote 100 to STREAM_SCANRATE_HZ, acknowledged, reads 0"):
+    with pytest.raises(InstrumentError, match=r"wrote 4 to STREAM_NUM_ADDRESSES, acknowledged, reads 0"):
         t7.start_stream(100.0)
 
 
@@ -336,7 +424,7 @@ def test_what_is_no_t7_is_recognised_on_open(test: int, product: float, words: s
 def test_a_calibration_that_makes_no_sense_is_an_instrument_error(
     server: SimulatedLabJackT7, inputs: FakeInputs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("instruments.digitizers.labjack_t7.CALIBRATION_FLASH_ADDRESS", 0)
+    monkeypatch.setattr("benchctl_instruments.digitizers.labjack_t7.CALIBRATION_FLASH_ADDRESS", 0)
     with pytest.raises(InstrumentError, match="reading its flash, expected the calibration"):
         LabJackT7(server.address, server.stream_address, clock=inputs.clock).open()
 

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from instruments.digitizers.t7_scans import AinCalibration, ScanQueue
-from instruments.errors import InstrumentError
-from instruments.interfaces import ScanBlock
-from instruments.protocols.t7_stream import encode_packets
+from benchctl_instruments.digitizers.t7_scans import AinCalibration, ScanQueue
+from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.interfaces import ScanBlock
+from benchctl_instruments.protocols.t7_stream import encode_packets
 
 IDEAL = AinCalibration(positive_slope=20.0 / 65536, negative_slope=-20.0 / 65536, centre=32768.0)
 NOMINAL = AinCalibration(positive_slope=3.1580578e-4, negative_slope=-3.15805800e-4, centre=33523.0)

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from instruments.digitizers.t7_watch import ScanWatch, refuse_at_rail
-from instruments.errors import InstrumentError
-from instruments.interfaces import ScanBlock
+from benchctl_instruments.digitizers.t7_watch import ScanWatch, refuse_at_rail
+from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.interfaces import ScanBlock
 
 
 def block(counts: list[int], *, first_index: int = 0, gyro_v: float = 1.0, thermistor_v: float = 1.0) -> ScanBlock:

@@ -9,14 +9,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from instruments.catalog import driver
-from instruments.errors import BenchError, LinkError, UsageError
-from instruments.interfaces import TableState
-from instruments.links.recovered import logger
-from instruments.simulated.bench import SimulatedBench
-from instruments.simulated.clock import VirtualClock
-from instruments.simulated.faults.tables import FaultTable
-from instruments.simulated.settings import WorldSettings
+from benchctl_instruments.catalog import driver
+from benchctl_instruments.errors import BenchError, LinkError, UsageError
+from benchctl_instruments.interfaces import TableState
+from benchctl_instruments.links.recovered import logger
+from benchctl_instruments.simulated.bench import SimulatedBench
+from benchctl_instruments.simulated.clock import VirtualClock
+from benchctl_instruments.simulated.faults.tables import FaultTable
+from benchctl_instruments.simulated.settings import WorldSettings
 from tests.instruments.faults.dialogues import PUT_THROUGH, WrongError
 from tests.instruments.faults.rows import Row
 

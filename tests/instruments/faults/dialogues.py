@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from instruments.errors import SafetyError
-from instruments.interfaces import Chamber, Digitizer, RateTable, TableLimits, TableState
-from instruments.simulated.bench import SimulatedBench
+from benchctl_instruments.errors import SafetyError
+from benchctl_instruments.interfaces import Chamber, Digitizer, RateTable, TableLimits, TableState
+from benchctl_instruments.simulated.bench import SimulatedBench
 
 RATE_HZ = 500.0
 STREAMED_S = 4.0
@@ -44,6 +44,8 @@ def put_chamber_through(chamber: Chamber, bench: SimulatedBench) -> int:
 def put_table_through(table: RateTable, bench: SimulatedBench) -> int:
     """Identify, limit, enable, turn, stop, go to an angle, disable."""
     truth = bench.world.table
+    for axis in getattr(bench.rate_table._controller, "_axes", ()):
+        axis.homed = True  # as its operator left it: an Ensemble goes to no angle before
     table.identify()
     table.set_limits(TableLimits(rate_dps=100.0, acceleration_dps2=200.0))
     table.enable()

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from instruments.simulated.faults.frame_kinds import FrameFault
-from instruments.simulated.faults.link_kinds import (
+from benchctl_instruments.simulated.faults.frame_kinds import FrameFault
+from benchctl_instruments.simulated.faults.link_kinds import (
     BadChecksum,
     Cut,
     HalfFloat,
@@ -21,7 +21,7 @@ from instruments.simulated.faults.link_kinds import (
     Split,
     TableTrips,
 )
-from instruments.simulated.faults.machine_kinds import (
+from benchctl_instruments.simulated.faults.machine_kinds import (
     ClockDrift,
     EncoderJump,
     OverRange,
@@ -29,7 +29,7 @@ from instruments.simulated.faults.machine_kinds import (
     StuckReading,
     VelocityTrip,
 )
-from instruments.simulated.faults.stream_kinds import (
+from benchctl_instruments.simulated.faults.stream_kinds import (
     Overrun,
     StreamCut,
     StreamEnds,
@@ -37,7 +37,7 @@ from instruments.simulated.faults.stream_kinds import (
     StreamJunk,
     StreamStalls,
 )
-from instruments.simulated.faults.tables import FaultTable
+from benchctl_instruments.simulated.faults.tables import FaultTable
 
 Make = Callable[..., FaultTable]
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from instruments.links.modbus import Retry
-from instruments.links.tcp import Reconnect
+from benchctl_instruments.links.modbus import Retry
+from benchctl_instruments.links.tcp import Reconnect
 
 TIMEOUT_S = 0.25
 MODBUS = {"timeout_s": TIMEOUT_S, "retry": Retry(wait_s=0.1)}
@@ -18,7 +18,7 @@ LINES = {"timeout_s": TIMEOUT_S, "reconnect": Reconnect(wait_s=0.1)}
 class Row:
     """A driver, and the requests at which faults befall it.
 
-    `asks` and `tells` are patterns over requests as `instruments.simulated.faults.wires` shows them: a question that
+    `asks` and `tells` are patterns over requests as `simulated.faults.wires` shows them: a question that
     the driver asks again and again, and a command that is not the first. `options` are the driver's. One whose link
     is `like` another's is left out of the sweep.
     """
@@ -40,7 +40,7 @@ ROWS = (
     Row(model="watlow_f4", kind="chamber", asks="^03 00 64", tells="^06 01 2c", options=RTU),
     Row(model="watlow_f4t", kind="chamber", asks="^03 0b 04", tells="^10 0a de", options=MODBUS),
     Row(model="eurotherm_2400", kind="chamber", asks="^03 80 02", tells="^10 80 04", options=RTU, like="watlow_f4"),
-    Row(model="eurotherm_3500", kind="chamber", asks="^03 00 01", tells="^10 00 02", options=RTU, like="watlow_f4"),
+    Row(model="eurotherm_3500", kind="chamber", asks="^03 01 21", tells="^10 00 18", options=RTU, like="watlow_f4"),
     Row(model="binder_mb2", kind="chamber", asks="^03 10 d2", tells="^10 11 4c", options=RTU, like="watlow_f4"),
     Row(model="csz_ezt430i", kind="chamber", asks="^03 00 23", tells="^06 00 24", options=RTU, like="watlow_f4"),
     Row(model="espec_p300", kind="chamber", asks=r"^TEMP\?", tells="^TEMP, S-20", options=LINES, like="acutrol3000"),

@@ -12,8 +12,8 @@ from benchctl.campaign.opened import open_bench
 from benchctl.campaign.runner import run_campaign
 from benchctl.plan import ConstantRate, Plan, Soak
 from benchctl.recordings.reader import Recording, open_recording
-from instruments.errors import BenchNotReadyError
-from instruments.simulated.faults.tables import FaultTable
+from benchctl_instruments.errors import BenchNotReadyError
+from benchctl_instruments.simulated.faults.tables import FaultTable
 from tests.instruments.faults.cells import GAP, RECOVERED, STOPPED, Outcome
 from tests.instruments.faults.dialogues import WrongError
 from tests.instruments.faults.kinds import SOAKED_TO_C
@@ -21,7 +21,7 @@ from tests.instruments.faults.rows import Row
 
 TURN = ConstantRate(rate_dps=50.0, duration_s=30.0, settle_s=1.0)
 COUNTS_PER_REV = 360_000
-FRAME_RATE_HZ = 125.0
+FRAME_RATE_HZ = 250.0
 SOAK = Soak(setpoint_c=SOAKED_TO_C, hold_s=60.0, drift_c_per_min=10.0, timeout_s=600.0)
 
 

@@ -18,16 +18,16 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
-from instruments.errors import LinkError
-from instruments.gyros.kvh_dsp1760 import KvhDsp1760
-from instruments.gyros.sensonor_stim300 import SensonorStim300
-from instruments.interfaces import Gyro
-from instruments.simulated.clock import VirtualClock
-from instruments.simulated.faults.frame_faults import FrameFaults
-from instruments.simulated.faults.frame_kinds import FrameFault, FrameKind
-from instruments.simulated.faults.log import FaultLog
-from instruments.simulated.kvh_dsp1760 import SimulatedKvhDsp1760
-from instruments.simulated.sensonor_stim300 import SimulatedStim300
+from benchctl_instruments.errors import LinkError
+from benchctl_instruments.gyros.kvh_dsp1760 import KvhDsp1760
+from benchctl_instruments.gyros.sensonor_stim300 import SensonorStim300
+from benchctl_instruments.interfaces import Gyro
+from benchctl_instruments.simulated.clock import VirtualClock
+from benchctl_instruments.simulated.faults.frame_faults import FrameFaults
+from benchctl_instruments.simulated.faults.frame_kinds import FrameFault, FrameKind
+from benchctl_instruments.simulated.faults.log import FaultLog
+from benchctl_instruments.simulated.kvh_dsp1760 import SimulatedKvhDsp1760
+from benchctl_instruments.simulated.sensonor_stim300 import SimulatedStim300
 from tests.instruments.gyros.gyro_inputs import SETTINGS, RampInputs
 
 RATE_HZ = 250.0

@@ -8,14 +8,14 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from instruments.digitizers.labjack_t7 import LabJackT7
-from instruments.errors import InstrumentError, LinkError
-from instruments.simulated.clock import VirtualClock
-from instruments.simulated.faults.bench import BenchFaults
-from instruments.simulated.faults.link_kinds import LostRequest, Restart, Silence
-from instruments.simulated.faults.stream_kinds import Overrun, StreamCut, StreamGap, StreamJunk
-from instruments.simulated.faults.tables import FaultTable
-from instruments.simulated.labjack_t7 import SimulatedLabJackT7
+from benchctl_instruments.digitizers.labjack_t7 import LabJackT7
+from benchctl_instruments.errors import InstrumentError, LinkError
+from benchctl_instruments.simulated.clock import VirtualClock
+from benchctl_instruments.simulated.faults.bench import BenchFaults
+from benchctl_instruments.simulated.faults.link_kinds import LostRequest, Restart, Silence
+from benchctl_instruments.simulated.faults.stream_kinds import Overrun, StreamCut, StreamGap, StreamJunk
+from benchctl_instruments.simulated.faults.tables import FaultTable
+from benchctl_instruments.simulated.labjack_t7 import SimulatedLabJackT7
 from tests.instruments.simulated.fake_inputs import FakeInputs
 
 RATE_HZ = 200.0

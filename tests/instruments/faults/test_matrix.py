@@ -11,10 +11,10 @@ from typing import get_args
 
 import pytest
 
-from instruments.catalog import models
-from instruments.simulated.faults.bench import AnyLinkFault, AnyMachineFault, AnyStreamFault
-from instruments.simulated.faults.frame_kinds import FrameFault
-from instruments.simulated.faults.tables import FaultTable
+from benchctl_instruments.catalog import models
+from benchctl_instruments.simulated.faults.bench import AnyLinkFault, AnyMachineFault, AnyStreamFault
+from benchctl_instruments.simulated.faults.frame_kinds import FrameFault
+from benchctl_instruments.simulated.faults.tables import FaultTable
 from tests.instruments.faults import kinds, outcomes
 from tests.instruments.faults.cells import IMPOSSIBLE, STOPPED, Outcome, befallen
 from tests.instruments.faults.rows import GYROS, ROWS, Row

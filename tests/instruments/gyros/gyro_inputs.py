@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from instruments.interfaces import FloatArray, IntArray
-from instruments.physics.gyro import GyroParameters
-from instruments.simulated.clock import BenchClock
-from instruments.simulated.settings import WorldSettings
+from benchctl_instruments.interfaces import FloatArray, IntArray
+from benchctl_instruments.physics.gyro import GyroParameters
+from benchctl_instruments.simulated.clock import BenchClock
+from benchctl_instruments.simulated.settings import WorldSettings
 
 SETTINGS = WorldSettings(gyro=GyroParameters(K0_v_per_dps=0.05, U0_v=0.25), thermistor_offset_v=-0.5)
 

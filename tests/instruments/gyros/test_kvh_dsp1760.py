@@ -9,12 +9,12 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from instruments.errors import LinkError, UsageError
-from instruments.gyros.kvh_dsp1760 import KvhDsp1760
-from instruments.interfaces import Gyro, Identity
-from instruments.simulated.clock import ScaledClock, VirtualClock
-from instruments.simulated.kvh_dsp1760 import SimulatedKvhDsp1760
-from instruments.simulated.push_line import PushLine
+from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
+from benchctl_instruments.gyros.kvh_dsp1760 import KvhDsp1760
+from benchctl_instruments.interfaces import Gyro, Identity
+from benchctl_instruments.simulated.clock import ScaledClock, VirtualClock
+from benchctl_instruments.simulated.kvh_dsp1760 import SimulatedKvhDsp1760
+from benchctl_instruments.simulated.push_line import PushLine
 from tests.instruments.gyros.gyro_inputs import SETTINGS, RampInputs
 
 LINES = [
@@ -131,15 +131,16 @@ def test_fewer_samples_than_asked_for_are_a_link_error_and_are_kept(gyro: KvhDsp
     assert gyro.read_stream(10, 5.0).sequence[:10].tolist() == list(range(10))
 
 
-def test_a_rate_that_the_gyro_does_not_take_is_told_with_what_was_expected(
-    twin: SimulatedKvhDsp1760, clock: VirtualClock
+@pytest.mark.parametrize("rate_hz", [2.0, 125.0, 200.0, 9999.0])
+def test_a_rate_that_the_gyro_does_not_have_is_refused_in_one_line_with_those_that_it_has(
+    gyro: KvhDsp1760, rate_hz: float
 ) -> None:
-    with KvhDsp1760(twin.address, clock=clock, timeout_s=0.2) as gyro:
-        with pytest.raises(
-            LinkError, match=r"sent b'=dr,9999\\r\\n', expected the answer b'DR,9999\\r\\n' within 0.2 s"
-        ):
-            gyro.start_stream(9999.0)
-        gyro.start_stream(10.0)
+    words = (
+        rf"^KVH DSP-1760 at [^\n]*: a rate of {rate_hz:g} Hz; give one .*: 1, 5, 10, 25, 50, 100, 250, 500, 750, 1000"
+    )
+    with pytest.raises(UsageError, match=words):
+        gyro.start_stream(rate_hz)
+    assert gyro.start_stream(750.0) == 750.0
 
 
 @pytest.mark.parametrize("rate_hz", [0.0, -1.0, float("nan"), float("inf"), 100.5])
@@ -202,6 +203,81 @@ def test_a_gyro_that_goes_away_is_told_in_one_line(twin: SimulatedKvhDsp1760, gy
     gyro.close()
 
 
+@pytest.mark.parametrize("echoes_exit", [True, False])
+@pytest.mark.parametrize("over_tcp", LINES)
+def test_a_stream_starts_whether_leaving_configuration_is_echoed_or_answered_by_frames_only(
+    over_tcp: bool, echoes_exit: bool
+) -> None:
+    clock = ScaledClock()
+    with (
+        SimulatedKvhDsp1760(RampInputs(clock), SETTINGS, echoes_exit=echoes_exit, over_tcp=over_tcp) as twin,
+        KvhDsp1760(twin.address, clock=clock, timeout_s=10.0) as gyro,
+    ):
+        for _ in range(2):
+            assert gyro.start_stream(100.0) == 100.0
+            block = gyro.read_stream(20, 10.0)
+            assert block.sequence[:20].tolist() == list(range(20))
+            assert (block.gaps, block.counts.junk_bytes) == ((), 0)
+            gyro.stop_stream()
+
+
+class Scripted(Deaf):
+    """A device that answers certain bytes with certain bytes, and keeps what it heard."""
+
+    def __init__(self, *script: tuple[bytes, bytes]) -> None:
+        self._script = list(script)
+        self.heard = b""
+
+    def feed(self, data: bytes) -> bytes:
+        self.heard += data
+        if data and self._script and self.heard.endswith(self._script[0][0]):
+            return self._script.pop(0)[1]
+        return b""
+
+
+FRAME = bytes.fromhex("FE81FF55 37A96A6E 38586C1F B75BF862 BF803E78 BB650D28 3B0A37AC 77 3D 0028 4BFA34D8")
+
+
+def test_byte_for_byte_it_says_what_public_drivers_say_and_takes_a_published_frame_as_confirmation() -> None:
+    script = (
+        (b"=config,1\r\n", FRAME[7:] + b"CONFIG,1\r\n"),  # it was streaming
+        (b"=config,1\r\n", b"CONFIG,1\r\n"),
+        (b"=rotfmt,rate\r\n", b"ROTFMT,RATE\r\n"),
+        (b"=rotunits,deg\r\n", b"ROTUNITS,DEG\r\n"),
+        (b"=tempunits,c_100\r\n", b"TEMPUNITS,C_100\r\n"),
+        (b"=dr,1000\r\n", b"DR,1000\r\n"),
+        (b"=config,0\r\n", FRAME),
+    )
+    device = Scripted(*script)
+    with (
+        PushLine(device, baud=921_600, over_tcp=True) as line,
+        KvhDsp1760(line.address, clock=VirtualClock(), axis="x") as gyro,
+    ):
+        gyro.start_stream(1000.0)
+        block = gyro.read_stream(1, 5.0)
+    assert device.heard == b"".join(said for said, _ in script)
+    assert block.rate_dps[0] == pytest.approx(2.0196e-5, rel=1e-4)
+    assert (block.temperature_c[0], block.status[0]) == (0.4, 0x77)
+
+
+def test_a_command_that_the_gyro_refuses_is_told_in_one_line_at_once() -> None:
+    with PushLine(Scripted((b"=config,1\r\n", b"INVALID,CONFIG,1\r\n")), baud=9600, over_tcp=True) as line:
+        gyro = KvhDsp1760(line.address, clock=VirtualClock(), timeout_s=60.0)
+        with pytest.raises(InstrumentError, match=r"^KVH DSP-1760 at .*sent b'=config,1.*answered 'INVALID,CONFIG,1'"):
+            gyro.open()
+
+
+def test_silence_after_leaving_configuration_says_what_was_expected() -> None:
+    names = ("config,1", "config,1", "rotfmt,rate", "rotunits,deg", "tempunits,c_100", "dr,10")
+    script = [(f"={name}\r\n".encode(), f"{name}\r\n".upper().encode()) for name in names]
+    with (
+        PushLine(Scripted(*script), baud=9600, over_tcp=True) as line,
+        KvhDsp1760(line.address, clock=VirtualClock(), timeout_s=0.5) as gyro,
+        pytest.raises(LinkError, match=r"sent b'=config,0.*expected its echo or a frame within 0.5 s"),
+    ):
+        gyro.start_stream(10.0)
+
+
 @pytest.mark.parametrize("over_tcp", LINES)
 def test_on_the_walls_clock_a_host_that_is_away_loses_frames_and_says_so(over_tcp: bool) -> None:
     clock = ScaledClock()
@@ -210,15 +286,15 @@ def test_on_the_walls_clock_a_host_that_is_away_loses_frames_and_says_so(over_tc
         SimulatedKvhDsp1760(inputs, SETTINGS, baud=4_000_000, over_tcp=over_tcp) as twin,
         KvhDsp1760(twin.address, clock=clock) as gyro,
     ):
-        gyro.start_stream(10_000.0)
-        gyro.read_stream(100, 2.0)
-        twin.line.disturb = lambda data: b"?"  # the cable is out
-        time.sleep(0.1)
+        gyro.start_stream(1000.0)
+        gyro.read_stream(100, 10.0)
+        twin.line.disturb = lambda data: b""  # the cable is out
+        time.sleep(0.3)
         twin.line.disturb = lambda data: data
         seen = 0
         gaps: list[bool] = []
         while not gaps and seen < 20_000:
-            block = gyro.read_stream(500, 2.0)
+            block = gyro.read_stream(50, 10.0)
             seen += len(block.sequence)
             gaps += [gap.exact for gap in block.gaps]
         gyro.stop_stream()

@@ -7,14 +7,14 @@ import sys
 import numpy as np
 import pytest
 
-from instruments.errors import InstrumentError, LinkError, UsageError
-from instruments.gyros.sensonor_stim300 import SensonorStim300
-from instruments.interfaces import Gyro, Identity
-from instruments.protocols import stim300_answers as answers
-from instruments.protocols.stim300_answers import StimConfiguration
-from instruments.simulated.clock import VirtualClock
-from instruments.simulated.push_line import PushLine
-from instruments.simulated.sensonor_stim300 import SimulatedStim300
+from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
+from benchctl_instruments.gyros.sensonor_stim300 import SensonorStim300
+from benchctl_instruments.interfaces import Gyro, Identity
+from benchctl_instruments.protocols import stim300_answers as answers
+from benchctl_instruments.protocols.stim300_answers import StimConfiguration
+from benchctl_instruments.simulated.clock import VirtualClock
+from benchctl_instruments.simulated.push_line import PushLine
+from benchctl_instruments.simulated.sensonor_stim300 import SimulatedStim300
 from tests.instruments.gyros.gyro_inputs import SETTINGS, RampInputs
 
 LINES = [

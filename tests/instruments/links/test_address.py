@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from instruments.errors import UsageError
-from instruments.links.address import Address, parse_address
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.links.address import Address, parse_address
 
 
 @pytest.mark.parametrize(

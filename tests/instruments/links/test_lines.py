@@ -9,12 +9,12 @@ from collections.abc import Callable
 
 import pytest
 
-from instruments.errors import InstrumentError, LinkError, UsageError
-from instruments.links.byte_link import byte_link
-from instruments.links.lines import LineDialogue, Manners, NoAnswerError
-from instruments.links.tcp import LinkCutError, Reconnect
-from instruments.protocols.lines import LineCutter
-from instruments.simulated.tcp_server import TcpServer
+from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
+from benchctl_instruments.links.byte_link import byte_link
+from benchctl_instruments.links.lines import LineDialogue, Manners, NoAnswerError
+from benchctl_instruments.links.tcp import LinkCutError, Reconnect
+from benchctl_instruments.protocols.lines import LineCutter
+from benchctl_instruments.simulated.tcp_server import TcpServer
 from tests.instruments.chamber_machine import InstantClock
 
 QUICK = Reconnect(attempts=2, wait_s=0.01)
@@ -244,7 +244,7 @@ def test_several_threads_get_their_own_answers() -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs pseudo-terminals")
 def test_a_serial_line_is_spoken_to_alike_and_recovers_from_silence() -> None:
-    from instruments.simulated.pty_line import PtyLine
+    from benchctl_instruments.simulated.pty_line import PtyLine
 
     instrument = Instrument(lambda line, before: b"" if before == 0 else b"\x00" + echo(line, before))
     line = PtyLine(instrument.connect(), pace_baud=None)

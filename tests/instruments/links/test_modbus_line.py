@@ -9,12 +9,12 @@ from threading import Lock
 
 import pytest
 
-from instruments.errors import LinkError, UsageError
-from instruments.links.modbus import ModbusLink, Retry
-from instruments.links.wirelog import WireLog
-from instruments.protocols.modbus import RtuFraming
-from instruments.simulated.modbus_server import ModbusSession
-from instruments.simulated.serial_line import SerialLine
+from benchctl_instruments.errors import LinkError, UsageError
+from benchctl_instruments.links.modbus import ModbusLink, Retry
+from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.protocols.modbus import RtuFraming
+from benchctl_instruments.simulated.modbus_server import ModbusSession
+from benchctl_instruments.simulated.serial_line import SerialLine
 from tests.instruments.modbus_device import Memory
 
 SILENT_UNIT = 3

@@ -10,18 +10,20 @@ from collections.abc import Callable, Iterator
 import pytest
 import serial
 
-from instruments.errors import InstrumentError, LinkError, UsageError
-from instruments.links.address import parse_address
-from instruments.links.modbus import ModbusLink, Retry
-from instruments.simulated.faults.bench import BenchFaults
-from instruments.simulated.faults.link_kinds import Late
-from instruments.simulated.modbus_server import ModbusRtuServer, ModbusTcpServer
-from instruments.simulated.serial_line import SerialLine
-from instruments.simulated.tcp_server import TcpServer
+from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
+from benchctl_instruments.links.address import parse_address
+from benchctl_instruments.links.modbus import ModbusLink, Retry
+from benchctl_instruments.simulated.faults.bench import BenchFaults
+from benchctl_instruments.simulated.faults.link_kinds import Late
+from benchctl_instruments.simulated.modbus_server import ModbusRtuServer, ModbusTcpServer
+from benchctl_instruments.simulated.serial_line import SerialLine
+from benchctl_instruments.simulated.tcp_server import TcpServer
 from tests.instruments.chamber_machine import InstantClock
 from tests.instruments.modbus_device import Memory, Misbehaving
 
 QUICK = Retry(attempts=2, wait_s=0.01)
+ANSWERED_S = 60.0  # the time-out where an answer comes: it only ends a hang, however slow the machine is
+SILENT_S = 1.0  # the time-out where none comes, or none that is whole: each of these tests waits for it
 Server = ModbusTcpServer | ModbusRtuServer
 
 
@@ -44,14 +46,14 @@ def server(request: pytest.FixtureRequest, memory: Memory) -> Iterator[Server]:
 
 @pytest.fixture
 def link(server: Server) -> Iterator[ModbusLink]:
-    link = ModbusLink(server.address, name="chamber", retry=QUICK)
+    link = ModbusLink(server.address, name="chamber", timeout_s=ANSWERED_S, retry=QUICK)
     link.open()
     yield link
     link.close()
 
 
-def link_to(address: str, retry: Retry = QUICK) -> ModbusLink:
-    return ModbusLink(address, name="chamber", timeout_s=0.1, retry=retry)
+def link_to(address: str, timeout_s: float = ANSWERED_S, retry: Retry = QUICK) -> ModbusLink:
+    return ModbusLink(address, name="chamber", timeout_s=timeout_s, retry=retry)
 
 
 def test_what_was_written_is_read_back_over_every_kind_of_wire(link: ModbusLink, memory: Memory) -> None:
@@ -121,7 +123,7 @@ def test_one_word_goes_with_function_6_unless_16_is_asked_for() -> None:
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [
-        (lambda answer: b"", "no answer within 0.1 s"),
+        (lambda answer: b"", "no answer within 1 s"),
         (
             lambda answer: answer[:-1] + bytes([answer[-1] ^ 1]),
             "the answer is broken or belongs to another request: 01 03",
@@ -139,7 +141,7 @@ def test_an_answer_that_is_none_is_asked_for_again_and_then_given_up(
 ) -> None:
     device = Misbehaving(lambda count, answer: spoil(answer))
     with SerialLine(device.connect) as line:
-        link = link_to(line.address)
+        link = link_to(line.address, SILENT_S)
         link.open()
         with pytest.raises(LinkError) as given_up:
             link.read(5)
@@ -152,7 +154,7 @@ def test_an_answer_that_is_none_is_asked_for_again_and_then_given_up(
 def test_noise_before_an_answer_costs_at_most_a_second_question(noise: bytes) -> None:
     device = Misbehaving(lambda count, answer: noise + answer if count == 0 else answer)
     with SerialLine(device.connect) as line:
-        link = link_to(line.address)
+        link = link_to(line.address, SILENT_S)
         link.open()
         assert link.read(5) == [5]
         link.close()
@@ -171,17 +173,20 @@ def test_an_answer_in_pieces_is_one_answer() -> None:
 
 
 def test_a_late_answer_is_not_taken_for_the_next_one() -> None:
+    given_up = threading.Event()
+
     def dawdle_once(count: int, answer: bytes) -> bytes:
         if count == 0:
-            time.sleep(0.15)  # longer than the link waits for an answer, and shorter than it then waits for quiet
+            assert given_up.wait(ANSWERED_S)
         return answer
 
     device = Misbehaving(dawdle_once)
     with SerialLine(device.connect) as line:
-        link = link_to(line.address, Retry(attempts=1, wait_s=0.1))
+        link = link_to(line.address, SILENT_S, Retry(attempts=1, wait_s=1.0))
         link.open()
         with pytest.raises(LinkError, match="tried once"):
             link.read(5)
+        given_up.set()  # the answer now comes while the link waits for quiet
         assert link.read(7) == [7]
         link.close()
 
@@ -216,14 +221,14 @@ def test_a_port_that_does_not_exist_or_is_taken_is_named(memory: Memory) -> None
     with ModbusRtuServer(memory, unit_id=1) as server:
         if server.address.startswith("serial:"):  # a port has one user; a simulated line over TCP takes several
             device = parse_address(server.address).pyserial_url
-            with serial.Serial(device, exclusive=True), pytest.raises(LinkError, match="exclusively lock"):
+            with serial.Serial(device, exclusive=True), pytest.raises(LinkError, match="another program has it open"):
                 link_to(server.address).open()
 
 
 def test_a_write_that_must_not_happen_twice_is_not_repeated() -> None:
     device = Misbehaving(lambda count, answer: b"")
     with SerialLine(device.connect, over_tcp=True) as line:
-        link = link_to(line.address)
+        link = link_to(line.address, SILENT_S)
         link.open()
         with pytest.raises(LinkError, match="tried once"):
             link.write(5, [1], once=True)
@@ -241,7 +246,7 @@ def test_a_link_that_is_not_open_says_so_and_closing_twice_is_harmless() -> None
 
 def test_the_line_stays_quiet_between_two_exchanges_as_long_as_is_asked(memory: Memory) -> None:
     with ModbusRtuServer(memory, unit_id=1) as server:
-        link = ModbusLink(server.address, pause_s=0.03)
+        link = ModbusLink(server.address, timeout_s=ANSWERED_S, pause_s=0.03)
         link.open()
         started_s = time.monotonic()
         for _ in range(4):
@@ -254,7 +259,7 @@ def test_the_line_stays_quiet_between_two_exchanges_as_long_as_is_asked(memory: 
 def test_the_pause_passes_on_the_clock_that_is_given(memory: Memory) -> None:
     clock = InstantClock()
     with ModbusRtuServer(memory, unit_id=1) as server:
-        link = ModbusLink(server.address, pause_s=10.0, clock=clock)
+        link = ModbusLink(server.address, timeout_s=ANSWERED_S, pause_s=10.0, clock=clock)
         link.open()
         for _ in range(3):
             link.read(0)
@@ -279,7 +284,7 @@ def test_the_wire_log_holds_the_bytes_of_an_exchange(memory: Memory) -> None:
 def test_the_library_below_logs_nothing_of_its_own(caplog: pytest.LogCaptureFixture) -> None:
     device = Misbehaving(lambda count, answer: b"")
     with caplog.at_level(logging.WARNING), TcpServer(device.connect) as server:
-        link = link_to(server.address)
+        link = link_to(server.address, 0.1)
         link.open()
         with pytest.raises(LinkError):
             link.read(5)
@@ -293,7 +298,7 @@ def test_a_late_answer_shifts_no_answer_to_the_next_question(memory: Memory, ove
     server = ModbusRtuServer(memory, unit_id=1, over_tcp=over_tcp)
     BenchFaults([late], lambda: 0.0).befall("chamber", server)
     with server:
-        link = ModbusLink(server.address, timeout_s=0.2, retry=QUICK)
+        link = ModbusLink(server.address, timeout_s=SILENT_S, retry=QUICK)
         link.open()
         found = [link.read(register) for register in (5, 7, 9)]
         link.close()

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from instruments.errors import LinkError, UsageError
-from instruments.links.modbus import ModbusLink
-from instruments.links.tcp import LinkCutError, Reconnect, TcpLink
-from instruments.simulated.tcp_server import TcpServer
+from benchctl_instruments.errors import LinkError, UsageError
+from benchctl_instruments.links.modbus import ModbusLink
+from benchctl_instruments.links.tcp import LinkCutError, Reconnect, TcpLink
+from benchctl_instruments.simulated.tcp_server import TcpServer
 
 AT_ONCE = Reconnect(attempts=2, wait_s=0.01)
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import threading
 
-from instruments.links.wirelog import WireEntry, WireLog
+from benchctl_instruments.links.wirelog import WireEntry, WireLog
 
 
 def test_only_the_last_entries_are_kept_oldest_first() -> None:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from instruments.physics.adc import codes_from_volts, volts_from_codes
+from benchctl_instruments.physics.adc import codes_from_volts, volts_from_codes
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from instruments.physics.chain import GRID_STAGES, STAGES, Signals, Stage, gyro_baseline, run_chain
-from instruments.physics.gyro import GyroParameters, bias_v, sine_output_v
+from benchctl_instruments.physics.chain import GRID_STAGES, STAGES, Signals, Stage, gyro_baseline, run_chain
+from benchctl_instruments.physics.gyro import GyroParameters, bias_v, sine_output_v
 
 INTERVAL = 5e-4
 GYRO = GyroParameters()

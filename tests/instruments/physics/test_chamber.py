@@ -10,8 +10,8 @@ import scipy.integrate
 from hypothesis import given
 from hypothesis import strategies as st
 
-from instruments.errors import UsageError
-from instruments.physics.chamber import (
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.chamber import (
     ChamberParameters,
     ChamberState,
     advance,

@@ -8,14 +8,14 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from instruments.physics import effect_contract
-from instruments.physics.chain import Signals
-from instruments.physics.chamber_effects.registry import chamber_effects
-from instruments.physics.drive_effects.registry import drive_effects
-from instruments.physics.effect_contract import check_effect
-from instruments.physics.effect_contract.description import faults_in
-from instruments.physics.effects.effect import Parameter
-from instruments.physics.effects.rate_squared import RateSquared
+from benchctl_instruments.physics import effect_contract
+from benchctl_instruments.physics.chain import Signals
+from benchctl_instruments.physics.chamber_effects.registry import chamber_effects
+from benchctl_instruments.physics.drive_effects.registry import drive_effects
+from benchctl_instruments.physics.effect_contract import check_effect
+from benchctl_instruments.physics.effect_contract.description import faults_in
+from benchctl_instruments.physics.effects.effect import Parameter
+from benchctl_instruments.physics.effects.rate_squared import RateSquared
 
 DESCRIBED = {**drive_effects(), **chamber_effects()}
 

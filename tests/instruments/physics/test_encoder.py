@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from instruments.errors import UsageError
-from instruments.physics.encoder import EncoderParameters, encoder_angle_deg, quadrature_count
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.encoder import EncoderParameters, encoder_angle_deg, quadrature_count
 
 ENCODER = EncoderParameters()
 PERFECT = EncoderParameters(eccentricity_arcsec=0.0, ellipticity_arcsec=0.0)

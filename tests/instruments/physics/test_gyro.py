@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from instruments.errors import UsageError
-from instruments.physics.gyro import (
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.gyro import (
     GyroParameters,
     bias_v,
     earth_rate_dps,

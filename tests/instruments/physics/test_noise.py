@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from instruments.errors import UsageError
-from instruments.physics.noise import RandomWalk, WhiteNoise
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.noise import RandomWalk, WhiteNoise
 
 SEED = np.random.SeedSequence(20)
 

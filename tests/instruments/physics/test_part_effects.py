@@ -7,14 +7,14 @@ from dataclasses import MISSING, fields
 import numpy as np
 import pytest
 
-from instruments.interfaces import FloatArray
-from instruments.physics.chamber_effects.air import air_c
-from instruments.physics.chamber_effects.effect import ChamberEffect, ChamberSignals
-from instruments.physics.chamber_effects.registry import chamber_effects
-from instruments.physics.drive_effects.effect import DriveEffect, DriveSignals
-from instruments.physics.drive_effects.registry import drive_effects
-from instruments.physics.effects.effect import DescribedEffect
-from instruments.physics.effects.registry import effects as gyro_effects
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.physics.chamber_effects.air import air_c
+from benchctl_instruments.physics.chamber_effects.effect import ChamberEffect, ChamberSignals
+from benchctl_instruments.physics.chamber_effects.registry import chamber_effects
+from benchctl_instruments.physics.drive_effects.effect import DriveEffect, DriveSignals
+from benchctl_instruments.physics.drive_effects.registry import drive_effects
+from benchctl_instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.physics.effects.registry import effects as gyro_effects
 
 KNOWN: dict[str, type[DescribedEffect]] = {**drive_effects(), **chamber_effects()}
 DRIVE = sorted(drive_effects().items())
@@ -44,6 +44,7 @@ def _chamber_signals() -> ChamberSignals:
         drive=np.where(time_s < 50.0, 0.0, 40.0),
         room_c=np.full(600, 22.0),
         loss=np.ones(600),
+        second_c=np.linspace(22.0, 30.0, 600),
     )
 
 

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from instruments.errors import UsageError
-from instruments.physics.chain import run_chain
-from instruments.physics.effect_contract.motion import sampled
-from instruments.physics.response_gyro import ResponseParameters, response_baseline, response_v
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.chain import run_chain
+from benchctl_instruments.physics.effect_contract.motion import sampled
+from benchctl_instruments.physics.response_gyro import ResponseParameters, response_baseline, response_v
 
 LAB: dict[str, Any] = {
     "K0_v_per_dps": 0.016,

@@ -7,8 +7,8 @@ import numpy.typing as npt
 import pytest
 import scipy.integrate
 
-from instruments.physics.servo import Motion, coast, follow, with_ripple
-from instruments.physics.table import Piece, TableParameters
+from benchctl_instruments.physics.servo import Motion, coast, follow, with_ripple
+from benchctl_instruments.physics.table import Piece, TableParameters
 
 TABLE = TableParameters()
 NATURAL = 2.0 * math.pi * TABLE.natural_hz

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from instruments.errors import UsageError
-from instruments.physics.table import AMPLITUDE_SHARE, Piece, TableParameters, to_angle, to_rate, to_sine
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.table import AMPLITUDE_SHARE, Piece, TableParameters, to_angle, to_rate, to_sine
 
 ANGLES = st.floats(-1e4, 1e4)
 RATES = st.floats(-400.0, 400.0)

@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from instruments.errors import UsageError
-from instruments.physics.chain import Signals, gyro_baseline, run_chain
-from instruments.physics.effects.bias_drift import BiasDrift
-from instruments.physics.effects.scale_warm_up import ScaleWarmUp
-from instruments.physics.effects.warm_up import WarmUp
-from instruments.physics.gyro import EARTH_RATE_DPH, GyroParameters, earth_rate_dps, horizontal_earth_rate_dps
-from instruments.physics.mounting import mounted_across
-from instruments.physics.turn_on import turned_on, warming_up_since
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.chain import Signals, gyro_baseline, run_chain
+from benchctl_instruments.physics.effects.bias_drift import BiasDrift
+from benchctl_instruments.physics.effects.scale_warm_up import ScaleWarmUp
+from benchctl_instruments.physics.effects.warm_up import WarmUp
+from benchctl_instruments.physics.gyro import EARTH_RATE_DPH, GyroParameters, earth_rate_dps, horizontal_earth_rate_dps
+from benchctl_instruments.physics.mounting import mounted_across
+from benchctl_instruments.physics.turn_on import turned_on, warming_up_since
 
 STRAIGHT = GyroParameters(order=0, S_rad_per_dps=1e-9)
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from instruments.errors import UsageError
-from instruments.physics.chain import Signals, gyro_baseline, run_chain
-from instruments.physics.gyro import GyroParameters, bias_v, sine_output_v
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.chain import Signals, gyro_baseline, run_chain
+from benchctl_instruments.physics.gyro import GyroParameters, bias_v, sine_output_v
 
 
 def test_of_order_0_the_output_is_that_of_the_rate_at_the_instant() -> None:

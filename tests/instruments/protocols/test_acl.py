@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from instruments.errors import InstrumentError, UsageError
-from instruments.protocols.acl import Command, Lines, Reply, ReplyReader, encode, encode_reply, parse_commands
-from instruments.protocols.lines import MAX_LINE
+from benchctl_instruments.errors import InstrumentError, UsageError
+from benchctl_instruments.protocols.acl import Command, Lines, Reply, ReplyReader, encode, encode_reply, parse_commands
+from benchctl_instruments.protocols.lines import MAX_LINE
 
 
 def command(text: str) -> Command:

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from instruments.errors import InstrumentError, UsageError
-from instruments.protocols.ensemble import (
+from benchctl_instruments.errors import InstrumentError, UsageError
+from benchctl_instruments.protocols.ensemble import (
     END,
     AxisStatus,
     Command,
@@ -19,7 +19,7 @@ from instruments.protocols.ensemble import (
     parse_reply,
     written_bits,
 )
-from instruments.protocols.lines import LineCutter, parse_number
+from benchctl_instruments.protocols.lines import LineCutter, parse_number
 
 TEXTS = st.text() | st.text("%!#$@X(), 0123456789.-+eEABORTFREUN")
 

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from instruments.errors import InstrumentError
-from instruments.protocols.esp301 import (
+from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.protocols.esp301 import (
     ANSWER_END,
     Command,
     Error,
@@ -15,7 +15,7 @@ from instruments.protocols.esp301 import (
     parse_error,
     parse_flag,
 )
-from instruments.protocols.lines import LineCutter, parse_number
+from benchctl_instruments.protocols.lines import LineCutter, parse_number
 
 TEXTS = st.text() | st.text("0123456789.,;?+-eE TBVAMPX")
 

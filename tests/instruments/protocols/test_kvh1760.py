@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from instruments.protocols import kvh1760 as kvh
-from instruments.protocols.frames import FrameReader
+from benchctl_instruments.protocols import kvh1760 as kvh
+from benchctl_instruments.protocols.frames import FrameReader
 
 PUBLISHED = bytes.fromhex("FE81FF55 37A96A6E 38586C1F B75BF862 BF803E78 BB650D28 3B0A37AC 77 3D 0028 4BFA34D8")
 
@@ -64,18 +64,24 @@ def test_a_status_says_which_channels_are_not_valid() -> None:
 
 def test_settings_are_lines_of_name_and_value() -> None:
     assert kvh.encode_setting("dr", 1000) == b"=dr,1000\r\n"
-    assert kvh.encode_echo("rotfmt", "rate") == b"ROTFMT,RATE\r\n"
+    assert kvh.encode_answer("rotfmt", "rate") == b"ROTFMT,RATE\r\n"
 
 
 @settings(deadline=None)
 @given(st.lists(st.integers(1, 9), min_size=1, max_size=30))
-def test_settings_are_heard_in_whatever_pieces_and_case_they_come(sizes: list[int]) -> None:
-    said, heard, at = b"=CONFIG,1\r\nrubbish\r\n=TempUnits,C_100\n=dr,100\r\n=dr,1", [], 0
-    reader = kvh.SettingReader()
+def test_commands_are_heard_in_whatever_pieces_and_case_they_come(sizes: list[int]) -> None:
+    said, heard, at = b"=CONFIG,1\r\nrubbish\r\n=TempUnits,C_100\n?DR\n=dr,100\r\n=rstcfg\r\n=dr,1", [], 0
+    reader = kvh.CommandReader()
     for size in [*sizes, len(said)]:
         heard += reader.feed(said[at : at + size])
         at += size
-    assert heard == [("config", "1"), ("tempunits", "c_100"), ("dr", "100")]
+    assert [(one.sign, one.name, one.value) for one in heard] == [
+        ("=", "config", "1"),
+        ("=", "tempunits", "c_100"),
+        ("?", "dr", ""),
+        ("=", "dr", "100"),
+        ("=", "rstcfg", ""),
+    ]
 
 
 def test_an_answer_is_found_between_frames_and_only_when_its_line_is_whole() -> None:
@@ -83,3 +89,17 @@ def test_an_answer_is_found_between_frames_and_only_when_its_line_is_whole() -> 
     assert kvh.after_echo(PUBLISHED + b"dr,1000\r\n", "dr", 100) is None
     assert kvh.after_echo(b"DR,100", "dr", 100) is None
     assert kvh.after_echo(b"DR,100\r", "dr", 100) == b""
+
+
+def test_a_stream_begins_behind_the_echo_or_with_the_first_good_frame() -> None:
+    assert kvh.after_leaving(b"CONFIG,0\r\n" + PUBLISHED) == PUBLISHED
+    assert kvh.after_leaving(b"\xfe\x81junk" + PUBLISHED + PUBLISHED[:9]) == PUBLISHED + PUBLISHED[:9]
+    assert kvh.after_leaving(PUBLISHED[:35]) is None
+    assert kvh.after_leaving(PUBLISHED[:35] + b"?") is None  # a frame with a wrong CRC
+    assert kvh.after_leaving(b"CONFIG,1\r\n") is None
+
+
+def test_a_refusal_is_found_once_its_line_is_complete() -> None:
+    assert kvh.refusal_in(PUBLISHED + b"INVALID,DR,125\r\n") == "INVALID,DR,125"
+    assert kvh.refusal_in(b"INVALID,DR,125") == ""
+    assert kvh.refusal_in(b"DR,125\r\n") == ""

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from instruments.errors import InstrumentError, UsageError
-from instruments.protocols.lines import MAX_LINE, LineCutter, encode_line, parse_number
+from benchctl_instruments.errors import InstrumentError, UsageError
+from benchctl_instruments.protocols.lines import MAX_LINE, LineCutter, encode_line, parse_number
 
 TEXTS = st.text(st.characters(min_codepoint=0x20, max_codepoint=0x7E), min_size=1).map(str.strip).filter(bool)
 

@@ -8,14 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from instruments.errors import UsageError
-from instruments.protocols import p300
-from instruments.protocols.p300 import (
-    ControllerType,
-    Heaters,
-    Monitor,
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.protocols import p300
+from benchctl_instruments.protocols.p300 import (
     Request,
-    ServiceRequest,
     Temperatures,
     UnreadableError,
     addressed,
@@ -25,11 +21,8 @@ from instruments.protocols.p300 import (
     parse_settings,
     read_accepted,
     read_alarms,
-    read_heaters,
+    read_heater,
     read_mode,
-    read_monitor,
-    read_relays,
-    read_srq,
     read_temperatures,
     read_type,
     refusal,
@@ -40,13 +33,10 @@ from instruments.protocols.p300 import (
 
 READERS: tuple[Callable[[str], object], ...] = (
     read_temperatures,
-    read_monitor,
     read_mode,
     read_alarms,
     read_type,
-    read_srq,
-    read_heaters,
-    read_relays,
+    read_heater,
 )
 CELSIUS = st.floats(-200.0, 400.0)
 
@@ -74,23 +64,7 @@ def test_temperatures_are_read(line: str, setpoint_c: float | None) -> None:
     assert read_temperatures(line) == Temperatures(air_c=27.0, setpoint_c=setpoint_c, high_c=185.0, low_c=-90.0)
 
 
-@pytest.mark.parametrize(
-    ("line", "expected"),
-    [
-        ("27.0,,STANDBY,0", (27.0, None, "STANDBY", 0)),
-        ("23.0,  85,  CONSTANT,  0", (23.0, 85.0, "CONSTANT", 0)),
-        ("-39.8, STANDBY, 2", (-39.8, None, "STANDBY", 2)),
-        ("25.1, RMT  RUN  PAUSE, 0", (25.1, None, "RMT RUN PAUSE", 0)),
-    ],
-)
-def test_the_monitor_is_read_with_and_without_humidity(
-    line: str, expected: tuple[float, float | None, str, int]
-) -> None:
-    air_c, humidity_percent, mode, alarms = expected
-    assert read_monitor(line) == Monitor(air_c=air_c, humidity_percent=humidity_percent, mode=mode, alarms=alarms)
-
-
-def test_modes_alarms_and_time_signals_are_read() -> None:
+def test_modes_and_alarms_are_read() -> None:
     assert [read_mode(word) for word in ("OFF", "standby", "CONSTANT", "RUN", "RUN  END HOLD")] == [
         "OFF",
         "STANDBY",
@@ -99,17 +73,11 @@ def test_modes_alarms_and_time_signals_are_read() -> None:
         "RUN END HOLD",
     ]
     assert (read_alarms("0"), read_alarms("2,1, 12")) == ((), (1, 12))
-    assert (read_relays("0"), read_relays("3,1,2,12")) == ((), (1, 2, 12))
 
 
-def test_type_heaters_and_service_request_are_read() -> None:
-    assert read_type("T,SCP220,190.0") == ControllerType(
-        dry_bulb="T", wet_bulb=None, controller="SCP220", highest_c=190.0
-    )
-    assert read_type("T,T,S2,160.0").wet_bulb == "T"
-    assert read_heaters("1,0.0") == Heaters(heater_percent=0.0, humidifier_percent=None)
-    assert read_heaters("2, 45.5, 12.0") == Heaters(heater_percent=45.5, humidifier_percent=12.0)
-    assert read_srq("01000010") == ServiceRequest(alarm=True, single_step_done=False, state_changed=False, gpib=True)
+def test_the_controllers_name_and_its_heater_are_read() -> None:
+    assert (read_type("T,SCP220,190.0"), read_type("T,T,S2,160.0")) == ("SCP220", "S2")
+    assert (read_heater("1,0.0"), read_heater("2, 45.5, 12.0")) == (0.0, 45.5)
 
 
 @pytest.mark.parametrize(
@@ -121,15 +89,15 @@ def test_type_heaters_and_service_request_are_read() -> None:
         (read_temperatures, "nan,50.0,185.0,-90.0", "got 'nan"),
         (read_temperatures, "27.0,,185.0,-90.0", "got '27.0,,185"),
         (read_temperatures, "1e99,50.0,185.0,-90.0", "got '1e99"),
-        (read_monitor, "23.0", "expected air, humidity, mode and number of alarms"),
-        (read_monitor, "23.0,,ASLEEP,0", "expected a mode, got 'ASLEEP'"),
-        (read_monitor, "23.0,,STANDBY,-1", "number of alarms"),
+        (read_mode, "ASLEEP", "expected a mode, got 'ASLEEP'"),
+        (read_alarms, "-1", "number of alarms"),
         (read_alarms, "2,1", "expected the number of alarms and their codes, got '2,1'"),
         (read_alarms, "", "got ''"),
         (read_type, "T,SCP220", "sensors, controller and highest set point"),
-        (read_heaters, "2,10.0", "the number of outputs"),
-        (read_srq, "0100", "eight digits"),
-        (read_relays, "x" * 500, "got 'x{64}'$"),
+        (read_type, "T,SCP220,high", "sensors, controller and highest set point"),
+        (read_heater, "2,10.0", "the number of outputs"),
+        (read_heater, "2,10.0,x", "the number of outputs"),
+        (read_alarms, "x" * 500, "got 'x{64}'$"),
     ],
 )
 def test_an_answer_that_is_none_is_named_with_what_was_expected(

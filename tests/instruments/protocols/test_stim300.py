@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from instruments.errors import InstrumentError
-from instruments.protocols import stim300 as stim
-from instruments.protocols import stim300_answers as answers
-from instruments.protocols.crc32_mpeg2 import crc32_mpeg2
-from instruments.protocols.frames import FrameFormat, FrameReader
-from instruments.protocols.stim300_answers import StimConfiguration
+from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.protocols import stim300 as stim
+from benchctl_instruments.protocols import stim300_answers as answers
+from benchctl_instruments.protocols.crc32_mpeg2 import crc32_mpeg2
+from benchctl_instruments.protocols.frames import FrameFormat, FrameReader
+from benchctl_instruments.protocols.stim300_answers import StimConfiguration
 
 IDS = sorted(stim.PARTS)
 INT24 = st.integers(-0x800000, 0x7FFFFF)

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from instruments.errors import InstrumentError, LinkError
-from instruments.protocols.t7_stream import DUMMY, ScanRun, StreamReader, encode_packets
+from benchctl_instruments.errors import InstrumentError, LinkError
+from benchctl_instruments.protocols.t7_stream import DUMMY, ScanRun, StreamReader, encode_packets
 
 LITERAL = bytes.fromhex(
     "0007 0000 0012 01 4C 10 00 0010 0000 0000"  # transaction 7, 18 bytes follow, backlog 16 bytes, no status

@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from instruments.errors import InstrumentError, UsageError
-from instruments.interfaces import Identity, RateTable, TableLimits, TableReading, TableState
-from instruments.links.wirelog import WireLog
-from instruments.rate_tables.acutrol3000 import Acutrol3000
-from instruments.simulated.acutrol3000 import SimulatedAcutrol3000
+from benchctl_instruments.errors import InstrumentError, UsageError
+from benchctl_instruments.interfaces import Identity, RateTable, TableLimits, TableReading, TableState
+from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.rate_tables.acutrol3000 import Acutrol3000
+from benchctl_instruments.simulated.acutrol3000 import SimulatedAcutrol3000
 from tests.instruments.table_machine import CountedClock, InstantTable
 
 

@@ -8,12 +8,12 @@ from collections.abc import Callable
 
 import pytest
 
-from instruments.errors import InstrumentError, LinkError, UsageError
-from instruments.interfaces import Identity, TableLimits, TableState
-from instruments.links.tcp import LinkCutError, Reconnect
-from instruments.protocols.acl import Lines, encode_reply
-from instruments.rate_tables.acutrol3000 import Acutrol3000
-from instruments.simulated.tcp_server import TcpServer
+from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
+from benchctl_instruments.interfaces import Identity, TableLimits, TableState
+from benchctl_instruments.links.tcp import LinkCutError, Reconnect
+from benchctl_instruments.protocols.acl import Lines, encode_reply
+from benchctl_instruments.rate_tables.acutrol3000 import Acutrol3000
+from benchctl_instruments.simulated.tcp_server import TcpServer
 from tests.instruments.table_machine import CountedClock
 
 GOOD = {

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import pytest
 
-from instruments.interfaces import TableLimits, TableState
-from instruments.rate_tables.acutrol3000 import Acutrol3000
-from instruments.simulated.acutrol3000 import SimulatedAcutrol3000
-from instruments.simulated.clock import VirtualClock
-from instruments.simulated.world import World
+from benchctl_instruments.interfaces import TableLimits, TableState
+from benchctl_instruments.rate_tables.acutrol3000 import Acutrol3000
+from benchctl_instruments.simulated.acutrol3000 import SimulatedAcutrol3000
+from benchctl_instruments.simulated.clock import VirtualClock
+from benchctl_instruments.simulated.world import World
 
 
 @pytest.fixture

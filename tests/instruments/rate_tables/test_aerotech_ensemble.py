@@ -7,24 +7,27 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from instruments.errors import InstrumentError
-from instruments.interfaces import Identity, RateTable, TableLimits, TableState
-from instruments.links.wirelog import WireLog
-from instruments.rate_tables.aerotech_ensemble import Ensemble
-from instruments.simulated.aerotech_ensemble import SimulatedEnsemble
-from tests.instruments.table_machine import CountedClock, InstantTable
+from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.interfaces import Identity, RateTable, TableLimits, TableState
+from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.rate_tables.aerotech_ensemble import Ensemble
+from benchctl_instruments.simulated.aerotech_ensemble import SimulatedEnsemble
+from tests.instruments.table_machine import CountedClock, InstantTable, home
 
 LIMITS = TableLimits(rate_dps=300.0, acceleration_dps2=500.0)
 
 
 @pytest.fixture
 def table() -> InstantTable:
-    return InstantTable(angle_deg=350.0)
+    return InstantTable()
 
 
 @pytest.fixture(params=[False, True], ids=["as_it_is", "behind_bare_lines"])
 def server(request: pytest.FixtureRequest, table: InstantTable) -> Iterator[SimulatedEnsemble]:
     with SimulatedEnsemble(table, bare_lines=request.param) as running:
+        home("aerotech_ensemble", running.address)
+        table.angle_deg = 350.0
+        table.demands.clear()
         yield running
 
 
@@ -193,3 +196,16 @@ def test_a_cut_link_is_no_matter_between_two_exchanges(enabled: Ensemble, server
     server.cut_connections()
     enabled.go_to_rate(30.0)
     assert enabled.read().rate_dps == 30.0
+
+
+def test_an_angle_is_refused_until_the_axis_is_homed(server: SimulatedEnsemble, enabled: Ensemble) -> None:
+    server.restart()
+    enabled.enable()
+    with pytest.raises(InstrumentError, match=r"the axis is not homed: .* home it at the controller \(HOME\)"):
+        enabled.go_to_angle(10.0)
+    enabled.go_to_rate(10.0)  # needs no home
+    enabled.stop()
+    home("aerotech_ensemble", server.address)
+    enabled.enable()
+    enabled.go_to_angle(10.0)
+    assert enabled.read().angle_deg == pytest.approx(10.0)

@@ -7,17 +7,17 @@ from collections.abc import Callable
 
 import pytest
 
-from instruments.errors import InstrumentError, LinkError, UsageError
-from instruments.interfaces import TableLimits, TableState
-from instruments.links.tcp import LinkCutError, Reconnect
-from instruments.protocols.lines import LineCutter
-from instruments.rate_tables.aerotech_ensemble import Ensemble
-from instruments.simulated.tcp_server import TcpServer
+from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
+from benchctl_instruments.interfaces import TableLimits, TableState
+from benchctl_instruments.links.tcp import LinkCutError, Reconnect
+from benchctl_instruments.protocols.lines import LineCutter
+from benchctl_instruments.rate_tables.aerotech_ensemble import Ensemble
+from benchctl_instruments.simulated.tcp_server import TcpServer
 from tests.instruments.table_machine import CountedClock
 
 LIMITS = TableLimits(rate_dps=300.0, acceleration_dps2=500.0)
 GOOD = {
-    "AXISSTATUS(@0)": "%-2147483639",  # enabled, and its move is active
+    "AXISSTATUS(@0)": "%-2147483637",  # enabled, homed, and its move is active
     "AXISFAULT(@0)": "%0",
     "PLANESTATUS(0)": "%0",
     "PFBKPROG(@0)": "%0",
@@ -139,7 +139,7 @@ def test_a_move_by_an_increment_is_never_sent_twice_and_a_rate_may_be() -> None:
                 raise ConnectionResetError
             return super().feed(data)
 
-    answers = {"AXISSTATUS(@0)": "%1"}
+    answers = {"AXISSTATUS(@0)": "%3"}
     with TcpServer(lambda: CutOnce(**answers)) as server, connected(server) as driver:
         driver.set_limits(LIMITS)
         with pytest.raises(LinkCutError, match=r"sent 'LINEAR @0 -10.000000 F300.000000'"):
@@ -168,7 +168,7 @@ def test_an_answer_that_is_junk_is_asked_for_again(line: str) -> None:
 
 def test_a_move_and_an_acknowledgement_of_faults_are_not_said_again_for_junk() -> None:
     move, acknowledge = "LINEAR @0 -10.000000 F300.000000", "FAULTACK @0"
-    conversation = Scripted(**{move: "?", acknowledge: "?", "AXISSTATUS(@0)": "%1"})
+    conversation = Scripted(**{move: "?", acknowledge: "?", "AXISSTATUS(@0)": "%3"})
     with TcpServer(lambda: conversation) as server, connected(server) as driver:
         driver.set_limits(LIMITS)
         with pytest.raises(InstrumentError, match=r"sent 'LINEAR.* expected a line that begins with"):
@@ -215,7 +215,7 @@ Act = Callable[[Ensemble], object]
     [
         ({"AXISSTATUS(@0)": "%1"}, lambda d: d.go_to_rate(10.0), "a rate of 10 deg/s was asked for and acknowledged"),
         ({"AXISSTATUS(@0)": "%0"}, lambda d: d.enable(), "enabling was asked for and acknowledged"),
-        ({"AXISSTATUS(@0)": "%0"}, lambda d: d.go_to_angle(0.0), "an angle of 0 deg was asked for and acknowledged"),
+        ({"AXISSTATUS(@0)": "%2"}, lambda d: d.go_to_angle(0.0), "an angle of 0 deg was asked for and acknowledged"),
         ({"FREERUN @0 -10.000000": "$"}, lambda d: d.go_to_rate(10.0), "did not finish in time"),
         ({"FREERUN @0 -10.000000": "!"}, lambda d: d.go_to_rate(10.0), "does not understand that"),
         ({"FREERUN @0 -10.000000": "#limit"}, lambda d: d.go_to_rate(10.0), "got '#limit'; no fault is reported"),

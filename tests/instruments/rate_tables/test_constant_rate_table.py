@@ -8,14 +8,14 @@ from typing import Any
 
 import pytest
 
-from instruments.catalog import driver, models, oscillates, twin
-from instruments.errors import UsageError
-from instruments.interfaces import Clock, RateTable, TableLimits, TableState
-from instruments.links.wirelog import WireLog
-from instruments.simulated.clock import VirtualClock
-from instruments.simulated.machines import TableMachine
-from instruments.simulated.world import World
-from tests.instruments.table_machine import CountedClock, InstantTable
+from benchctl_instruments.catalog import driver, models, oscillates, twin
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.interfaces import Clock, RateTable, TableLimits, TableState
+from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.simulated.clock import VirtualClock
+from benchctl_instruments.simulated.machines import TableMachine
+from benchctl_instruments.simulated.world import World
+from tests.instruments.table_machine import CountedClock, InstantTable, home
 
 LIMITS = TableLimits(rate_dps=300.0, acceleration_dps2=500.0)
 
@@ -33,13 +33,16 @@ def log() -> WireLog:
 
 @pytest.fixture
 def machine() -> InstantTable:
-    return InstantTable(angle_deg=350.0)
+    return InstantTable()
 
 
 @pytest.fixture
 def table(model: str, machine: InstantTable, log: WireLog) -> Iterator[RateTable]:
     """One that does at once what is demanded of it."""
-    yield from on_the_wire(model, machine, CountedClock(), wire_log=log)
+    for table in on_the_wire(model, machine, CountedClock(), wire_log=log):
+        machine.angle_deg = 350.0
+        machine.demands.clear()
+        yield table
 
 
 @pytest.fixture
@@ -74,6 +77,9 @@ def on_the_wire(model: str, machine: TableMachine, clock: Clock, **options: Any)
         twin("rate_table", model)(machine) as server,
         driver("rate_table", model)(server.address, clock=clock, **options) as table,
     ):
+        table.close()
+        home(model, server.address)
+        table.open()
         yield table
 
 

@@ -7,10 +7,11 @@ from typing import Any
 
 import pytest
 
-from instruments.catalog import driver, twin
-from instruments.interfaces import RateTable, TableLimits, TableState
-from instruments.simulated.clock import VirtualClock
-from instruments.simulated.world import World
+from benchctl_instruments.catalog import driver, twin
+from benchctl_instruments.interfaces import RateTable, TableLimits, TableState
+from benchctl_instruments.simulated.clock import VirtualClock
+from benchctl_instruments.simulated.world import World
+from tests.instruments.table_machine import home
 
 TWINS: dict[str, dict[str, bool]] = {"aerotech_ensemble": {"bare_lines": True}, "newport_esp301": {}}
 
@@ -34,6 +35,7 @@ def world(clock: VirtualClock) -> World:
 @pytest.fixture
 def server(model: str, world: World) -> Iterator[Any]:
     with twin("rate_table", model)(world.table, **TWINS[model]) as running:
+        home(model, running.address)
         yield running
 
 

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from instruments.errors import UsageError
-from instruments.interfaces import TableLimits
-from instruments.rate_tables.kept_limits import KeptLimits, short_way_deg, wait_until
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.interfaces import TableLimits
+from benchctl_instruments.rate_tables.kept_limits import KeptLimits, short_way_deg, wait_until
 from tests.instruments.table_machine import CountedClock
 
 

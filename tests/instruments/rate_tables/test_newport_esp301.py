@@ -8,12 +8,12 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from instruments.errors import InstrumentError
-from instruments.interfaces import Identity, RateTable, TableLimits, TableState
-from instruments.links.byte_link import byte_link
-from instruments.links.wirelog import WireLog
-from instruments.rate_tables.newport_esp301 import Esp301
-from instruments.simulated.newport_esp301 import SimulatedEsp301
+from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.interfaces import Identity, RateTable, TableLimits, TableState
+from benchctl_instruments.links.byte_link import byte_link
+from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.rate_tables.newport_esp301 import Esp301
+from benchctl_instruments.simulated.newport_esp301 import SimulatedEsp301
 from tests.instruments.table_machine import CountedClock, InstantTable
 
 LIMITS = TableLimits(rate_dps=300.0, acceleration_dps2=500.0)
@@ -21,7 +21,7 @@ LIMITS = TableLimits(rate_dps=300.0, acceleration_dps2=500.0)
 
 @pytest.fixture
 def table() -> InstantTable:
-    return InstantTable(angle_deg=350.0)
+    return InstantTable()
 
 
 @pytest.fixture(params=["pty", "tcp"])
@@ -29,6 +29,7 @@ def server(request: pytest.FixtureRequest, table: InstantTable) -> Iterator[Simu
     if request.param == "pty" and sys.platform == "win32":
         pytest.skip("Windows has no pseudo-terminals")
     with SimulatedEsp301(table, over_tcp=request.param == "tcp") as running:
+        table.angle_deg = 350.0  # since power-up
         yield running
 
 
@@ -241,3 +242,26 @@ def test_a_line_at_its_real_speed_carries_the_dialogue(table: InstantTable) -> N
         driver.stop()
         assert driver.state() is TableState.AT_REST
     assert table.demands == [("close",), ("rate", 0.0), ("rate", -10.0), ("rate", 0.0), ("rate", 0.0)]
+
+
+def test_an_axis_that_counts_in_other_units_is_refused(server: SimulatedEsp301) -> None:
+    operator = byte_link(server.address)
+    operator.open(2.0)
+    operator.send(b"1SN9;1SN?\r")
+    assert operator.receive(64, 2.0).startswith(b"9")
+    operator.close()
+    driver = Esp301(server.address, clock=CountedClock())
+    with pytest.raises(InstrumentError, match=r"counts in units 9, expected 7, degrees; set its units"):
+        driver.open()
+
+
+def test_an_axis_that_is_not_homed_turns_and_counts_from_where_it_was_switched_on(
+    server: SimulatedEsp301, enabled: Esp301, table: InstantTable
+) -> None:
+    server.restart()
+    enabled.set_limits(LIMITS)
+    enabled.enable()
+    enabled.go_to_rate(10.0)
+    assert (table.rate_dps, enabled.read().angle_deg) == (10.0, 0.0)
+    enabled.go_to_angle(20.0)
+    assert table.angle_deg == pytest.approx(370.0)

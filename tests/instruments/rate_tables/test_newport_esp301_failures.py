@@ -7,14 +7,14 @@ from collections.abc import Callable
 
 import pytest
 
-from instruments.errors import InstrumentError, LinkError, UsageError
-from instruments.interfaces import TableLimits, TableState
-from instruments.links.tcp import LinkCutError, Reconnect
-from instruments.protocols.lines import LineCutter
-from instruments.rate_tables.newport_esp301 import Esp301
-from instruments.simulated.newport_esp301 import SimulatedEsp301
-from instruments.simulated.serial_line import SerialLine
-from instruments.simulated.tcp_server import TcpServer
+from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
+from benchctl_instruments.interfaces import TableLimits, TableState
+from benchctl_instruments.links.tcp import LinkCutError, Reconnect
+from benchctl_instruments.protocols.lines import LineCutter
+from benchctl_instruments.rate_tables.newport_esp301 import Esp301
+from benchctl_instruments.simulated.newport_esp301 import SimulatedEsp301
+from benchctl_instruments.simulated.serial_line import SerialLine
+from benchctl_instruments.simulated.tcp_server import TcpServer
 from tests.instruments.table_machine import CountedClock, InstantTable
 
 LIMITS = TableLimits(rate_dps=300.0, acceleration_dps2=500.0)

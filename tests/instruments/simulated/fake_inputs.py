@@ -6,8 +6,8 @@ import threading
 
 import numpy as np
 
-from instruments.interfaces import FloatArray, IntArray
-from instruments.simulated.clock import BenchClock
+from benchctl_instruments.interfaces import FloatArray, IntArray
+from benchctl_instruments.simulated.clock import BenchClock
 
 
 class FakeInputs:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from instruments.simulated.settings import WorldSettings
+from benchctl_instruments.simulated.settings import WorldSettings
 
 QUIET: dict[str, Any] = {
     "gyro": {"arw_deg_per_sqrt_h": 0.0, "bias_walk_v_per_sqrt_s": 0.0},

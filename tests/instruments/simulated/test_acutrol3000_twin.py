@@ -7,9 +7,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from instruments.links.address import parse_address
-from instruments.simulated.acutrol3000 import SimulatedAcutrol3000
-from instruments.simulated.acutrol3000_controller import AcutrolController
+from benchctl_instruments.links.address import parse_address
+from benchctl_instruments.simulated.acutrol3000 import SimulatedAcutrol3000
+from benchctl_instruments.simulated.acutrol3000_controller import AcutrolController
 from tests.instruments.table_machine import InstantTable
 
 
@@ -82,7 +82,7 @@ def test_the_startup_of_a_published_driver_is_acknowledged(wire: socket.socket) 
         ":dem:rate 1,fast",
         ":dem:rate 1",
         ":dem:rate 1,nan",
-        ":dem:acc 1,5",
+        ":dem:acc 2,5",
         ":dem:delta 1,181",
         ":dem:delta? 1",
         ":lim:rate pos,1,1001",

@@ -8,23 +8,32 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from instruments.links.address import parse_address
-from instruments.protocols.ensemble import encode_reply
-from instruments.simulated.aerotech_ensemble import SimulatedEnsemble
-from instruments.simulated.aerotech_ensemble_controller import EnsembleController
+from benchctl_instruments.links.address import parse_address
+from benchctl_instruments.protocols.ensemble import encode_reply
+from benchctl_instruments.simulated.aerotech_ensemble import SimulatedEnsemble
+from benchctl_instruments.simulated.aerotech_ensemble_controller import EnsembleController
 from tests.instruments.table_machine import InstantTable
 
 ENABLED, IN_POSITION, MOVE_ACTIVE = 0x1, 0x4, 0x8
 
 
+class StillOnItsWay(InstantTable):
+    """It accepts an angle and never gets there."""
+
+    def demand_angle(self, angle_deg: float) -> None:
+        self.demands.append(("angle", angle_deg))
+
+
 @pytest.fixture
 def table() -> InstantTable:
-    return InstantTable(angle_deg=-350.0)  # 350 as the controller counts, clockwise
+    return InstantTable()
 
 
 @pytest.fixture
 def controller(table: InstantTable) -> EnsembleController:
-    return EnsembleController(table)
+    controller = EnsembleController(table)
+    table.angle_deg = -350.0  # since power-up; 350 as the controller counts, clockwise
+    return controller
 
 
 def said(controller: EnsembleController, line: str) -> str:
@@ -53,6 +62,7 @@ def talk(address: str, request: bytes, lines: int) -> bytes:
 
 def test_the_polling_of_a_published_driver_byte_for_byte(table: InstantTable) -> None:
     with SimulatedEnsemble(table) as server:
+        table.angle_deg = -350.0  # since power-up
         request = b"AXISSTATUS(@0)\nPLANESTATUS(0)\nPFBKPROG(@0)\nPCMDPROG(@0)\nAXISFAULT(@0)\nVFBK(@0)\n"
         reply = b"%-2147483644\n%0\n%350.000000\n%350.000000\n%0\n%0.000000\n"
         assert talk(server.address, request, 6) == reply
@@ -88,7 +98,10 @@ def test_a_line_without_end_is_not_understood_and_the_dialogue_goes_on(table: In
     [
         "JUMP @0",
         "ENABLE",
-        "ENABLE @1",
+        "ENABLE @3",
+        "ENABLE D",
+        "ENABLE @",
+        "ENABLE XY",
         "ENABLE @0 @0",
         "AXISSTATUS(@9)",
         "PLANESTATUS(1)",
@@ -102,8 +115,16 @@ def test_a_line_without_end_is_not_understood_and_the_dialogue_goes_on(table: In
         "WAIT MODE LONG",
         "LINEAR @0 10 5",
         "LINEAR @0 10 F0",
-        "LINEAR @0 10",
-        "GETPARM(@0, 140)",
+        "LINEAR @0",
+        "LINEAR F10",
+        "LINEAR @0 10 @1F 5",
+        "MOVEABS X 10 XF 5 X 20",
+        "MOVEABS X ten",
+        "HOME",
+        "IGLOBAL(33) 1",
+        'PROGRAM RUN 5, "Other.bcx"',
+        "SCURVE 101",
+        "GETPARM(@0, 900)",
         "GETPARM(@0)",
         "SETPARM @0, 73, slow",
         "INC @0",
@@ -156,17 +177,18 @@ def test_a_move_is_absolute_or_by_an_increment(controller: EnsembleController, t
     assert table.angle_deg == pytest.approx(0.0)
 
 
-def test_a_move_goes_on_when_its_wait_is_over(controller: EnsembleController, table: InstantTable) -> None:
-    told(controller, "ENABLE @0")
-    assert said(controller, "LINEAR @0 340 F10") == "$"
-    assert table.demands[-1] == ("angle", -340.0)
+@pytest.mark.parametrize("line", ["LINEAR @0 340 F10", "MOVEABS X 340 F 10", "HOME X"])
+def test_a_motion_goes_on_when_its_wait_is_over(line: str) -> None:
+    table = StillOnItsWay(angle_deg=-340.0)
+    controller = EnsembleController(table)
+    table.angle_deg = -350.0
+    told(controller, "ENABLE @0", "SETPARM @0, 202, 20")  # 20 ms
+    assert said(controller, line) == "$"
+    assert table.demands[-1] == ("angle", -360.0 if line == "HOME X" else -680.0)
+    assert not status(controller) & IN_POSITION
 
 
 def test_one_kind_of_motion_does_not_begin_in_the_other() -> None:
-    class StillOnItsWay(InstantTable):
-        def demand_angle(self, angle_deg: float) -> None:
-            self.demands.append(("angle", angle_deg))
-
     controller = EnsembleController(StillOnItsWay())
     told(controller, "ENABLE @0", "WAIT MODE NOWAIT", "FREERUN @0 10")
     assert said(controller, "LINEAR @0 10 F10") == "#"
@@ -246,8 +268,6 @@ def test_after_a_restart_it_is_as_delivered_and_only_a_pressed_stop_is_still_a_f
     assert status(controller) & 0xF == IN_POSITION
     assert said(controller, "AXISFAULT(@0)") == "%0"
     assert said(controller, "GETPARM(@0, 73)") == "%8300.000000"
-    told(controller, "ENABLE @0")
-    assert said(controller, "LINEAR @0 0 F10") == "$"
     controller.open_interlock()
     controller.restart()
     assert said(controller, "AXISFAULT(@0)") == "%2048"

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from instruments.errors import UsageError
-from instruments.physics.table import TableParameters
-from instruments.simulated.axis import TableAxis
-from instruments.simulated.clock import VirtualClock
-from instruments.simulated.timebase import MARGIN_S, Timebase
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.table import TableParameters
+from benchctl_instruments.simulated.axis import TableAxis
+from benchctl_instruments.simulated.clock import VirtualClock
+from benchctl_instruments.simulated.timebase import MARGIN_S, Timebase
 
 STILL = TableParameters(ripple=0.0)
 

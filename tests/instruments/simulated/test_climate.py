@@ -6,11 +6,11 @@ import time
 import numpy as np
 import pytest
 
-from instruments.errors import UsageError
-from instruments.physics.chamber import ChamberParameters
-from instruments.simulated.climate import ClimateChamber
-from instruments.simulated.clock import VirtualClock
-from instruments.simulated.timebase import Timebase
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.chamber import ChamberParameters
+from benchctl_instruments.simulated.climate import ClimateChamber
+from benchctl_instruments.simulated.clock import VirtualClock
+from benchctl_instruments.simulated.timebase import Timebase
 
 
 def chamber() -> tuple[VirtualClock, Timebase, ClimateChamber]:

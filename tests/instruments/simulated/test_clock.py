@@ -5,9 +5,9 @@ import time
 
 import pytest
 
-from instruments.errors import UsageError
-from instruments.interfaces import Clock
-from instruments.simulated.clock import ScaledClock, VirtualClock
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.interfaces import Clock
+from benchctl_instruments.simulated.clock import ScaledClock, VirtualClock
 
 
 def chunk(clock: Clock) -> float:

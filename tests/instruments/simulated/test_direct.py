@@ -6,12 +6,12 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from instruments.errors import InstrumentError, LinkError, UsageError
-from instruments.interfaces import Chamber, Digitizer, RateTable, TableLimits, TableState
-from instruments.simulated.clock import VirtualClock
-from instruments.simulated.direct import DirectChamber, DirectDigitizer, DirectRateTable
-from instruments.simulated.settings import WorldSettings
-from instruments.simulated.world import World
+from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
+from benchctl_instruments.interfaces import Chamber, Digitizer, RateTable, TableLimits, TableState
+from benchctl_instruments.simulated.clock import VirtualClock
+from benchctl_instruments.simulated.direct import DirectChamber, DirectDigitizer, DirectRateTable
+from benchctl_instruments.simulated.settings import WorldSettings
+from benchctl_instruments.simulated.world import World
 from tests.instruments.simulated.quiet import quiet
 
 

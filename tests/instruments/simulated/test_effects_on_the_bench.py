@@ -12,19 +12,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from instruments.interfaces import FloatArray
-from instruments.physics.chain import Effect
-from instruments.physics.effects.clock_drift import ClockDrift
-from instruments.physics.effects.encoder_interpolation import EncoderInterpolation
-from instruments.physics.effects.making import make_effects
-from instruments.physics.effects.mount_resonance import MountResonance
-from instruments.physics.effects.sensor_bandwidth import SensorBandwidth
-from instruments.physics.effects.thermal_lag import ThermalLag
-from instruments.physics.effects.timing_offset import TimingOffset
-from instruments.physics.response_gyro import ResponseParameters
-from instruments.simulated.clock import VirtualClock
-from instruments.simulated.settings import WorldSettings
-from instruments.simulated.world import World
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.physics.chain import Effect
+from benchctl_instruments.physics.effects.clock_drift import ClockDrift
+from benchctl_instruments.physics.effects.encoder_interpolation import EncoderInterpolation
+from benchctl_instruments.physics.effects.making import make_effects
+from benchctl_instruments.physics.effects.mount_resonance import MountResonance
+from benchctl_instruments.physics.effects.sensor_bandwidth import SensorBandwidth
+from benchctl_instruments.physics.effects.thermal_lag import ThermalLag
+from benchctl_instruments.physics.effects.timing_offset import TimingOffset
+from benchctl_instruments.physics.response_gyro import ResponseParameters
+from benchctl_instruments.simulated.clock import VirtualClock
+from benchctl_instruments.simulated.settings import WorldSettings
+from benchctl_instruments.simulated.world import World
 from tests.instruments.simulated.quiet import quiet
 
 FINE_ENCODER = {"counts_per_rev": 3_600_000_000, "eccentricity_arcsec": 0.0, "ellipticity_arcsec": 0.0}

@@ -10,16 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from instruments.protocols.p300 import (
-    read_alarms,
-    read_heaters,
-    read_monitor,
-    read_relays,
-    read_srq,
-    read_temperatures,
-    read_type,
-)
-from instruments.simulated.espec_p300 import P300Controller, SimulatedEspecP300, _Conversation
+from benchctl_instruments.protocols.p300 import read_alarms, read_heater, read_mode, read_temperatures, read_type
+from benchctl_instruments.simulated.espec_p300 import P300Controller, SimulatedEspecP300, _Conversation
 from tests.instruments.chamber_machine import FakeChamber
 
 
@@ -57,7 +49,7 @@ def test_a_session_at_a_terminal_over_tcp(twin: SimulatedEspecP300, machine: Fak
     )
     assert typed(twin.address, session, 10) == (
         b"23.0,20.0,180.0,-75.0\r\nOK:TEMP,S-40.0\r\nOK:MODE,CONSTANT\r\n23.0,,CONSTANT,0\r\nCONSTANT\r\n1,12.3\r\n0\r\n"
-        b"T,P300,180.0\r\nSIMULATED 1.00\r\n00000000\r\n"
+        b"T,P300,180.0\r\nP300 SIMULATED 1.00\r\n00000000\r\n"
     )
     assert (machine.setpoint, machine.on) == (-40.0, True)
 
@@ -119,6 +111,11 @@ def test_a_session_at_a_terminal_on_a_serial_port(machine: FakeChamber) -> None:
         ("PRGM,RUN,RAM:1,STEP1", "NA:DATA NOT READY"),
         ("PRGM,END,STANDBY", "NA:CONT NOT READY-2"),
         ("PRGM,END,SOON", "NA:PARA ERR"),
+        ("PRGM,PAUSE", "NA:CONT NOT READY-2"),
+        ("PRGM DATA WRITE,PGM1,EDIT START", "NA:PRGM WRITE ERR-1"),
+        ("DATE,2026-11-23", "NA:PARA ERR"),
+        ("SET,REF2", "NA:PARA ERR"),
+        ("SRQ,CLEAR", "NA:PARA ERR"),
         ("POWER", "NA:PARA ERR"),
         ("RELAY,ON", "NA:PARA ERR"),
         ("RELAY,ON,13", "NA:PARA ERR"),
@@ -227,16 +224,13 @@ def test_a_line_without_end_is_refused_and_forgotten(machine: FakeChamber) -> No
 def test_every_answer_is_one_that_the_readers_read(controller: P300Controller, machine: FakeChamber) -> None:
     machine.air, machine.setpoint, machine.power = -0.04, -0.01, -30.0
     controller.raise_alarm(7)
-    controller.execute("RELAY,ON,3")
     readers = {
         "TEMP?": read_temperatures,
-        "MON?": read_monitor,
-        "MON?,DETAIL": read_monitor,
+        "MODE?": read_mode,
+        "MODE?,DETAIL": read_mode,
         "ALARM?": read_alarms,
         "TYPE?": read_type,
-        "%?": read_heaters,
-        "RELAY?": read_relays,
-        "SRQ?": read_srq,
+        "%?": read_heater,
     }
     answers = {query: controller.execute(query) for query in readers}
     assert answers["TEMP?"] == "0.0,0.0,180.0,-75.0"

@@ -13,9 +13,9 @@ import pytest
 from pymodbus import FramerType, ModbusException
 from pymodbus.client import AsyncModbusSerialClient, AsyncModbusTcpClient, ModbusSerialClient, ModbusTcpClient
 
-from instruments.simulated.espec_p300 import SimulatedEspecP300
-from instruments.simulated.watlow_f4 import SimulatedWatlowF4
-from instruments.simulated.watlow_f4t import SimulatedWatlowF4T
+from benchctl_instruments.simulated.espec_p300 import SimulatedEspecP300
+from benchctl_instruments.simulated.watlow_f4 import SimulatedWatlowF4
+from benchctl_instruments.simulated.watlow_f4t import SimulatedWatlowF4T
 from tests.instruments.chamber_machine import FakeChamber
 
 needs_terminals = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")

@@ -8,16 +8,16 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from instruments.interfaces import FloatArray
-from instruments.physics.chain import Effect
-from instruments.physics.effects.scale_warm_up import ScaleWarmUp
-from instruments.physics.effects.warm_up import WarmUp
-from instruments.physics.gyro import horizontal_earth_rate_dps
-from instruments.simulated.bench import SimulatedBench
-from instruments.simulated.clock import VirtualClock
-from instruments.simulated.faults.machine_kinds import ClockDrift
-from instruments.simulated.settings import WorldSettings
-from instruments.simulated.world import World
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.physics.chain import Effect
+from benchctl_instruments.physics.effects.scale_warm_up import ScaleWarmUp
+from benchctl_instruments.physics.effects.warm_up import WarmUp
+from benchctl_instruments.physics.gyro import horizontal_earth_rate_dps
+from benchctl_instruments.simulated.bench import SimulatedBench
+from benchctl_instruments.simulated.clock import VirtualClock
+from benchctl_instruments.simulated.faults.machine_kinds import ClockDrift
+from benchctl_instruments.simulated.settings import WorldSettings
+from benchctl_instruments.simulated.world import World
 from tests.instruments.simulated.quiet import QUIET, quiet
 
 U0, K0 = 0.012, 0.05

@@ -11,13 +11,13 @@ import serial
 from pymodbus.client import ModbusSerialClient
 from pymodbus.client.mixin import ModbusClientMixin
 
-from instruments.errors import UsageError
-from instruments.links.address import parse_address
-from instruments.simulated.binder_mb2 import SimulatedBinderMb2
-from instruments.simulated.csz_ezt430i import SimulatedCszEzt430i
-from instruments.simulated.eurotherm_2400 import SimulatedEurotherm2400
-from instruments.simulated.eurotherm_3500 import SimulatedEurotherm3500
-from instruments.simulated.modbus_server import ModbusRtuServer
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.links.address import parse_address
+from benchctl_instruments.simulated.binder_mb2 import SimulatedBinderMb2
+from benchctl_instruments.simulated.csz_ezt430i import SimulatedCszEzt430i
+from benchctl_instruments.simulated.eurotherm_2400 import SimulatedEurotherm2400
+from benchctl_instruments.simulated.eurotherm_3500 import SimulatedEurotherm3500
+from benchctl_instruments.simulated.modbus_server import ModbusRtuServer
 from tests.instruments.chamber_machine import FakeChamber
 
 FLOAT32 = ModbusClientMixin.DATATYPE.FLOAT32
@@ -70,12 +70,15 @@ def test_the_ezts_decimal_point_is_implied(machine: FakeChamber, decimals: int, 
         SimulatedCszEzt430i(machine, decimals=4)
 
 
-def test_the_ezt_acknowledges_several_registers_at_once_and_does_nothing(machine: FakeChamber) -> None:
+def test_the_ezt_acknowledges_function_16_and_carries_it_out_for_programs_alone(machine: FakeChamber) -> None:
     with client_of(SimulatedCszEzt430i(machine)) as client:
-        assert not client.write_registers(36, [500, 0]).isError()
-        assert machine.setpoint == 20.0
+        for values in ([500, 0], [500]):
+            assert not client.write_registers(36, values).isError()
+            assert machine.setpoint == 20.0
         assert not client.write_register(36, 500).isError()
         assert machine.setpoint == 50.0
+        assert not client.write_registers(100, list(range(14))).isError()
+        assert client.read_holding_registers(100, count=14).registers == list(range(14))
 
 
 def test_the_ezt_refuses_what_it_does_not_have_or_what_lies_beyond_its_limits(machine: FakeChamber) -> None:
@@ -148,15 +151,42 @@ def test_manual_mode_alone_freezes_a_eurotherms_output(machine: FakeChamber) -> 
         assert client.write_register(273, 2).exception_code == 3
 
 
-def test_a_broken_sensor_shows_in_three_places_of_the_2400_and_one_of_them_is_not_the_3500s(
-    machine: FakeChamber,
-) -> None:
-    for twin, sensor_break in ((SimulatedEurotherm2400(machine), [1]), (SimulatedEurotherm3500(machine), [])):
-        twin.sensor_broken, twin.alarms = True, 1
+def test_a_broken_sensor_shows_in_the_2400s_status_and_in_the_3500s_alarm_summary(machine: FakeChamber) -> None:
+    for twin, of_2400, of_3500 in (
+        (SimulatedEurotherm2400(machine), True, None),
+        (SimulatedEurotherm3500(machine), False, [1]),
+    ):
+        twin.sensor_broken = True
         with client_of(twin) as client:
-            assert client.read_holding_registers(75).registers == [0b100001]
-            assert client.read_holding_registers(1).registers == [13720]
-            assert client.read_holding_registers(258).registers == sensor_break
+            assert client.read_holding_registers(289).registers == [13720]
+            for address, shows in (
+                (258, [1] if of_2400 else None),
+                (75, [1 << 5] if of_2400 else None),
+                (10213, of_3500),
+            ):
+                answer = client.read_holding_registers(address)
+                assert answer.exception_code == 2 if shows is None else answer.registers == shows
+
+
+def test_the_3500_has_no_output_and_no_status_word_where_the_2400_has_them(machine: FakeChamber) -> None:
+    with client_of(SimulatedEurotherm3500(machine)) as client:
+        assert [client.read_holding_registers(address).exception_code for address in (3, 75, 258)] == [2, 2, 2]
+        machine.power = 12.5
+        client.write_register(273, 0)
+        assert client.read_holding_registers(85).registers == [125]
+
+
+def test_a_eurotherm_obeys_the_one_of_two_set_points_that_is_selected(machine: FakeChamber) -> None:
+    twin = SimulatedEurotherm2400(machine)
+    with client_of(twin) as client:
+        client.write_register(24, 300)
+        client.write_register(25, 800)
+        seen = []
+        for selected in (1, 0):
+            client.write_register(15, selected)
+            seen.append([client.read_holding_registers(number).registers[0] for number in (2, 5, 24, 25)])
+    assert seen == [[800, 800, 300, 800], [300, 300, 300, 800]]
+    assert (machine.setpoint, twin.eeprom_writes) == (30.0, 2)
 
 
 def test_the_mb2_sends_its_singles_low_word_first_and_obeys_while_it_does_not_idle(machine: FakeChamber) -> None:

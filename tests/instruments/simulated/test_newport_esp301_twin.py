@@ -11,21 +11,23 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from instruments.links.address import parse_address
-from instruments.links.byte_link import byte_link
-from instruments.simulated.newport_esp301 import SimulatedEsp301
-from instruments.simulated.newport_esp301_controller import Esp301Controller
+from benchctl_instruments.links.address import parse_address
+from benchctl_instruments.links.byte_link import byte_link
+from benchctl_instruments.simulated.newport_esp301 import SimulatedEsp301
+from benchctl_instruments.simulated.newport_esp301_controller import Esp301Controller
 from tests.instruments.table_machine import InstantTable
 
 
 @pytest.fixture
 def table() -> InstantTable:
-    return InstantTable(angle_deg=350.0)
+    return InstantTable()
 
 
 @pytest.fixture
 def controller(table: InstantTable) -> Esp301Controller:
-    return Esp301Controller(table)
+    controller = Esp301Controller(table)
+    table.angle_deg = 350.0  # since power-up
+    return controller
 
 
 @pytest.fixture
@@ -53,6 +55,7 @@ def server(request: pytest.FixtureRequest, table: InstantTable) -> Iterator[Simu
     if request.param == "pty" and sys.platform == "win32":
         pytest.skip("Windows has no pseudo-terminals")
     with SimulatedEsp301(table, over_tcp=request.param == "tcp") as running:
+        table.angle_deg = 350.0  # since power-up
         yield running
 
 
@@ -213,7 +216,7 @@ def test_after_a_restart_it_is_as_delivered_with_an_empty_queue(on: Esp301Contro
     told(on, "1VA20", "1AG30", "1SR360", "1DH", "1MV+")
     on.execute("1XX")
     on.restart()
-    assert on.execute("TE?;1MO?;1MD?;1VA?;1AG?;1TP?") == ["0", "0", "1", "1000.000000", "8300.000000", "350.000000"]
+    assert on.execute("TE?;1MO?;1MD?;1VA?;1AG?;1TP?") == ["0", "0", "1", "1000.000000", "8300.000000", "0.000000"]
 
 
 @settings(deadline=None, max_examples=50)

@@ -9,14 +9,14 @@ from typing import Any
 
 import pytest
 
-from instruments.catalog import driver
-from instruments.chambers.profile_file import changed, parse_profile, shipped_profile
-from instruments.chambers.profiled import ProfiledChamber
-from instruments.errors import InstrumentError
-from instruments.simulated.bench import SimulatedBench
-from instruments.simulated.clock import VirtualClock
-from instruments.simulated.profiled import SimulatedProfiled
-from instruments.simulated.settings import WorldSettings
+from benchctl_instruments.catalog import driver
+from benchctl_instruments.chambers.profile_file import changed, parse_profile, shipped_profile
+from benchctl_instruments.chambers.profiled import ProfiledChamber
+from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.simulated.bench import SimulatedBench
+from benchctl_instruments.simulated.clock import VirtualClock
+from benchctl_instruments.simulated.profiled import SimulatedProfiled
+from benchctl_instruments.simulated.settings import WorldSettings
 from tests.instruments.chamber_machine import FakeChamber, InstantClock
 from tests.instruments.chambers.lab_controllers import ACME, BRAND
 

@@ -9,9 +9,9 @@ from collections.abc import Callable
 
 import pytest
 
-from instruments.links.address import parse_address
-from instruments.links.byte_link import ByteLink, byte_link
-from instruments.simulated.push_line import PushLine
+from benchctl_instruments.links.address import parse_address
+from benchctl_instruments.links.byte_link import ByteLink, byte_link
+from benchctl_instruments.simulated.push_line import PushLine
 
 LINES = [
     pytest.param(False, marks=pytest.mark.skipif(sys.platform == "win32", reason="needs pseudo-terminals")),

@@ -4,8 +4,19 @@ from __future__ import annotations
 
 import pytest
 
-from instruments.protocols.modbus import ILLEGAL_ADDRESS, ILLEGAL_VALUE, ModbusRefusal
-from instruments.simulated.registers import RegisterTable, f32, signed_word, u32, word
+from benchctl_instruments.protocols.modbus import ILLEGAL_ADDRESS, ILLEGAL_VALUE, ModbusRefusal
+from benchctl_instruments.simulated.registers import (
+    LimitedSetpoint,
+    RegisterTable,
+    constants,
+    f32,
+    laid_out,
+    scaled,
+    signed_word,
+    u32,
+    word,
+)
+from tests.instruments.chamber_machine import FakeChamber
 
 
 class Device:
@@ -93,3 +104,52 @@ def test_the_device_may_refuse_a_value() -> None:
 def test_two_quantities_in_one_register_are_a_mistake_in_the_table() -> None:
     with pytest.raises(ValueError, match="register 13 is declared twice"):
         RegisterTable([f32(12, lambda: 0.0), word(13, lambda: 0)])
+    with pytest.raises(ValueError, match="register 13 is declared twice"):
+        RegisterTable([word(13, lambda: 0)], memory={13: 0})
+
+
+def test_memory_keeps_what_is_written_among_declared_quantities_and_constants_do_not() -> None:
+    memory = laid_out({9: (1,), 16: (2, 3)})
+    device = Device()
+    table = RegisterTable(
+        [word(10, lambda: device.number, device.set_number), *constants(laid_out({11: (4, 5)}))], memory=memory
+    )
+    assert table.read(9, 4) == [1, 7, 4, 5]
+    table.write(9, [6, 8])
+    table.write(16, [9, 0xFFFF])
+    assert (memory, device.number) == ({9: 6, 16: 9, 17: 0xFFFF}, 8)
+    with pytest.raises(ModbusRefusal):
+        table.write(9, [0, 0, 0])
+    assert memory[9] == 6
+
+
+def test_a_word_takes_only_the_values_that_it_declares() -> None:
+    taken: list[int] = []
+    table = RegisterTable([word(1, lambda: 0, taken.append, takes=(62, 63))])
+    table.write(1, [63])
+    with pytest.raises(ModbusRefusal) as refused:
+        table.write(1, [1])
+    assert (taken, refused.value.code) == ([63], ILLEGAL_VALUE)
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"), [(-40.04, 0x10000 - 400), (1e9, 0x7FFF), (-1e9, 0x8000), (float("nan"), 0x7FFF)]
+)
+def test_a_number_with_an_implied_point_stops_at_the_end_of_its_register(value: float, shown: int) -> None:
+    assert RegisterTable([scaled(1, lambda: value, decimals=1)]).read(1, 1) == [shown]
+
+
+def test_a_set_point_and_its_limits_keep_their_order() -> None:
+    chamber = FakeChamber()
+    setpoint = LimitedSetpoint(chamber, -70.0, 180.0)
+    for put, wrong in (
+        (setpoint.put, (180.1, -70.1, float("nan"))),
+        (setpoint.put_low, (180.0, float("nan"), float("-inf"))),
+        (setpoint.put_high, (-70.0, float("nan"), float("inf"))),
+    ):
+        for value in wrong:
+            with pytest.raises(ModbusRefusal, match="exception 3"):
+                put(value)
+    setpoint.put(180.0)
+    setpoint.put_high(90.0)
+    assert (chamber.setpoint, setpoint.low_c, setpoint.high_c) == (180.0, -70.0, 90.0)

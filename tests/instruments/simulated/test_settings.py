@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from instruments.errors import UsageError
-from instruments.simulated.settings import WorldSettings
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.simulated.settings import WorldSettings
 
 
 def test_what_is_not_named_keeps_its_default() -> None:

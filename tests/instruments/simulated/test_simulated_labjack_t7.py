@@ -8,12 +8,12 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from instruments.errors import InstrumentError, UsageError
-from instruments.links.address import parse_address
-from instruments.links.modbus import ModbusLink
-from instruments.protocols.t7_stream import ScanRun, StreamReader
-from instruments.simulated.clock import VirtualClock
-from instruments.simulated.labjack_t7 import SimulatedLabJackT7
+from benchctl_instruments.errors import InstrumentError, UsageError
+from benchctl_instruments.links.address import parse_address
+from benchctl_instruments.links.modbus import ModbusLink
+from benchctl_instruments.protocols.t7_stream import ScanRun, StreamReader
+from benchctl_instruments.simulated.clock import VirtualClock
+from benchctl_instruments.simulated.labjack_t7 import SimulatedLabJackT7
 from tests.instruments.simulated.fake_inputs import FakeInputs
 
 
@@ -73,7 +73,7 @@ def refused_with(link: ModbusLink, address: int, value: int) -> int:
     """LabJack's code for a write that must be refused."""
     with pytest.raises(InstrumentError, match="device failure"):
         link.write_u32(address, value, "high_first")
-    return link.read_u32(55000, "high_first")
+    return link.read(55000)[0]
 
 
 def test_constants_have_the_values_of_the_register_map(link: ModbusLink) -> None:
@@ -133,6 +133,7 @@ def test_the_feature_of_an_enabled_line_cannot_be_changed(link: ModbusLink) -> N
         (4012, 3000, 2615),
         (4012, 65536, 2615),
         (4016, 16, 2612),
+        (4016, 0, 2612),
         (4018, 1, 0),
     ],
 )
@@ -154,6 +155,48 @@ def test_configuring_reading_inputs_and_enabling_again_are_refused_while_a_strea
         link.read_f32(0, "high_first")
     enable(link, 0)
     assert refused_with(link, 4990, 0) == 2620
+
+
+def test_the_code_of_a_refusal_is_one_word_and_the_next_is_the_modbus_exception(link: ModbusLink) -> None:
+    assert link.read(55000, 2) == [0, 0]
+    assert refused_with(link, 4990, 0) == 2620
+    assert link.read(55000, 2) == [2620, 4]
+
+
+@pytest.mark.parametrize("address", [4494, 4000, 4018 + 10, 4500, 5000, 7000, 55002, 55300, 61500, 65534])
+def test_a_register_that_a_t7_or_this_one_does_not_have_is_an_illegal_data_address(
+    link: ModbusLink, address: int
+) -> None:
+    for attempt in (lambda: link.read(address), lambda: link.write(address, [0, 0])):
+        with pytest.raises(InstrumentError, match="exception 2"):
+            attempt()
+
+
+@pytest.mark.parametrize(
+    ("asked_hz", "actual_hz"),
+    [
+        (30_000.0, 10e6 / 333),
+        (3000.0, 10e6 / 3333),
+        (512.0, 10e6 / 19531),
+        (152.7, 10e6 / 65488),
+        (152.5, 5e6 / 32787),
+        (120.0, 5e6 / 41667),
+        (50.0, 50.0),
+        (0.7, 10e6 / 256 / 55804),
+    ],
+)
+def test_the_scan_interval_is_a_whole_number_of_steps_and_the_rate_reads_as_what_it_is(
+    twin: SimulatedLabJackT7, link: ModbusLink, inputs: FakeInputs, asked_hz: float, actual_hz: float
+) -> None:
+    set_up(link, rate_hz=asked_hz, packet=3)
+    for running in (0, 1):
+        if running:
+            enable(link)
+        assert link.read_f32(4002, "high_first") == np.float32(actual_hz)
+    with connect(twin) as client:
+        inputs.clock.sleep(10.0)
+        receive(client, StreamReader(3), int(9.0 * actual_hz))
+    assert [interval_s for _, interval_s, _ in inputs.calls] == pytest.approx([1.0 / actual_hz] * len(inputs.calls))
 
 
 def test_a_jump_of_bench_time_brings_all_scans_of_it(

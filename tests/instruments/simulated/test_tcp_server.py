@@ -6,9 +6,9 @@ import time
 
 import pytest
 
-from instruments.errors import UsageError
-from instruments.links.address import parse_address
-from instruments.simulated.tcp_server import TcpServer
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.links.address import parse_address
+from benchctl_instruments.simulated.tcp_server import TcpServer
 
 
 class Count:

@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from instruments.errors import UsageError
-from instruments.physics.chain import Signals, Stage
-from instruments.physics.gyro import earth_rate_dps
-from instruments.simulated.clock import VirtualClock
-from instruments.simulated.settings import WorldSettings
-from instruments.simulated.world import World
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.chain import Signals, Stage
+from benchctl_instruments.physics.gyro import earth_rate_dps
+from benchctl_instruments.simulated.clock import VirtualClock
+from benchctl_instruments.simulated.settings import WorldSettings
+from benchctl_instruments.simulated.world import World
 from tests.instruments.simulated.quiet import QUIET, quiet
 
 FloatArray = npt.NDArray[np.float64]

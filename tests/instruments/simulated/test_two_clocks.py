@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from instruments.physics.effects.clock_drift import ClockDrift
-from instruments.physics.effects.timing_offset import TimingOffset
-from instruments.simulated.two_clocks import TwoClocks
+from benchctl_instruments.physics.effects.clock_drift import ClockDrift
+from benchctl_instruments.physics.effects.timing_offset import TimingOffset
+from benchctl_instruments.simulated.two_clocks import TwoClocks
 
 INTERVAL = 0.008
 

@@ -9,10 +9,10 @@ import serial
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 from pymodbus.client.mixin import ModbusClientMixin
 
-from instruments.errors import UsageError
-from instruments.links.address import parse_address
-from instruments.simulated.watlow_f4 import SimulatedWatlowF4
-from instruments.simulated.watlow_f4t import SimulatedWatlowF4T
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.links.address import parse_address
+from benchctl_instruments.simulated.watlow_f4 import SimulatedWatlowF4
+from benchctl_instruments.simulated.watlow_f4t import SimulatedWatlowF4T
 from tests.instruments.chamber_machine import FakeChamber
 
 FLOAT32 = ModbusClientMixin.DATATYPE.FLOAT32
@@ -163,13 +163,36 @@ def test_the_f4t_says_its_part_number_a_letter_a_register(f4t: ModbusTcpClient) 
     assert bytes(letters) == b"F4T1L1EAA1D1AAA"
 
 
-def test_the_f4t_starts_and_stops_with_each_press_of_its_key(f4t: ModbusTcpClient, machine: FakeChamber) -> None:
+def test_the_f4ts_toggle_key_is_switched_on_by_down_and_off_by_up(f4t: ModbusTcpClient, machine: FakeChamber) -> None:
     seen = []
-    for _ in range(2):
-        assert not f4t.write_register(6850, 1457).isError()
+    for press in (1457, 1457, 1456, 1456):
+        assert not f4t.write_register(6850, press).isError()
         seen.append((machine.on, *(f4t.read_holding_registers(address).registers[0] for address in (6844, 33718))))
-    assert seen == [(True, 63, 63), (False, 62, 62)]
+    assert seen == [(True, 63, 63)] * 2 + [(False, 62, 62)] * 2
     assert f4t.write_register(6850, 1).exception_code == 3
+
+
+def test_the_f4ts_bus_speaks_the_unit_that_it_is_set_to(f4t: ModbusTcpClient, machine: FakeChamber) -> None:
+    machine.air = 25.0
+    assert not f4t.write_register(6730, 30).isError()
+    assert as_float(f4t, 2820) == pytest.approx(77.0)
+    assert not f4t.write_registers(2782, float_words(86.0)).isError()
+    assert machine.setpoint == pytest.approx(30.0)
+
+
+@pytest.mark.parametrize(("alarms", "letter"), [(6, "D"), (8, "E"), (14, "F")])
+def test_the_f4ts_part_number_states_its_alarms_and_loops(machine: FakeChamber, alarms: int, letter: str) -> None:
+    with SimulatedWatlowF4T(machine, alarms=alarms, loop=3) as twin:
+        client = ModbusTcpClient("127.0.0.1", port=parse_address(twin.address).port, timeout=0.5)
+        client.connect()  # type: ignore[no-untyped-call]
+        assert bytes(client.read_holding_registers(16, count=15).registers) == f"F4T1L1{letter}AA1D3AAA".encode()
+        assert client.read_holding_registers(1356 + 100 * (alarms - 1)).registers == [61]
+        assert client.read_holding_registers(1356 + 100 * alarms).exception_code == 2
+        assert [client.read_holding_registers(2814 + 160 * loop).registers for loop in range(3)] == [[10]] * 3
+        assert client.read_holding_registers(2814 + 160 * 3).exception_code == 2
+        client.close()  # type: ignore[no-untyped-call]
+    with pytest.raises(UsageError, match="alarms = 7, loop = 1: a simulated Watlow F4T has 6, 8 or 14 alarms"):
+        SimulatedWatlowF4T(machine, alarms=7)
 
 
 def test_the_f4t_has_one_output_and_answers_for_the_others_with_a_failure(f4t: ModbusTcpClient) -> None:
@@ -179,8 +202,8 @@ def test_the_f4t_has_one_output_and_answers_for_the_others_with_a_failure(f4t: M
 
 
 def test_the_f4t_takes_only_states_that_it_knows(f4t: ModbusTcpClient) -> None:
-    for address, known, unknown in ((2730, 62, 54), (16594, 63, 1), (16828, 62, 10)):
+    for address, known, unknown in ((2730, 54, 1), (16594, 63, 1), (16828, 62, 10)):
         assert not f4t.write_register(address, known).isError()
         assert f4t.read_holding_registers(address).registers == [known]
         assert f4t.write_register(address, unknown).exception_code == 3
-    assert f4t.read_holding_registers(2814).registers == [62]
+    assert f4t.read_holding_registers(2814).registers == [54]

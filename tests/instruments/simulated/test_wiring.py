@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from instruments.catalog import Kind, driver, models, twin
-from instruments.errors import UsageError
-from instruments.simulated.clock import VirtualClock
-from instruments.simulated.wiring import BOTH_ENDS, twin_keywords
-from instruments.simulated.world import World
+from benchctl_instruments.catalog import Kind, driver, models, twin
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.simulated.clock import VirtualClock
+from benchctl_instruments.simulated.wiring import BOTH_ENDS, twin_keywords
+from benchctl_instruments.simulated.world import World
 
 TTY, BOX, NET = "serial:///dev/ttyUSB0?baud=9600", "socket://10.0.0.7:4001", "tcp://10.0.0.7:502"
 
@@ -87,7 +87,7 @@ def test_an_address_of_no_known_kind_is_refused() -> None:
 def test_a_word_for_both_ends_is_one_that_some_driver_takes() -> None:
     import inspect
 
-    from instruments.chambers.profiled import ProfiledChamber
+    from benchctl_instruments.chambers.profiled import ProfiledChamber
 
     kinds: tuple[Kind, ...] = ("rate_table", "chamber", "digitizer")
     makers = [driver(kind, model) for kind in kinds for model in models(kind)]

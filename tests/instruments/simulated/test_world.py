@@ -6,9 +6,9 @@ import time
 import numpy as np
 import pytest
 
-from instruments.simulated.clock import VirtualClock
-from instruments.simulated.settings import WorldSettings
-from instruments.simulated.world import World
+from benchctl_instruments.simulated.clock import VirtualClock
+from benchctl_instruments.simulated.settings import WorldSettings
+from benchctl_instruments.simulated.world import World
 from tests.instruments.simulated.quiet import quiet
 
 

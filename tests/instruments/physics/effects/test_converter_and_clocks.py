@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from instruments.physics.effect_contract.motion import sampled
-from instruments.physics.effects.adc_coarse import AdcCoarse
-from instruments.physics.effects.adc_nonlinearity import AdcNonlinearity
-from instruments.physics.effects.clock_drift import ClockDrift
-from instruments.physics.effects.encoder_interpolation import EncoderInterpolation
-from instruments.physics.effects.mains_pickup import MainsPickup
-from instruments.physics.effects.timing_offset import TimingOffset
+from benchctl_instruments.physics.effect_contract.motion import sampled
+from benchctl_instruments.physics.effects.adc_coarse import AdcCoarse
+from benchctl_instruments.physics.effects.adc_nonlinearity import AdcNonlinearity
+from benchctl_instruments.physics.effects.clock_drift import ClockDrift
+from benchctl_instruments.physics.effects.encoder_interpolation import EncoderInterpolation
+from benchctl_instruments.physics.effects.mains_pickup import MainsPickup
+from benchctl_instruments.physics.effects.timing_offset import TimingOffset
 
 
 def test_three_lost_bits_leave_steps_of_eight() -> None:

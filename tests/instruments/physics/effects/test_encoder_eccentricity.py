@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from instruments.physics.effect_contract.motion import sampled
-from instruments.physics.effects.encoder_eccentricity import EncoderEccentricity
+from benchctl_instruments.physics.effect_contract.motion import sampled
+from benchctl_instruments.physics.effects.encoder_eccentricity import EncoderEccentricity
 
 
 def test_ten_micrometres_on_a_radius_of_fifty_millimetres_are_two_hundredths_of_a_percent_of_the_rate() -> None:

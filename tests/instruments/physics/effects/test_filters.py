@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from instruments.physics.effect_contract.motion import sampled
-from instruments.physics.effects.mount_resonance import MountResonance
-from instruments.physics.effects.sensor_bandwidth import SensorBandwidth
+from benchctl_instruments.physics.effect_contract.motion import sampled
+from benchctl_instruments.physics.effects.mount_resonance import MountResonance
+from benchctl_instruments.physics.effects.sensor_bandwidth import SensorBandwidth
 
 
 @pytest.mark.parametrize("order", [1, 2])

@@ -5,13 +5,13 @@ from typing import Any
 
 import pytest
 
-from instruments.errors import UsageError
-from instruments.physics.effects.adc_coarse import AdcCoarse
-from instruments.physics.effects.bias_temperature import BiasTemperature
-from instruments.physics.effects.encoder_eccentricity import EncoderEccentricity
-from instruments.physics.effects.making import LATE, make_effects
-from instruments.physics.effects.registry import effects
-from instruments.physics.effects.sensor_bandwidth import SensorBandwidth
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.effects.adc_coarse import AdcCoarse
+from benchctl_instruments.physics.effects.bias_temperature import BiasTemperature
+from benchctl_instruments.physics.effects.encoder_eccentricity import EncoderEccentricity
+from benchctl_instruments.physics.effects.making import LATE, make_effects
+from benchctl_instruments.physics.effects.registry import effects
+from benchctl_instruments.physics.effects.sensor_bandwidth import SensorBandwidth
 
 
 def test_effects_are_made_from_tables_in_the_bench_s_circumstances() -> None:
@@ -63,7 +63,10 @@ def test_further_effects_of_a_kind_are_numbered() -> None:
 @pytest.mark.parametrize("name", ["_1", "_0", "_02", "_2_2", "_two", "_", "2", "_-2", "_\N{SUPERSCRIPT TWO}"])
 def test_what_is_no_number_from_two_on_names_no_further_effect(name: str) -> None:
     table = {"amplitude_arcsec": 5.0, "phase_deg": 110.0}
-    with pytest.raises(UsageError, match=rf"^\[effects\] effect 'encoder_eccentricity{name}': there is no such effect"):
+    with pytest.raises(
+        UsageError,
+        match=rf"^\[effects\.encoder_eccentricity{name}\] effect 'encoder_eccentricity{name}': there is no such effect",
+    ):
         make_effects({f"encoder_eccentricity{name}": table})
 
 
@@ -72,13 +75,16 @@ def test_what_is_no_number_from_two_on_names_no_further_effect(name: str) -> Non
     [
         (
             {"thermal_lag_2": {"tau_s": 1.0}},
-            r"^\[effects\] effect 'thermal_lag_2': there is no such effect; there are ",
+            r"^\[effects\.thermal_lag_2\] effect 'thermal_lag_2': there is no such effect; there are ",
         ),
         (
             {"encoder_eccentricity_2": {"phase_deg": 1.0}},
             r"^\[effects\.encoder_eccentricity_2\] amplitude_arcsec: this field is needed and is not there",
         ),
-        ({"thermal_lagg": {"tau_s": 1.0}}, r"^\[effects\] effect 'thermal_lagg': there is no such effect; there are "),
+        (
+            {"thermal_lagg": {"tau_s": 1.0}},
+            r"^\[effects\.thermal_lagg\] effect 'thermal_lagg': there is no such effect; there are ",
+        ),
         ({"thermal_lag": 312.0}, r"^\[effects\.thermal_lag\] expected a table of its parameters, got 312\.0"),
         ({"thermal_lag": {"tau": 1.0}}, r"^\[effects\.thermal_lag\] tau: no such field; there are tau_s$"),
         ({"warm_up": {"tau_s": 9.0}}, r"^\[effects\.warm_up\] amplitude_v: this field is needed and is not there"),

@@ -13,16 +13,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from instruments.interfaces import FloatArray
-from instruments.physics.chain import Signals
-from instruments.physics.effect_contract.motion import sampled
-from instruments.physics.effects.bias_random_walk import BiasRandomWalk
-from instruments.physics.effects.draws import normals
-from instruments.physics.effects.dropouts import Dropouts
-from instruments.physics.effects.effect import PhysicalEffect
-from instruments.physics.effects.flicker_noise import FlickerNoise
-from instruments.physics.effects.noise_rate_dependent import NoiseRateDependent
-from instruments.physics.effects.outliers import Outliers
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.physics.chain import Signals
+from benchctl_instruments.physics.effect_contract.motion import sampled
+from benchctl_instruments.physics.effects.bias_random_walk import BiasRandomWalk
+from benchctl_instruments.physics.effects.draws import normals
+from benchctl_instruments.physics.effects.dropouts import Dropouts
+from benchctl_instruments.physics.effects.effect import PhysicalEffect
+from benchctl_instruments.physics.effects.flicker_noise import FlickerNoise
+from benchctl_instruments.physics.effects.noise_rate_dependent import NoiseRateDependent
+from benchctl_instruments.physics.effects.outliers import Outliers
 
 INTERVAL = 0.01
 

@@ -7,21 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from instruments.interfaces import FloatArray
-from instruments.physics.effect_contract.motion import at
-from instruments.physics.effects.angular_acceleration import AngularAcceleration
-from instruments.physics.effects.bias_temperature_rate import BiasTemperatureRate
-from instruments.physics.effects.dead_zone import DeadZone
-from instruments.physics.effects.effect import PhysicalEffect
-from instruments.physics.effects.fringe_ambiguity import FringeAmbiguity
-from instruments.physics.effects.heading_dependent_bias import HeadingDependentBias
-from instruments.physics.effects.rate_nonlinearity import RateNonlinearity
-from instruments.physics.effects.rate_squared import RateSquared
-from instruments.physics.effects.scale_ageing import ScaleAgeing
-from instruments.physics.effects.scale_asymmetry import ScaleAsymmetry
-from instruments.physics.effects.scale_rate_temperature_coupling import ScaleRateTemperatureCoupling
-from instruments.physics.effects.scale_temperature import ScaleTemperature
-from instruments.physics.effects.warm_up import WarmUp
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.physics.effect_contract.motion import at
+from benchctl_instruments.physics.effects.angular_acceleration import AngularAcceleration
+from benchctl_instruments.physics.effects.bias_temperature_rate import BiasTemperatureRate
+from benchctl_instruments.physics.effects.dead_zone import DeadZone
+from benchctl_instruments.physics.effects.effect import PhysicalEffect
+from benchctl_instruments.physics.effects.fringe_ambiguity import FringeAmbiguity
+from benchctl_instruments.physics.effects.heading_dependent_bias import HeadingDependentBias
+from benchctl_instruments.physics.effects.rate_nonlinearity import RateNonlinearity
+from benchctl_instruments.physics.effects.rate_squared import RateSquared
+from benchctl_instruments.physics.effects.scale_ageing import ScaleAgeing
+from benchctl_instruments.physics.effects.scale_asymmetry import ScaleAsymmetry
+from benchctl_instruments.physics.effects.scale_rate_temperature_coupling import ScaleRateTemperatureCoupling
+from benchctl_instruments.physics.effects.scale_temperature import ScaleTemperature
+from benchctl_instruments.physics.effects.warm_up import WarmUp
 
 S = 0.00448
 

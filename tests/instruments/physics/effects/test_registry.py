@@ -6,11 +6,11 @@ import re
 
 import pytest
 
-from instruments.errors import UsageError
-from instruments.physics.effect_contract.behaviour import PROMISES, Promise
-from instruments.physics.effect_contract.description import faults_in
-from instruments.physics.effects.effect import PhysicalEffect
-from instruments.physics.effects.registry import effect, effects
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.effect_contract.behaviour import PROMISES, Promise
+from benchctl_instruments.physics.effect_contract.description import faults_in
+from benchctl_instruments.physics.effects.effect import PhysicalEffect
+from benchctl_instruments.physics.effects.registry import effect, effects
 from tests.shared import SHARED, needs_shared
 
 every = pytest.mark.parametrize("kind", effects().values(), ids=lambda kind: kind.identifier)

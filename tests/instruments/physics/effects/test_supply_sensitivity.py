@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from instruments.physics.effect_contract.motion import at
-from instruments.physics.effects.supply_sensitivity import SupplySensitivity
+from benchctl_instruments.physics.effect_contract.motion import at
+from benchctl_instruments.physics.effects.supply_sensitivity import SupplySensitivity
 
 SENSITIVE = SupplySensitivity(fraction_per_v=0.01, v_per_v=0.002)
 

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from instruments.interfaces import FloatArray
-from instruments.physics.effect_contract.motion import at
-from instruments.physics.effects.thermal_hysteresis import ThermalHysteresis, play
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.physics.effect_contract.motion import at
+from benchctl_instruments.physics.effects.thermal_hysteresis import ThermalHysteresis, play
 
 temperatures = hnp.arrays(np.float64, st.integers(1, 90), elements=st.floats(-50.0, 80.0, width=32))
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from instruments.interfaces import FloatArray
-from instruments.physics.chain import Signals
-from instruments.physics.effect_contract.motion import at
-from instruments.physics.effects.thermal_lag import ThermalLag
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.physics.chain import Signals
+from benchctl_instruments.physics.effect_contract.motion import at
+from benchctl_instruments.physics.effects.thermal_lag import ThermalLag
 
 TAU_S = 300.0
 RATE = 0.02

@@ -10,11 +10,11 @@ from contextlib import contextmanager
 
 import pytest
 
-from instruments.errors import UsageError
-from instruments.links.address import parse_address
-from instruments.protocols.modbus import with_crc
-from instruments.simulated.faults.bench import BenchFaults
-from instruments.simulated.faults.link_kinds import (
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.links.address import parse_address
+from benchctl_instruments.protocols.modbus import with_crc
+from benchctl_instruments.simulated.faults.bench import BenchFaults
+from benchctl_instruments.simulated.faults.link_kinds import (
     BadChecksum,
     Cut,
     HalfFloat,
@@ -31,9 +31,9 @@ from instruments.simulated.faults.link_kinds import (
     Split,
     TableTrips,
 )
-from instruments.simulated.modbus_server import ModbusRtuServer, ModbusTcpServer
-from instruments.simulated.pty_line import PtyLine
-from instruments.simulated.tcp_server import TcpServer
+from benchctl_instruments.simulated.modbus_server import ModbusRtuServer, ModbusTcpServer
+from benchctl_instruments.simulated.pty_line import PtyLine
+from benchctl_instruments.simulated.tcp_server import TcpServer
 from tests.instruments.modbus_device import Memory
 
 ASK = with_crc(bytes.fromhex("01 03 00 05 00 02"))

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from instruments.simulated.clock import VirtualClock
-from instruments.simulated.faults.bench import BenchFaults
-from instruments.simulated.faults.machine_kinds import (
+from benchctl_instruments.simulated.clock import VirtualClock
+from benchctl_instruments.simulated.faults.bench import BenchFaults
+from benchctl_instruments.simulated.faults.machine_kinds import (
     ClockDrift,
     EncoderJump,
     OverRange,
@@ -17,9 +17,9 @@ from instruments.simulated.faults.machine_kinds import (
     StuckReading,
     VelocityTrip,
 )
-from instruments.simulated.faults.tables import FaultTable
-from instruments.simulated.machines import AnalogInputs, ChamberMachine
-from instruments.simulated.world import World
+from benchctl_instruments.simulated.faults.tables import FaultTable
+from benchctl_instruments.simulated.machines import AnalogInputs, ChamberMachine
+from benchctl_instruments.simulated.world import World
 from tests.instruments.chamber_machine import FakeChamber
 from tests.instruments.simulated.fake_inputs import FakeInputs
 from tests.instruments.table_machine import InstantTable

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from instruments.simulated.faults.schedule import Schedule, When
+from benchctl_instruments.simulated.faults.schedule import Schedule, When
 
 INSTANTS = st.floats(0.0, 1000.0)
 OPERATIONS = st.lists(st.tuples(st.sampled_from(["read 100", "write 300", "read 300"]), INSTANTS), max_size=60).map(

@@ -16,14 +16,14 @@ from __future__ import annotations
 import re
 from typing import Self
 
-from instruments.errors import BenchError, InstrumentError, UsageError
-from instruments.interfaces import ChamberReading, Clock, Identity
-from instruments.links.byte_link import byte_link
-from instruments.links.lines import LineDialogue, Manners
-from instruments.protocols.lines import LineCutter, encode_line
-from instruments.simulated.faults.wires import Lines
-from instruments.simulated.machines import ChamberMachine
-from instruments.simulated.tcp_server import TcpServer
+from benchctl_instruments.errors import BenchError, InstrumentError, UsageError
+from benchctl_instruments.interfaces import ChamberReading, Clock, Identity
+from benchctl_instruments.links.byte_link import byte_link
+from benchctl_instruments.links.lines import LineDialogue, Manners
+from benchctl_instruments.protocols.lines import LineCutter, encode_line
+from benchctl_instruments.simulated.faults.wires import Lines
+from benchctl_instruments.simulated.machines import ChamberMachine
+from benchctl_instruments.simulated.tcp_server import TcpServer
 
 _STATUS = re.compile(r"T (?P<air>-?\d+\.\d+) S (?P<setpoint>-?\d+\.\d+) P (?P<power>-?\d+\.\d+) (?P<mode>RUN|HALT)")
 

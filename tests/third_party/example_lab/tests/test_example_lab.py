@@ -4,7 +4,7 @@ import pytest
 from example_lab.vibration_rectification import VibrationRectification
 
 from benchctl import api
-from instruments.physics.effect_contract import check_effect
+from benchctl_instruments.physics.effect_contract import check_effect
 
 FROSTLINE = pytest.mark.benchctl_bench(chamber={"model": "frostline_fl20"})
 

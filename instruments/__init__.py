@@ -1,1 +1,0 @@
-"""The things on the bench: their drivers, their physics, their simulated twins."""

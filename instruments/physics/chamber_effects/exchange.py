@@ -1,0 +1,51 @@
+"""A second body, whose temperature was measured, takes part in the heat."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+from benchctl_instruments.physics.chamber_effects.effect import ChamberEffect, ChamberSignals, ChamberStage
+from benchctl_instruments.physics.effects.effect import Parameter
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Exchange(ChamberEffect):
+    """Heat flows between the air and a body of a measured temperature of its own."""
+
+    coupling: float
+
+    identifier: ClassVar[str] = "exchange"
+    stage: ClassVar[ChamberStage] = "loss"
+    needs_second: ClassVar[bool] = True
+    words: ClassVar[str] = (
+        "Heat flows between the air and a second body whose temperature was measured, a load, a heat sink or the"
+        " neighbouring zone: in proportion to the difference of the two temperatures."
+    )
+    equation: ClassVar[str] = "τ·dT/dt = … − coupling·(T − T_second)"
+    coordinate: ClassVar[str] = "time"
+    excited_by: ClassVar[str] = "a second temperature that moves apart from the air"
+    look_alikes: ClassVar[tuple[str, ...]] = ("heat_store", "ambient_drift", "loss_step")
+    parameters: ClassVar[Mapping[str, Parameter]] = {
+        "coupling": Parameter(
+            unit="1",
+            meaning="heat that it exchanges, relative to what the air loses to the room",
+            low=0.0,
+            high=1e3,
+            role="size",
+            scan=(1e-2,),
+            zero=0.0,
+        ),
+    }
+
+    def apply(self, signals: ChamberSignals) -> ChamberSignals:
+        """The run with the second body; as it is where its temperature was not measured."""
+        return signals if signals.second_c is None else replace(signals, exchange=signals.exchange + self.coupling)
+
+    def says(self) -> str:
+        """The finding in one sentence."""
+        return (
+            f"Heat is exchanged with the second body, {self.coupling:.3g} times as much for each kelvin as with the"
+            " room."
+        )

@@ -1,0 +1,120 @@
+"""LabJack's register map of the T7, as data: what a simulated one keeps, states and accepts besides inputs and stream.
+
+Kept registers can be written and read back and have no effect, as far as `labjack_t7` gives them none. Not simulated,
+so unknown to it: serial buses, Lua, files, Wi-Fi, AIN_EF, the real-time clock, Mux80 inputs (AIN14 to 254 read 0 V).
+
+Source: ljm_constants.json (LabJack's public map); STREAM_DATATYPE (4018) T-series datasheet 3.2.4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+Kind = Literal["u16", "u32", "f32"]
+WORDS: dict[Kind, int] = {"u16": 1, "u32": 2, "f32": 2}
+ANALOG_INPUTS, DIGITAL_LINES, SCAN_LIST_LENGTH = 255, 23, 128
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """Registers that follow each other: the first address, the kind, how many, what each reads as delivered."""
+
+    address: int
+    kind: Kind
+    count: int = 1
+    delivered: float = 0
+
+
+KEPT = (
+    Row(1000, "f32", 2),  # DAC
+    Row(2000, "u16", DIGITAL_LINES, 1),  # DIO
+    Row(2500, "u16", 4),  # FIO, EIO, CIO, MIO: STATE
+    Row(2580, "u16", 3),
+    Row(2600, "u16", 4),  # DIRECTION
+    Row(2800, "u32"),  # DIO_STATE, DIRECTION, INHIBIT
+    Row(2850, "u32"),
+    Row(2900, "u32"),
+    Row(2990, "u16", 2),  # LED_COMM, LED_STATUS
+    Row(4004, "u32", 2),  # STREAM_NUM_ADDRESSES, SAMPLES_PER_PACKET
+    Row(4008, "f32"),  # SETTLING_US
+    Row(4010, "u32", 8),  # RESOLUTION_INDEX ... TRIGGER_INDEX
+    *(Row(address, "u32", 4) for address in (4040, 4050, 4060, 4090)),  # STREAM_OUT
+    Row(4100, "u32", SCAN_LIST_LENGTH),
+    Row(40000, "f32", ANALOG_INPUTS, 10.0),  # AIN_RANGE
+    Row(41000, "u16", ANALOG_INPUTS, 199),  # NEGATIVE_CH
+    Row(41500, "u16", ANALOG_INPUTS),  # RESOLUTION_INDEX
+    Row(42000, "f32", ANALOG_INPUTS),  # SETTLING_US
+    Row(43906, "u32"),  # AIN_ALL_EF_INDEX
+    *(Row(address, "u32", DIGITAL_LINES) for address in range(44000, 44700, 100)),  # DIO_EF_ENABLE, INDEX ... CONFIG_D
+    *(Row(clock, "u16", 2) for clock in (44900, 44910, 44920)),  # DIO_EF_CLOCK: ENABLE, DIVISOR
+    *(Row(clock + 2, "u32", 2) for clock in (44900, 44910, 44920)),  # OPTIONS, ROLL_VALUE
+    Row(46000, "f32", 40),  # USER_RAM
+    Row(46080, "u32", 10),
+    Row(46100, "u32", 40),
+    Row(46180, "u16", 20),
+    Row(48003, "u16", 4, 1),  # POWER
+    Row(48053, "u16", 4, 1),
+    Row(49150, "u32", 5),  # ETHERNET, DEFAULT
+    Row(49160, "u16", 1, 1),
+    Row(55110, "u16", 1, 0x0011),  # TEST_UINT16, UINT32, INT32, FLOAT32
+    Row(55120, "u32", 1, 0x00112233),
+    Row(55122, "u32", 1, 0x8899AABB),
+    Row(55124, "f32", 1, -9999.0),
+    Row(61590, "u32"),  # WAIT_US_BLOCKING
+    Row(61600, "u32", 4),  # WATCHDOG
+    Row(61610, "u32", 2),
+    Row(61620, "u32"),
+    Row(61630, "u32", 4),
+    Row(61640, "u32"),
+    Row(61642, "f32"),
+    Row(61650, "u32"),
+    Row(61652, "f32"),
+)
+
+STATED = (
+    Row(1900, "f32", 1, 10e-6),  # CURRENT_SOURCE_10UA_CAL_VALUE, 200UA
+    Row(1902, "f32", 1, 200e-6),
+    Row(3200, "u32", DIGITAL_LINES),  # DIO_EF_READ_B
+    *(Row(address, "f32", DIGITAL_LINES) for address in (3500, 3600, 3700)),  # READ_A_F, AND_RESET, READ_B_F
+    *(Row(clock + 8, "u32") for clock in (44900, 44910, 44920)),  # DIO_EF_CLOCK_COUNT
+    Row(49000, "u32", 1, 1),  # IO_CONFIG_CHECK_FOR_FACTORY
+    Row(49100, "u32", 1, 0x7F000001),  # ETHERNET_IP, SUBNET, GATEWAY, DNS, ALTDNS, DHCP_ENABLE
+    Row(49102, "u32", 1, 0xFF000000),
+    Row(49104, "u32", 3),
+    Row(49110, "u16"),
+    Row(55100, "u32", 1, 0x00112233),  # TEST
+    Row(60000, "f32", 1, 7.0),  # PRODUCT_ID
+    Row(60002, "f32", 1, 1.35),  # HARDWARE_VERSION
+    Row(60004, "f32", 1, 1.0292),  # FIRMWARE_VERSION
+    Row(60006, "f32", 1, 0.97),  # BOOTLOADER_VERSION
+    Row(60008, "f32"),  # WIFI_VERSION
+    Row(60010, "u32"),  # HARDWARE_INSTALLED
+    Row(60020, "u32", 1, 0x90A2),  # ETHERNET_MAC, WIFI_MAC
+    Row(60022, "u32", 1, 0xDA001234),
+    Row(60024, "u32", 2),
+    Row(60050, "f32", 1, 293.65),  # TEMPERATURE_AIR_K, DEVICE_K
+    Row(60052, "f32", 1, 298.55),
+)
+
+ACCEPTED = (  # these can only be written
+    Row(4070, "u32", 4),  # STREAM_OUT_SET_LOOP
+    Row(49002, "u32"),  # IO_CONFIG_SET_DEFAULT_TO_CURRENT, TO_FACTORY
+    Row(49004, "u32"),
+    Row(61614, "u32"),  # WATCHDOG_STRICT_CLEAR
+    Row(61990, "u16", 2),  # IO_CONFIG_SET_CURRENT_TO_FACTORY, TO_DEFAULT
+)
+
+ALL_INPUTS = {43900: 40000, 43902: 41000, 43903: 41500, 43904: 42000}
+"""AIN_ALL_RANGE, NEGATIVE_CH, RESOLUTION_INDEX, SETTLING_US, and the first register of those that each one sets."""
+
+MIXED: dict[Kind, float] = {"f32": -9999.0, "u16": 0xFFFF}
+"""What AIN_ALL reads where the inputs differ."""
+
+
+def each(rows: Iterable[Row]) -> Iterator[tuple[int, Kind, float]]:
+    """Every register of some rows: address, kind, what it reads as delivered."""
+    for row in rows:
+        for place in range(row.count):
+            yield row.address + place * WORDS[row.kind], row.kind, row.delivered
