@@ -1,4 +1,4 @@
-"""A diagnosis as the JSON that other programs rely on (`benchctl-diagnosis/1`).
+"""A diagnosis as the JSON that other programs rely on (`benchctl-diagnosis/2`).
 
 Numbers are rounded so far that the last bits of a sum, which depend on the machine, do not show: an estimate to a
 thousandth of its interval, all others to six significant digits. There are no times and no paths in it: the same
@@ -25,6 +25,7 @@ def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "schema": SCHEMA,
         "recording": diagnosis.recording,
         "software": {"benchctl": benchctl.__version__},
+        "part": diagnosis.part,
         "verdict": diagnosis.verdict,
         "says": diagnosis.says,
         "baseline": {"parameters": _estimates(diagnosis.baseline)},
@@ -36,8 +37,11 @@ def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
             "says": unexplained.says,
         },
         "fit": {
-            name: _rounded(getattr(diagnosis.fit, name))
-            for name in ("noise_v", "before_v", "after_v", "heldout_before_v", "heldout_after_v")
+            "unit": diagnosis.fit.unit,
+            **{
+                name: _rounded(getattr(diagnosis.fit, name))
+                for name in ("noise", "before", "after", "heldout_before", "heldout_named", "heldout_after")
+            },
         },
         "next_experiment": {
             "says": following.says,
@@ -98,10 +102,9 @@ def _not_found(one: NotFound) -> dict[str, Any]:
     return {
         "effect": one.effect,
         "parameter": one.parameter,
-        "smallest": _rounded(one.smallest),
-        "unit": one.unit,
+        "would_show_from": {"value": _rounded(one.smallest), "unit": one.unit},
+        "injected": True,
         "others": {name: _rounded(value) for name, value in one.others.items()},
-        "says": one.says,
     }
 
 
@@ -112,9 +115,9 @@ def _step(one: StepFigures) -> dict[str, Any]:
         "t_start": _rounded(one.t_start),
         "t_end": _rounded(one.t_end),
         "heldout": bool(one.heldout),
-        "as_it_came_v": _rounded(one.as_it_came_v),
-        "before_v": _rounded(one.before_v),
-        "after_v": _rounded(one.after_v),
+        "as_it_came": _rounded(one.as_it_came),
+        "before": _rounded(one.before),
+        "after": _rounded(one.after),
     }
 
 

@@ -1,4 +1,4 @@
-"""Faults of the data taken out before anything is chosen: lost bits, a rail, held samples, spikes."""
+"""Faults of the data taken out before anything is chosen: lost bits, a rail, held samples, spikes, an overload."""
 
 from __future__ import annotations
 
@@ -8,14 +8,16 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from benchctl.diagnosis.chamber.problem import ChamberProblem
 from benchctl.diagnosis.faults import Fault, faults_in, spikes_in
 from benchctl.diagnosis.findings.located import where_of
 from benchctl.diagnosis.fitting.fit import Point, fit
 from benchctl.diagnosis.fitting.noise_model import NoiseModel
+from benchctl.diagnosis.gyro.points import PointsProblem, without_overload
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Finding, Where
-from instruments.physics.effects.registry import effect
+from benchctl_instruments.physics.effects.registry import effect
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -23,9 +25,13 @@ BoolArray = npt.NDArray[np.bool_]
 def cleaned(problem: Problem) -> tuple[Problem, tuple[Fault, ...]]:
     """The problem without its spoilt rows, and the faults that spoilt them.
 
-    Only of a gyro are faults known, and only where its samples are compared one by one. What is withheld from a
-    diagnosis is neither stated nor taken out.
+    Those of a gyro are found where its samples are compared one by one, an overload in its static points, those of a
+    chamber when its readings are laid out. What is withheld from a diagnosis is neither stated nor taken out.
     """
+    if isinstance(problem, ChamberProblem):
+        return problem, problem.faults
+    if isinstance(problem, PointsProblem):
+        return without_overload(problem)
     if not isinstance(problem, GyroProblem) or problem.band is not None:
         return problem, ()
     frame = problem.frame
@@ -62,7 +68,7 @@ def fault_findings(problem: Problem, faults: tuple[Fault, ...]) -> Iterator[Find
     for one in faults:
         coordinate = effect(one.effect).coordinate
         spoilt = one.rows.astype(np.float32)
-        where = where_of(problem, spoilt, coordinate) if one.rows.any() else Where(coordinate=coordinate)
+        where = one.where or (where_of(problem, spoilt, coordinate) if one.rows.any() else Where(coordinate=coordinate))
         yield Finding(
             effect=one.effect,
             probability=1.0,

@@ -2,36 +2,39 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from threadpoolctl import threadpool_limits
 
 from benchctl.diagnosis.cleaned import cleaned, coarse_step_of, fault_findings
+from benchctl.diagnosis.findings.figures import figures_of
 from benchctl.diagnosis.findings.findings import findings_of, noise_effects
+from benchctl.diagnosis.findings.in_unit import finding_in, not_found_in, unexplained_in
 from benchctl.diagnosis.findings.located import slices_of, step_figures
-from benchctl.diagnosis.findings.not_found import not_found_of
+from benchctl.diagnosis.findings.not_found import not_found_of, unseen_in
 from benchctl.diagnosis.findings.traces import traces_of
 from benchctl.diagnosis.findings.verdict import baseline_of, sentence_of, verdict_of
-from benchctl.diagnosis.fitting.fit import Fit
+from benchctl.diagnosis.fitting.point import stands_at
+from benchctl.diagnosis.gyro.points_sine import with_sine
+from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.next_run.left_open import next_of
-from benchctl.diagnosis.parts import Part, problem_of
+from benchctl.diagnosis.parts import problem_of
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.rest.named import named
-from benchctl.diagnosis.result import Diagnosis, FitFigures
+from benchctl.diagnosis.result import Diagnosis, Part
 from benchctl.diagnosis.rounded import unrounded, without_the_steps_own
 from benchctl.diagnosis.search.select import select, select_between
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.unstated import other_answer, plainly_better
 from benchctl.recordings.reader import Recording
-
-BoolArray = npt.NDArray[np.bool_]
+from benchctl_instruments.errors import UsageError
 
 _MOST_UNROUNDED = 2
 """How often a coarse converter's steps are taken off: with what was found meanwhile the prediction is closer."""
+_FEWEST_ROWS = 100
+_CONSTANT = 1e-9  # relative peak-to-peak; a 24-bit converter resolves 6e-8
 
 
 def diagnose(
@@ -64,6 +67,7 @@ def _diagnosis(
     told: Callable[[str, float], None],
 ) -> Diagnosis:
     problem, faults = cleaned(problem_of(recording, part, model=model, without=without))
+    _require_rows(recording, problem)
     step_v = coarse_step_of(problem, faults)
     rounding_v2 = step_v**2 / 12.0
     stated = problem
@@ -81,47 +85,70 @@ def _diagnosis(
         chosen = select(problem, seed=seed, progress=told, rounding_v2=rounding_v2, chosen=chosen)
     told("what is left", 0.95)
     problem.forget()  # what is left is found without predictions
+    tried = {effect.identifier for effect in chosen.after.point.effects}
     chosen, unexplained, owed = named(problem, chosen, rounding_v2=rounding_v2, seed=seed)
-    findings = (*findings_of(problem, chosen), *fault_findings(problem, faults))
+    found = (*with_sine(problem, findings_of(problem, chosen)), *fault_findings(problem, faults))
+    findings = tuple(finding_in(one, problem.unit) for one in found)
+    unexplained = unexplained_in(unexplained, problem.unit)
     baseline = baseline_of(problem, chosen)
     verdict = verdict_of(problem, findings, unexplained, baseline)
     rows = chosen.heldout[problem.step]
+    names = {name for one in findings for name in (one.effect, *(other.effect for other in one.alternatives))}
+    remarks = problem.remarks(chosen.before.residual, chosen.after.residual, rows)
     return Diagnosis(
         recording=recording.path.name,
+        part=part,
         verdict=verdict,
         says=sentence_of(verdict, findings, unexplained),
         baseline=baseline,
         findings=findings,
         unexplained=unexplained,
-        fit=_figures(problem, chosen),
+        fit=figures_of(problem, chosen),
         next_experiment=next_of(problem, chosen, findings, unexplained, recording.meta, told),
-        not_found=not_found_of(chosen, {one.effect for one in findings}),
+        not_found=tuple(
+            not_found_in(one, problem.unit)
+            for one in not_found_of(problem, chosen, names | tried, unexplained=unexplained.significant)
+        ),
         slices=slices_of(problem, chosen),
         steps=step_figures(problem, chosen),
         traces=traces_of(problem, chosen, faults),
-        notes=(*owed, *problem.remarks(chosen.before.residual, chosen.after.residual, rows)),
+        notes=(*owed, *unseen_in(chosen, names), *remarks, *_at_bounds(problem, chosen)),
         model=_model(problem, chosen),
         threshold=chosen.screening.threshold,
         seed=seed,
     )
 
 
-def _rms(one: Fit, steps: BoolArray) -> float:
-    rows = float(one.products.rows[steps].sum())
-    return math.sqrt(float(one.products.squares[steps].sum()) / max(rows, 1.0))
+def _require_rows(recording: Recording, problem: Problem) -> None:
+    """Raise `UsageError` where too few rows of a gyro are usable, or its output never changes."""
+    if not isinstance(problem, GyroProblem):
+        return  # drive, chamber and static points have minima of their own
+    usable = np.count_nonzero(problem.usable)
+    output = problem.measured[problem.usable] if usable else problem.measured
+    if np.ptp(output) <= _CONSTANT * np.abs(output).max():
+        raise UsageError(
+            f"{recording.path}: gyro_v is {output[0]:.6g} in all {output.size} rows; check that the gyro is powered and"
+            " that the right channel was recorded"
+        )
+    if usable < _FEWEST_ROWS:
+        band = "" if problem.band is None else f", and motion faster than {problem.band.up_to_hz:.2g} Hz,"
+        raise UsageError(
+            f"{recording.path}: {usable} of {problem.usable.size} rows can be compared with a model, a diagnosis needs"
+            f" {_FEWEST_ROWS}: rows at a rail, held, near a gap or near an end{band} are left out; record longer"
+            " without gaps"
+        )
 
 
-def _figures(problem: Problem, chosen: Selection) -> FitFigures:
-    """Rms of innovations, weighed by row where the noise is not of one size."""
-    resting = np.array([kind == "static" for kind in problem.step_kinds]) & ~chosen.heldout
-    steps = resting if resting.any() else ~chosen.heldout
-    return FitFigures(
-        noise_v=_rms(chosen.after, steps),
-        before_v=_rms(chosen.before, ~chosen.heldout),
-        after_v=_rms(chosen.after, ~chosen.heldout),
-        heldout_before_v=_rms(chosen.before, chosen.heldout),
-        heldout_after_v=_rms(chosen.after, chosen.heldout),
-    )
+def _at_bounds(problem: Problem, chosen: Selection) -> Iterator[str]:
+    """Parameters of the baseline that stand at the bound of what is plausible, in sentences."""
+    units = dict(zip(problem.baseline_names, problem.baseline_units, strict=True))
+    for number, value in zip(chosen.whole.numbers, chosen.whole.point.baseline.tolist(), strict=False):
+        if stands_at(value, number.low, number.high):
+            yield (
+                f"{number.name} stands at {value:.4g} {units[number.name]}, a bound of what is plausible"
+                f" ({number.low:.4g} to {number.high:.4g}): the recording does not determine it, or something that acts"
+                " alike is missing."
+            )
 
 
 def _model(problem: Problem, chosen: Selection) -> dict[str, Any]:

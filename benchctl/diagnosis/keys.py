@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from instruments.physics.effects.effect import DescribedEffect
-from instruments.physics.effects.numbered import numbered
+from benchctl_instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.physics.effects.numbered import numbered
 
 Place = tuple[str, tuple[float, ...]]
 """The identifier of an effect and its choices, which no fit moves."""

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from typing import Any, Literal
+from typing import Any
 
 from benchctl.diagnosis.chamber.problem import chamber_problem
 from benchctl.diagnosis.drive.problem import drive_problem
 from benchctl.diagnosis.gyro.points import has_points, points_problem
 from benchctl.diagnosis.gyro.problem import gyro_problem
 from benchctl.diagnosis.problem import Problem
+from benchctl.diagnosis.result import Part
 from benchctl.recordings.reader import Recording
-from instruments.errors import UsageError
-
-Part = Literal["gyro", "drive", "chamber"]
+from benchctl_instruments.errors import UsageError
 
 
 def problem_of(

@@ -6,14 +6,14 @@ the chamber each give theirs.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from benchctl.recordings.model import StepInfo
-from instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -83,12 +83,27 @@ class Problem(Protocol):
         """Their values as the lab believes them, shape (p,)."""
 
     @property
+    def baseline_bounds(self) -> Mapping[str, tuple[float, float]]:
+        """What physics and the bench allow parameters of the baseline to be; those left out are free."""
+
+    @property
     def believed(self) -> bool:
         """Whether `baseline_start` is a lab's model; where not, it was estimated from the recording itself."""
 
     @property
     def noises(self) -> frozenset[str]:
         """Identifiers of the hypotheses about the noise: a wandering bias, noise that grows with the rate."""
+
+    @property
+    def disturbed(self) -> bool:
+        """Whether what disturbs `measured` is felt for long: misses then follow from each other whatever is missing.
+
+        Models are fitted to `measured` itself, and each competes beside the disturbance that it needs.
+        """
+
+    @property
+    def rounding(self) -> float:
+        """Deviation of what the steps of `measured` round off; 0 where they are far below the noise."""
 
     @property
     def regressor_variance(self) -> tuple[FloatArray, FloatArray]:
@@ -108,6 +123,21 @@ class Problem(Protocol):
 
     def predict(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
         """The model's value of `measured`, shape (n,), for baseline parameters (p,) and effects."""
+
+    def spectral_residual(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
+        """What else is compared, in deviations times that of a row's noise, shape (w,): gains and phases."""
+
+    @property
+    def spectral_step(self) -> IntArray:
+        """Which step each of these belongs to, shape (w,)."""
+
+    def starts(
+        self, baseline: FloatArray, effects: Sequence[DescribedEffect]
+    ) -> Iterable[tuple[FloatArray, DescribedEffect]]:
+        """Effects of a fair size beside those of a model, each with a baseline (p,) to begin a fit with.
+
+        They come beside where a screening of small ones sends a fit.
+        """
 
     def thinned(self) -> Self | None:
         """The same with fewer rows, for a first look at what may be missing; None where all are few enough."""

@@ -13,11 +13,13 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from instruments.physics.effects.effect import COORDINATES as COORDINATES
+from benchctl_instruments.physics.effects.effect import COORDINATES as COORDINATES
 
 FloatArray = npt.NDArray[np.float64]
 
-SCHEMA = "benchctl-diagnosis/1"
+SCHEMA = "benchctl-diagnosis/2"
+
+Part = Literal["gyro", "drive", "chamber"]
 
 Verdict = Literal["consistent", "recalibrate", "missing-physics", "unknown-structure"]
 
@@ -90,18 +92,16 @@ class Finding:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NotFound:
-    """An effect that was looked for: the smallest size of it that this recording would have shown.
+    """An effect that was looked for: the smallest size of it that was found again once added to the recording.
 
-    `parameter` is the one whose size is meant; `smallest` is None where the recording does not excite the effect at
-    all, and `says` why then. `others` are the parameters that were held, a time constant say.
+    `parameter` is the one whose size is meant, `others` are the parameters that were held, a time constant say.
     """
 
     effect: str
     parameter: str
-    smallest: float | None
+    smallest: float
     unit: str
     others: Mapping[str, float] = field(default_factory=dict)
-    says: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,13 +116,19 @@ class Unexplained:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitFigures:
-    """Rms of residuals [V]; `heldout_*` on whole steps that chose and fitted nothing, the baseline refitted in both."""
+    """Rms of residuals in `unit`; `heldout_*` on whole steps that chose and fitted nothing, parameters refitted in all.
 
-    noise_v: float
-    before_v: float
-    after_v: float
-    heldout_before_v: float
-    heldout_after_v: float
+    `noise` is the recording's own, by no model. `heldout_named` is with the findings, `heldout_after` with everything
+    that the model file carries.
+    """
+
+    unit: str
+    noise: float
+    before: float
+    after: float
+    heldout_before: float
+    heldout_named: float
+    heldout_after: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,9 +152,9 @@ class Slice:
     coordinate: str
     edges: FloatArray
     count: FloatArray
-    before_v: FloatArray
-    after_v: FloatArray
-    standard_error_v: FloatArray
+    before: FloatArray
+    after: FloatArray
+    standard_error: FloatArray
     threshold: float
 
 
@@ -161,24 +167,24 @@ class StepFigures:
     t_start: float
     t_end: float
     heldout: bool
-    as_it_came_v: float
-    before_v: float
-    after_v: float
+    as_it_came: float
+    before: float
+    after: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trace:
     """A short excerpt of a step for the picture, where before and after differ most; arrays of shape (n,).
 
-    `before_v` and `after_v` are predictions of `measured_v`; rows that are `spoilt` played no part in any of them.
+    `before` and `after` are predictions of `measured`; rows that are `spoilt` played no part in any of them.
     """
 
     step: str
     heldout: bool
     time_s: FloatArray
-    measured_v: FloatArray
-    before_v: FloatArray
-    after_v: FloatArray
+    measured: FloatArray
+    before: FloatArray
+    after: FloatArray
     spoilt: npt.NDArray[np.bool_]
 
 
@@ -191,6 +197,7 @@ class Diagnosis:
     """
 
     recording: str
+    part: Part
     verdict: Verdict
     says: str
     baseline: Mapping[str, Estimate]
@@ -209,7 +216,7 @@ class Diagnosis:
     seed: int
 
     def as_json(self) -> dict[str, Any]:
-        """The contract's JSON (`benchctl-diagnosis/1`), plain data."""
+        """The contract's JSON (`benchctl-diagnosis/2`), plain data."""
         from benchctl.diagnosis.as_json import as_json
 
         return as_json(self)

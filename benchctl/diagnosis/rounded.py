@@ -19,8 +19,8 @@ from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.select import reduced
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.unstated import BEYOND_CHANCE
-from instruments.physics.effects.adc_nonlinearity import AdcNonlinearity
-from instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.physics.effects.adc_nonlinearity import AdcNonlinearity
+from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 _OF_THE_STEPS = 0.02
 """How far a wave's period may be from a whole fraction of a step, in parts of it, to be the steps' own."""

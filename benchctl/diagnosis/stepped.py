@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Protocol, Self
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from benchctl.diagnosis.signals.series import Pieces
 from benchctl.recordings.model import StepInfo
+from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -32,6 +34,36 @@ class Stepped(ABC):
     def step_kinds(self) -> tuple[str, ...]:
         """Their kinds."""
         return tuple(info.kind for info in self.steps)
+
+    def spectral_residual(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
+        """Nothing beside the rows."""
+        return np.zeros(0)
+
+    @property
+    def spectral_step(self) -> IntArray:
+        """Nothing beside the rows."""
+        return np.zeros(0, np.int64)
+
+    @property
+    def baseline_bounds(self) -> Mapping[str, tuple[float, float]]:
+        """None: every parameter is free."""
+        return {}
+
+    @property
+    def disturbed(self) -> bool:
+        """Not: noise is white until more is found."""
+        return False
+
+    @property
+    def rounding(self) -> float:
+        """Far below the noise."""
+        return 0.0
+
+    def starts(
+        self, baseline: FloatArray, effects: Sequence[DescribedEffect]
+    ) -> Iterable[tuple[FloatArray, DescribedEffect]]:
+        """None: what a screening finds is near enough."""
+        return ()
 
     def thinned(self) -> Self | None:
         """None: there are never many rows."""

@@ -1,6 +1,6 @@
 """The process that does not know: diagnoses a recording of which it is given nothing but the path.
 
-    python -m benchctl.proof.blind RECORDING --arm physics --out FILE.json [--without EFFECT,EFFECT]
+    python -m benchctl.proof.blind RECORDING --arm physics --out FILE.json [--without EFFECT,EFFECT] [--part PART]
 
 `--arm generic` runs the sparse regression in place of the diagnosis. The file holds what was said (`said`), the time
 that it took from the opening of the recording (`seconds`) and the largest memory of the process (`peak_bytes`).
@@ -16,16 +16,17 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from benchctl.diagnosis.result import Part
 from benchctl.recordings.reader import open_recording
-from instruments.errors import BenchError
+from benchctl_instruments.errors import BenchError
 
 
-def physics(path: Path, without: tuple[str, ...]) -> dict[str, Any]:
-    """What the diagnosis says, without hypotheses of these effects."""
+def physics(path: Path, without: tuple[str, ...], part: Part = "gyro") -> dict[str, Any]:
+    """What the diagnosis of a part says, without hypotheses of these effects."""
     from benchctl.diagnosis import diagnose
 
     with open_recording(path) as recording:
-        return diagnose(recording, without=without).as_json()
+        return diagnose(recording, part=part, without=without).as_json()
 
 
 def generic(path: Path) -> dict[str, Any]:
@@ -42,6 +43,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("recording", type=Path)
     parser.add_argument("--arm", choices=("physics", "generic"), default="physics")
     parser.add_argument("--without", default="")
+    parser.add_argument("--part", choices=("gyro", "drive", "chamber"), default="gyro")
     parser.add_argument("--out", type=Path, required=True)
     asked = parser.parse_args(arguments)
     began_s = time.monotonic()
@@ -49,7 +51,7 @@ def main(arguments: list[str] | None = None) -> int:
         if asked.arm == "generic":
             said = generic(asked.recording)
         else:
-            said = physics(asked.recording, tuple(name for name in asked.without.split(",") if name))
+            said = physics(asked.recording, tuple(name for name in asked.without.split(",") if name), asked.part)
     except BenchError as err:
         sys.stderr.write(f"{err}\n")
         return err.exit_status

@@ -9,7 +9,7 @@ from typing import Literal
 
 from benchctl.closeness import meant
 from benchctl.diagnosis.result import Verdict
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 ClassName = Literal[
     "nothing",

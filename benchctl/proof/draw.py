@@ -17,8 +17,8 @@ from benchctl.proof.planned import Planned, planned
 from benchctl.proof.sizes import DRAWN, STATISTICAL, WANDERING, Values, drawn_size, shrunk
 from benchctl.proof.truth import Truth
 from benchctl.proof.unit import TrialUnit, draw_unit
-from instruments.errors import UsageError
-from instruments.physics.effects.registry import effect
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.effects.registry import effect
 
 PROCEDURE = "diagnostic"
 
@@ -35,7 +35,7 @@ _ALIKE = (
     frozenset({"timing_offset", "sensor_bandwidth", "angular_acceleration", "mount_resonance", "clock_drift"}),
     frozenset({"warm_up", "bias_drift", *WANDERING}),
     frozenset({"scale_warm_up", "scale_ageing"}),
-    frozenset({"saturation", "fringe_ambiguity", "rate_nonlinearity"}),
+    frozenset({"saturation", "two_rails", "overload", "fringe_ambiguity", "rate_nonlinearity"}),
     frozenset({"thermal_lag", "thermal_hysteresis"}),
     frozenset({"adc_coarse", "adc_nonlinearity"}),
 )
@@ -44,7 +44,7 @@ _ALIKE = (
 _DELAYS = frozenset({"sensor_bandwidth", "mount_resonance"})
 """A quarter or less of their size lies so far above the motion that they are a delay, and have its name."""
 
-_ABRUPT = frozenset({"saturation", "fringe_ambiguity"})
+_ABRUPT = frozenset({"saturation", "two_rails", "fringe_ambiguity"})
 """Effects that cannot be faint: beside them there are a few samples or none."""
 
 
@@ -94,7 +94,7 @@ def _chosen(rng: np.random.Generator, kind: ClassName, wanted: TrialClass) -> li
     pool = _pool(kind, wanted)
     while len(names) < wanted.effects + wanted.wandering:
         name = pool[int(rng.integers(len(pool)))]
-        if not _alike(name, names):
+        if not alike(name, names):
             names.append(name)
     return names
 
@@ -108,7 +108,8 @@ def _pool(kind: ClassName, wanted: TrialClass) -> Sequence[str]:
     return tuple(name for name in DRAWN if name not in without)
 
 
-def _alike(name: str, names: Collection[str]) -> bool:
+def alike(name: str, names: Collection[str]) -> bool:
+    """Whether an effect is one of these, or one that a single run cannot hold apart from them."""
     return name in names or any(name in group and not group.isdisjoint(names) for group in _ALIKE)
 
 

@@ -24,7 +24,7 @@ from benchctl.proof.processes import ProcessFailedError, run_module
 from benchctl.proof.score import Score, score_diagnosis, score_regression
 from benchctl.proof.trial import Answer, Trial, read_trial, write_trial
 from benchctl.proof.truth import Truth
-from instruments.errors import InstrumentError, UsageError
+from benchctl_instruments.errors import InstrumentError, UsageError
 
 SETTINGS, TRIALS = "proof.json", "trials"
 
@@ -70,10 +70,10 @@ def run_proof(settings: ProofSettings, folder: Path, *, told: Told, stop: StopRe
     InstrumentError
         Where the simulated bench failed.
     """
-    _claim(folder, settings)
+    claim(folder, {"seed": settings.seed, "only": list(settings.only), "generic": settings.generic})
     missing = []
     for index, kind in enumerate(allotted(settings.trials, settings.only)):
-        path = _path(folder, index)
+        path = path_of(folder, index)
         if path.exists():
             yield read_trial(path)
         else:
@@ -110,7 +110,7 @@ class _Run:
         finally:
             if not self.settings.keep:
                 shutil.rmtree(work, ignore_errors=True)
-        write_trial(_path(self.folder, index), trial)
+        write_trial(path_of(self.folder, index), trial)
         self.told(index, "right" if trial.physics.right else "wrong")
         return trial
 
@@ -179,9 +179,8 @@ def _scored(truth: Truth, found: Mapping[str, Any], score: Callable[[Truth, Mapp
     )
 
 
-def _claim(folder: Path, settings: ProofSettings) -> None:
+def claim(folder: Path, identity: Mapping[str, Any]) -> None:
     """Make the folder this proof's: trials may be added to it, all else must stay as it was."""
-    identity = {"seed": settings.seed, "only": list(settings.only), "generic": settings.generic}
     path = folder / SETTINGS
     with disk_errors(folder):
         (folder / TRIALS).mkdir(parents=True, exist_ok=True)
@@ -193,5 +192,6 @@ def _claim(folder: Path, settings: ProofSettings) -> None:
             temporary.write_text(json.dumps(identity) + "\n", encoding="utf-8")
 
 
-def _path(folder: Path, index: int) -> Path:
+def path_of(folder: Path, index: int) -> Path:
+    """Where a finished trial is kept."""
     return folder / TRIALS / f"{index:04d}.json"

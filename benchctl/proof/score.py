@@ -9,8 +9,8 @@ from typing import Any
 
 from benchctl.diagnosis.keys import keys_of_names
 from benchctl.proof.truth import Truth
-from instruments.physics.effects.effect import Parameter
-from instruments.physics.effects.registry import effect
+from benchctl_instruments.physics.effects.effect import Parameter
+from benchctl_instruments.physics.effects.registry import effect
 
 _BY_CHANCE = {("dropouts", "count")}
 """What is drawn as an expectation: how many came in a recording is chance, and that is what is stated."""
@@ -88,7 +88,7 @@ def score_diagnosis(truth: Truth, said: Mapping[str, Any]) -> Score:
             if name in found
             for score in _parameters(name, truth.effects[name], found[name]["parameters"])
         ),
-        heldout_ratio=fit["heldout_after_v"] / fit["noise_v"] if fit["noise_v"] and fit["heldout_after_v"] else None,
+        heldout_ratio=fit["heldout_after"] / fit["noise"] if fit["noise"] and fit["heldout_after"] else None,
     )
 
 

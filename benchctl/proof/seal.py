@@ -22,7 +22,7 @@ from benchctl.campaign.runner import Outcome, run_campaign
 from benchctl.campaign.stop import stop_on_signals
 from benchctl.proof.draw import draw, plan_of
 from benchctl.proof.truth import Truth
-from instruments.errors import BenchError
+from benchctl_instruments.errors import BenchError
 
 
 def record(truth: Truth, folder: Path) -> Outcome:

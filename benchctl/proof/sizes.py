@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from instruments.physics.effects.registry import effect
-from instruments.physics.gyro import GyroParameters
+from benchctl_instruments.physics.effects.registry import effect
+from benchctl_instruments.physics.gyro import GyroParameters
 
 if TYPE_CHECKING:
     from benchctl.proof.unit import TrialUnit  # which takes a bench's file to describe: sizes do not
@@ -97,10 +97,15 @@ _DRAWS: Mapping[str, Callable[[_Draw], Values]] = {
         "width_c": (width := d.about(2.0, 9.0)),
         "fraction_per_c": d.either(6e-4, 2.5e-3) / width,
     },
-    "saturation": lambda d: {"limit_v": d.full_v * (1.0 - d.between(0.06, 0.25)) * _top(d.unit)},
+    "saturation": lambda d: {"limit_v": _rail(d)},
+    "two_rails": lambda d: {"lower_v": -_rail(d), "upper_v": _rail(d)},
     "dead_zone": lambda d: {"half_width_dps": d.about(0.05, 0.5)},
     "rate_squared": lambda d: {"v_per_dps2": d.full_v * d.either(5e-4, 4e-3) / d.range_dps**2},
     "fringe_ambiguity": lambda d: {"fold_dps": d.range_dps * (1.0 - d.between(0.05, 0.25))},
+    "overload": lambda d: {
+        "onset_dps": d.range_dps * (1.0 - d.between(0.06, 0.25)),
+        "loss_v_per_dps": d.full_v / d.range_dps * d.between(1.2, 1.7),
+    },
     "bias_temperature": lambda d: {
         "c1_v_per_c": d.full_v * d.either(8e-4, 4e-3) / WARM_C,
         "c2_v_per_c2": d.full_v * d.either(5e-4, 2e-3) / WARM_C**2,
@@ -137,8 +142,11 @@ _DRAWS: Mapping[str, Callable[[_Draw], Values]] = {
     "noise_rate_dependent": lambda d: {"factor_at_full_rate": 1.0 + d.about(0.4, 2.5)},
 }
 
-DRAWN = tuple(_DRAWS)
-"""Every effect of the vocabulary but `supply_sensitivity`: the simulated bench records no supply."""
+DRAWN = tuple(name for name in _DRAWS if name != "overload")
+"""Every effect of the vocabulary but `supply_sensitivity` and `overload`.
+
+The simulated bench records no supply, and an overload is looked for in static points only.
+"""
 
 WANDERING = ("bias_random_walk", "flicker_noise")
 
@@ -151,6 +159,9 @@ _SHRUNK: Mapping[str, Callable[[Values, float, TrialUnit], Values]] = {
     # below the resonance the rate is wrong by (f / f_mount)²
     "mount_resonance": lambda v, share, unit: {**v, "frequency_hz": v["frequency_hz"] / math.sqrt(share)},
     "saturation": lambda v, share, unit: {"limit_v": _nearer(v["limit_v"], unit.full_scale_v * _top(unit), share)},
+    "two_rails": lambda v, share, unit: {
+        name: math.copysign(_nearer(abs(rail), unit.full_scale_v * _top(unit), share), rail) for name, rail in v.items()
+    },
     "fringe_ambiguity": lambda v, share, unit: {"fold_dps": _nearer(v["fold_dps"], unit.range_dps, share)},
 }
 
@@ -170,6 +181,11 @@ def shrunk(identifier: str, values: Values, share: float, unit: TrialUnit) -> Va
 
 def _nearer(value: float, gone: float, share: float) -> float:
     return gone - share * (gone - value)
+
+
+def _rail(draw: _Draw) -> float:
+    """An output short of that at the rated range."""
+    return draw.full_v * (1.0 - draw.between(0.06, 0.25)) * _top(draw.unit)
 
 
 def _top(unit: Sized) -> float:

@@ -13,7 +13,7 @@ from benchctl.atomic import whole_file
 from benchctl.documents import read_json
 from benchctl.proof.classes import ClassName
 from benchctl.proof.score import ParameterScore, Score
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

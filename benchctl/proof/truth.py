@@ -12,8 +12,8 @@ from benchctl.bench import Bench
 from benchctl.diagnosis.result import Verdict
 from benchctl.proof.classes import CLASSES, ClassName
 from benchctl.proof.unit import TrialUnit
-from instruments.physics.effects.effect import PhysicalEffect
-from instruments.physics.effects.making import make_effects
+from benchctl_instruments.physics.effects.effect import PhysicalEffect
+from benchctl_instruments.physics.effects.making import make_effects
 
 Effects = Mapping[str, Mapping[str, float]]
 

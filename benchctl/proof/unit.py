@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from benchctl.bench import Bench, Simulation, load_bench
-from instruments.physics.gyro import GyroParameters, earth_rate_dps
+from benchctl_instruments.physics.gyro import GyroParameters, earth_rate_dps
 
 SET_POINTS_C = (
     (23.0, 50.0, 10.0, -30.0, 23.0),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,31 +12,38 @@ import numpy as np
 import numpy.typing as npt
 import scipy.optimize
 
+from benchctl.diagnosis.chamber.plausible import baseline_bounds, bounded_kinds, fair_sizes, first_air_c, lasting_s
 from benchctl.diagnosis.chamber.rows import DRIVES, ChamberRows, chamber_rows_of
+from benchctl.diagnosis.faults.fault import Fault
 from benchctl.diagnosis.keys import tables_of
 from benchctl.diagnosis.stepped import MadeOfRows, MadeRows
 from benchctl.part_models import EFFECTS, numbers_of
 from benchctl.recordings.reader import Recording
-from instruments.physics.chamber_effects.air import air_c
-from instruments.physics.chamber_effects.effect import ChamberEffect, ChamberSignals
-from instruments.physics.chamber_effects.registry import chamber_effects
-from instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.physics.chamber_effects.air import air_c
+from benchctl_instruments.physics.chamber_effects.effect import ChamberEffect, ChamberSignals
+from benchctl_instruments.physics.chamber_effects.registry import chamber_effects
+from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 
-_STAGES = ("source", "transport", "loss")
-_NOISE = "noise_k_rms"
+_STAGES = ("loss", "source", "transport")
+"""Effects in this order: what held the air before a run is known by its losses, and is what a transport begins with."""
+_NOISE, _START = "noise_k_rms", "start_c"
+_FEW_SIZES = 3
+_STARTS_S, _STARTS_GAIN = (0.02, 0.1, 0.5, 2.0), (1.0, -1.0)
+"""Shares of the recording's length, and signs of the gain, from which the baseline is sought."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ChamberProblem(MadeOfRows):
-    """A `benchctl.diagnosis.problem.Problem`: increments of the freely simulated air from row to row.
+    """A `benchctl.diagnosis.problem.Problem`: the air, simulated freely from what was measured of its drive.
 
     Baseline of a power: `gain` [K per its unit], `tau_s`, and `ambient_c` where the room was not measured; of a set
-    point: `tau_s` and `offset_c`, by which the air settles above it. `believed` says whether the start is a lab's
-    model, or was estimated from the recording itself.
+    point: `tau_s` and `offset_c`, by which the air settles above it. Where there is one run, `start_c` is the air at
+    its start; of several each begins at its first readings. Before a run the chamber had come to rest. `believed` says
+    whether the start is a lab's model, or was estimated from the recording itself.
     """
 
     rows: ChamberRows
@@ -49,6 +57,8 @@ class ChamberProblem(MadeOfRows):
     usable: BoolArray
     unit: str = "K"
     noises: frozenset[str] = frozenset()
+    bounds: Mapping[str, tuple[float, float]]
+    disturbed: bool = True
 
     @property
     def made(self) -> MadeRows:
@@ -57,8 +67,18 @@ class ChamberProblem(MadeOfRows):
 
     @property
     def measured(self) -> FloatArray:
-        """How far the air moved [K], shape (m,)."""
-        return self.rows.increment_c
+        """The air [°C], shape (m,)."""
+        return self.rows.temperature_c
+
+    @property
+    def baseline_bounds(self) -> Mapping[str, tuple[float, float]]:
+        """What parameters of the baseline can be."""
+        return self.bounds
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """Readings that are none."""
+        return self.rows.faults
 
     @property
     def interval_s(self) -> float:
@@ -74,26 +94,34 @@ class ChamberProblem(MadeOfRows):
         }
 
     def predict(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
-        """How far the simulated air moves from row to row [K], shape (m,)."""
-        return self.rows.increments(self.air_c(baseline, effects))
+        """The simulated air in the rows [°C], shape (m,)."""
+        return self.rows.means(self.air_c(baseline, effects))
 
     def air_c(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
-        """The simulated air [°C] at the samples, shape (n,): run freely, in each run from its first temperature."""
+        """The simulated air [°C] at the samples, shape (n,): run freely from the start of each run."""
         rows = self.rows
         told = dict(zip(self.baseline_names, baseline.tolist(), strict=True))
         ordered: list[ChamberEffect] = sorted(effects, key=lambda one: _STAGES.index(one.stage))
+        gain = told[self.baseline_names[0]] if rows.kind == "power" else 1.0
         air = np.empty_like(rows.air_c)
         for run in rows.runs:
+            start_c = told.get(_START, float(np.median(rows.air_c[run][:5])))
             signals = self._signals(run, told)
             for effect in ordered:
+                if effect.stage == "transport" and signals.before is None:
+                    signals = replace(signals, before=self._before(signals, start_c, gain))
                 signals = effect.apply(signals)
-            gain = told[self.baseline_names[0]] if rows.kind == "power" else 1.0
-            air[run] = air_c(signals, float(rows.air_c[run.start]), gain, told["tau_s"])
+            air[run] = air_c(signals, start_c, gain, told["tau_s"])
         return air
+
+    @property
+    def has_second(self) -> bool:
+        """Whether a second temperature was measured throughout."""
+        return bool(np.isfinite(self.rows.second_c).all())
 
     def matters(self, name: str, change: float) -> float:
         """A change of the lab's parameter, as a share of itself or of the span of the air; none without a model."""
-        if not self.believed:
+        if not self.believed or name == _START:
             return 0.0
         if name in ("ambient_c", "offset_c"):
             return abs(change) / self.full_scale
@@ -102,25 +130,56 @@ class ChamberProblem(MadeOfRows):
     def model_of(self, baseline: FloatArray, effects: Sequence[DescribedEffect], noise: float) -> dict[str, Any]:
         """The content of a model file, its table `[parts.chamber]`; `noise` [K] is that of a row."""
         numbers = dict(zip(self.baseline_names, baseline.tolist(), strict=True))
+        numbers.pop(_START, None)  # that of this run alone
         found = tables_of(effects)
         return {"parts": {"chamber": {**numbers, _NOISE: noise, EFFECTS: found}}}
 
     def remarks(self, before: FloatArray, after: FloatArray, heldout: BoolArray) -> tuple[str, ...]:
-        """What this part has to say of residuals [K] before and after, shape (m,): as temperatures, not increments.
-
-        Without a lab's model `before` gives way to the start, which is the baseline's best fit to the temperatures.
-        """
-        started = before if self.believed else self.measured - self.predict(self.baseline_start, ())
-        missed, left = self._summed(started), self._summed(after)
+        """What this part has to say of residuals [K] before and after, shape (m,)."""
+        used, held = self.usable, self.usable & heldout
         return (
-            f"Compared is how far the air moves in {self.interval_s:.3g} s, the simulation running freely from its"
-            f" first temperature. As temperatures it misses by {_rms(missed):.3g} K rms before and {_rms(left):.3g} K"
-            f" after, on the pieces held out by {_rms(missed[heldout]):.3g} K and {_rms(left[heldout]):.3g} K.",
+            "Compared is the air, the simulation running freely from its start: it misses by"
+            f" {_rms(before[used]):.3g} K rms before and {_rms(after[used]):.3g} K after, on the pieces held out by"
+            f" {_rms(before[held]):.3g} K and {_rms(after[held]):.3g} K.",
         )
 
-    def _summed(self, residual: FloatArray) -> FloatArray:
-        """Residuals of temperatures from those of increments, shape (m,)."""
-        return np.concatenate([np.cumsum(residual[part]) for part in self.stretches])
+    def starts(
+        self, baseline: FloatArray, effects: Sequence[DescribedEffect]
+    ) -> Iterator[tuple[FloatArray, DescribedEffect]]:
+        """Each effect more that a model has not, of a fair size, with a baseline to begin with, shape (p,).
+
+        Of an effect of many such sizes those that miss least. Where the loss is another one before some moment, gain
+        and time constant go with it, so that until then all stays as it was.
+        """
+        present = {effect.identifier for effect in effects}
+        for name, sizes in fair_sizes(self.rows).items():
+            if name not in self.effects or name in present:
+                continue
+            made = [self.effects[name].make(values, dict(self.circumstances)) for values in sizes]
+            tried = [(self._scaled(baseline, effect), effect) for effect in made]
+            if len(tried) > _FEW_SIZES:
+                missed = [self._missed(numbers, (*effects, effect)) for numbers, effect in tried]
+                tried = [tried[place] for place in np.argsort(missed)[:_FEW_SIZES].tolist()]
+            yield from tried
+
+    def _scaled(self, baseline: FloatArray, effect: DescribedEffect) -> FloatArray:
+        """The baseline that goes with another loss before some moment; of any other effect as it is."""
+        scaled = baseline.copy()
+        for index, name in enumerate(self.baseline_names):
+            if "fraction" in effect.parameters and (name == "tau_s" or name.startswith("gain")):
+                low, high = self.bounds[name]
+                scaled[index] = min(max(scaled[index] * (1.0 + effect.values["fraction"]), low), high)
+        return scaled
+
+    def _missed(self, baseline: FloatArray, effects: Sequence[DescribedEffect]) -> float:
+        """The sum of squares [K²] by which a model misses the air."""
+        missed = (self.predict(baseline, effects) - self.measured)[self.usable]
+        return float(missed @ missed)
+
+    @property
+    def rounding(self) -> float:
+        """Deviation [K] of what the thermometer's steps round off."""
+        return self.rows.step_c / math.sqrt(12.0 * self.rows.block)
 
     def _signals(self, run: slice, told: Mapping[str, float]) -> ChamberSignals:
         rows = self.rows
@@ -137,7 +196,18 @@ class ChamberProblem(MadeOfRows):
             drive=drive,
             room_c=room,
             loss=np.ones(size),
+            second_c=rows.second_c[run] if self.has_second else None,
         )
+
+    def _before(self, signals: ChamberSignals, start_c: float, gain: float) -> float:
+        """The drive that held the air at its first temperature, as far as the heater can: before, it was at rest."""
+        loss = float(signals.loss[0]) * (start_c - float(signals.room_c[0]))
+        if signals.second_c is not None:
+            loss += signals.exchange * (start_c - float(signals.second_c[0]))
+        if self.rows.kind == "setpoint":
+            return loss
+        least, most = min(float(signals.drive.min()), 0.0), max(float(signals.drive.max()), 0.0)
+        return min(max(loss / gain if gain else 0.0, least), most)
 
 
 def chamber_problem(
@@ -153,22 +223,34 @@ def chamber_problem(
     """
     rows = chamber_rows_of(recording)
     names, units = _parameters(rows)
-    told = numbers_of(model, "chamber", names, (_NOISE,))
-    known = {name: kind for name, kind in chamber_effects().items() if rows.kind in kind.drives and name not in without}
-    span = float(np.ptp(rows.air_c))
-    believed = names[0] in told
+    needed = tuple(name for name in names if name != _START)
+    told = numbers_of(model, "chamber", needed, (_NOISE,))
+    has_second = bool(np.isfinite(rows.second_c).all())
+    known = {
+        name: kind
+        for name, kind in chamber_effects().items()
+        if rows.kind in kind.drives and name not in without and (has_second or not kind.needs_second)
+    }
+    believed = needed[0] in told
+    bounds = baseline_bounds(rows)
+    within = {name: bounds["gain" if name.startswith("gain") else name] for name in names}
+    for name in needed:
+        if name in told:  # what a lab believes in is possible
+            within[name] = min(within[name][0], told[name]), max(within[name][1], told[name])
+    told.setdefault(_START, first_air_c(rows))
     problem = ChamberProblem(
         rows=rows,
         baseline_names=names,
         baseline_units=units,
-        baseline_start=np.array([told[name] for name in names]) if believed else np.ones(len(names)),
+        baseline_start=np.array([told.get(name, 0.0) for name in names]),
+        bounds=within,
         believed=believed,
-        effects=known,
+        effects=bounded_kinds(rows, known),
         coordinates=_coordinates(rows),
-        full_scale=span,
-        usable=np.ones(rows.increment_c.size, np.bool_),
+        full_scale=float(np.ptp(rows.temperature_c[rows.usable])),
+        usable=rows.usable,
     )
-    return problem if believed else _estimated(problem)
+    return problem if believed else replace(problem, baseline_start=_estimated(problem))
 
 
 def _rms(values: FloatArray) -> float:
@@ -176,39 +258,44 @@ def _rms(values: FloatArray) -> float:
 
 
 def _parameters(rows: ChamberRows) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    if rows.kind == "setpoint":
-        return ("tau_s", "offset_c"), ("s", "degC")
-    unit = DRIVES[rows.channel]
-    names, units = (f"gain_c_per_{unit.lower()}", "tau_s"), (f"degC {unit}-1", "s")
-    return (names, units) if np.isfinite(rows.room_c).all() else ((*names, "ambient_c"), (*units, "degC"))
+    names: tuple[str, ...] = ("tau_s", "offset_c")
+    units: tuple[str, ...] = ("s", "degC")
+    if rows.kind == "power":
+        unit = DRIVES[rows.channel]
+        names, units = (f"gain_c_per_{unit.lower()}", "tau_s"), (f"degC {unit}-1", "s")
+        if not np.isfinite(rows.room_c).all():
+            names, units = (*names, "ambient_c"), (*units, "degC")
+    return ((*names, _START), (*units, "degC")) if len(rows.runs) == 1 else (names, units)
 
 
 def _coordinates(rows: ChamberRows) -> dict[str, FloatArray]:
+    rate = [np.gradient(rows.temperature_c[part]) / (rows.block * rows.interval_s) for part in rows.stretches]
     return {
         "time": rows.time_s,
-        "chamber_temp": rows.means(rows.air_c),
-        "chamber_temp_rate": rows.increment_c / (rows.block * rows.interval_s),
+        "chamber_temp": rows.temperature_c,
+        "chamber_temp_rate": np.concatenate(rate),
         "heater" if rows.kind == "power" else "setpoint": rows.means(rows.drive),
         "step": rows.infos_of_rows.step.astype(np.float64),
     }
 
 
-def _estimated(problem: ChamberProblem) -> ChamberProblem:
-    """The problem with its baseline fitted to the temperatures, from time constants short and long."""
-    rows, names = problem.rows, problem.baseline_names
-    best: tuple[float, FloatArray] | None = None
-    duration_s = float(rows.run_s.max())
-    first_c, drive = float(rows.air_c[0]), float(rows.drive[np.argmax(np.abs(rows.drive))]) or 1.0
-    for share in (0.02, 0.1, 0.5):
-        guess = {"tau_s": share * duration_s, "ambient_c": first_c, "offset_c": 0.0}
-        far = rows.air_c[np.argmax(np.abs(rows.air_c - first_c))] - first_c
-        start = np.array([guess.get(name, float(far) / drive) for name in names])
-        scale = np.where(start == 0.0, 1.0, np.abs(start))
+def _estimated(problem: ChamberProblem) -> FloatArray:
+    """The baseline (p,) that fits the temperatures best, within its bounds, from several starts."""
+    rows, names, used = problem.rows, problem.baseline_names, problem.usable
+    low, high = np.array([problem.baseline_bounds[name] for name in names]).T
+    first_c, largest = first_air_c(rows), float(np.abs(rows.drive).max()) or 1.0
+    span = float(np.ptp(problem.measured[used]))
+    scale = np.where(high - low > 0.0, high - low, 1.0)
+    best, least = problem.baseline_start, math.inf
 
-        def missed(values: FloatArray, scale: FloatArray = scale) -> FloatArray:
-            return problem.air_c(values * scale, ()) - rows.air_c
+    def missed(values: FloatArray) -> FloatArray:
+        return (problem.predict(low + values * scale, ()) - problem.measured)[used]
 
-        found = scipy.optimize.least_squares(missed, start / scale, max_nfev=40)
-        if best is None or found.cost < best[0]:
-            best = (float(found.cost), found.x * scale)
-    return replace(problem, baseline_start=best[1] if best is not None else problem.baseline_start)
+    for share, sign in itertools.product(_STARTS_S, _STARTS_GAIN):
+        guess = {"tau_s": share * lasting_s(rows), "ambient_c": first_c, "offset_c": 0.0, _START: first_c}
+        start = np.array([guess.get(name, sign * span / largest) for name in names])
+        inside = np.clip((start - low) / scale, 1e-6, 1.0 - 1e-6)
+        found = scipy.optimize.least_squares(missed, inside, bounds=(0.0, 1.0), x_scale=np.maximum(inside, 1e-3))
+        if found.cost < least:
+            best, least = low + found.x * scale, float(found.cost)
+    return best

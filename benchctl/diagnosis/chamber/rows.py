@@ -1,9 +1,7 @@
-"""A recording of a chamber laid out for a diagnosis: what drives the air, and how far the air moves in equal times.
+"""A recording of a chamber laid out for a diagnosis: what drives the air, and the temperature that it reached.
 
-What a simulation of the air leaves out acts on its warming, not on its temperature: a draught is felt long after it is
-gone. Residuals of a temperature are therefore correlated over all of a time constant, and any smooth term would seem
-to fit them; those of its increments are nearly independent. Rows are increments, over times in which the air typically
-moves by two steps of its thermometer, so that these steps do not count for more than the air.
+Rows are readings of the thermometer, or means over a few where there are very many. A simulation runs freely from the
+first of them: what it misses is what a user of the model would see.
 """
 
 from __future__ import annotations
@@ -13,29 +11,34 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from benchctl.diagnosis.chamber.spoilt import open_in, spikes_in
+from benchctl.diagnosis.faults.fault import Fault
 from benchctl.diagnosis.signals.series import Pieces, Series, block_mean, channels_of, consecutive, cut, series_of
 from benchctl.recordings.reader import Recording
-from instruments.errors import UsageError
-from instruments.physics.chamber_effects.effect import Drive
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.chamber_effects.effect import Drive
 
 FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
 
 _AIR, _SETPOINT, _ROOM = "chamber_temp_c", "chamber_setpoint_c", "ambient_temp_c"
+_SECOND, _OPEN = "second_temp_c", "chamber_temp_open"
 DRIVES = {"heater_percent": "percent", "heater_w": "W", "current_a": "A"}
 """Channels of power, in the order in which they are looked for, and their units."""
 
 _MOST_SAMPLES = 6000
 _FEWEST_ROWS, _MOST_ROWS = 60, 2000
-_STEPS_A_ROW = 2.0
+_NEAR = 0.75
+"""Intervals within which a reading must lie of the instant that it stands for."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChamberRows:
     """Samples of shape (n,), equidistant within `runs`; rows of shape (m,), within `stretches`.
 
-    A row is the step from the mean of one block of `block` samples to that of the next, `increment_c` [K]; the first of
-    a run from its first sample, with which a simulation begins, so that their sums are temperatures again.
-    `room_c` is NaN where it was not measured. `time_s` is that of the rows.
+    A row is the mean over a block of `block` samples. `room_c` and `second_c`, the temperature of a second body, are
+    NaN where they were not measured. `time_s` is that of the rows; `usable` says which of them were read, and not
+    spoilt. `step_c` is that of the thermometer, 0 where none shows. `faults` are those of the data, their rows (m,).
     """
 
     infos_of_rows: Pieces
@@ -48,21 +51,17 @@ class ChamberRows:
     air_c: FloatArray
     drive: FloatArray
     room_c: FloatArray
+    second_c: FloatArray
     stretches: tuple[slice, ...]
     time_s: FloatArray
-    increment_c: FloatArray
-
-    def increments(self, samples: FloatArray) -> FloatArray:
-        """Values of the samples (n,) as increments from row to row, (m,)."""
-        return np.concatenate([_increments(samples[run], self.block) for run in self.runs])
+    temperature_c: FloatArray
+    usable: BoolArray
+    step_c: float
+    faults: tuple[Fault, ...]
 
     def means(self, samples: FloatArray) -> FloatArray:
         """Values of the samples (n,) as means over a row's block, (m,)."""
-        return np.concatenate([block_mean(samples[run], self.block) for run in self.runs])
-
-
-def _increments(samples: FloatArray, block: int) -> FloatArray:
-    return np.diff(block_mean(samples, block), prepend=samples[0])
+        return samples if self.block == 1 else block_mean(samples, self.block)
 
 
 def chamber_rows_of(recording: Recording) -> ChamberRows:
@@ -71,37 +70,57 @@ def chamber_rows_of(recording: Recording) -> ChamberRows:
     Raises `UsageError` where the air or what drives it is missing, does not change, or the recording is too short.
     """
     series, channel = _series(recording)
+    read_c, flags = series.columns[_AIR], series.columns[_OPEN]
+    step_c = _step_of(read_c)
+    opened, open_rows = open_in(flags)
+    spikes, spike_rows = spikes_in(read_c, open_rows | ~np.isfinite(read_c), step_c, series.runs)
+    spoilt = open_rows | spike_rows | ~np.isfinite(read_c)
     factor = max(1, -(-series.time_s.size // _MOST_SAMPLES))
-    grids = [_grid(series, run, channel, factor) for run in series.runs if run.stop - run.start > 2 * factor]
+    laid = [_grid(series, run, channel, factor, spoilt) for run in series.runs if run.stop - run.start > 2 * factor]
+    grids = [grid for grid in laid if grid is not None]
     if not grids:
         raise UsageError(
             f"{recording.path}: no two readings of the chamber follow each other within ten intervals; "
             "record it evenly, without gaps"
         )
-    if all(float(np.ptp(grid[1])) == 0.0 for grid in grids):
+    if all(float(np.ptp(grid.columns[0])) == 0.0 for grid in grids):
         raise UsageError(
             f"{recording.path}: the air never changes; record steps of its set point or power, or name "
             "another column in the import's map"
         )
-    block = _block([grid[1] for grid in grids], series.columns[_AIR])
-    grids = [grid for grid in grids if grid[0].size >= 2 * block]
-    rows = sum(grid[0].size // block for grid in grids)
+    block = -(-sum(grid.time_s.size for grid in grids) // _MOST_ROWS)
+    sizes = [grid.time_s.size // block * block for grid in grids]
+    rows = sum(sizes) // block
     if rows < _FEWEST_ROWS:
         raise UsageError(
-            f"{recording.path}: the air moves by two steps of its thermometer {rows} times only;"
-            f" a diagnosis of a chamber needs {_FEWEST_ROWS} or more"
+            f"{recording.path}: {rows} readings of the chamber's air; a diagnosis of a chamber needs {_FEWEST_ROWS}"
+            " or more"
         )
-    interval_s = factor * series.interval_s
-    time_s = np.concatenate([block_mean(grid[0], block) for grid in grids])
-    step = np.concatenate([grid[4][: grid[4].size // block * block : block] for grid in grids])
-    sizes = [grid[0].size // block * block for grid in grids]
-    samples = [np.concatenate([grid[i][:size] for grid, size in zip(grids, sizes, strict=True)]) for i in (1, 2, 3)]
+    time_s, step, bad, of_row = (
+        np.concatenate([one[:size] for one, size in zip(ones, sizes, strict=True)])
+        for ones in (
+            [grid.time_s for grid in grids],
+            [grid.step for grid in grids],
+            [grid.bad for grid in grids],
+            [grid.nearest for grid in grids],
+        )
+    )
+    samples = [
+        np.concatenate([grid.columns[i][:size] for grid, size in zip(grids, sizes, strict=True)]) for i in range(4)
+    ]
     if float(np.ptp(samples[1])) == 0.0 and channel == _SETPOINT:
         raise UsageError(
             f"{recording.path}: the set point never changes, and so the air has nothing to follow; record steps of it"
         )
+
+    def in_rows(samples: BoolArray) -> BoolArray:
+        return np.asarray(samples.reshape(-1, block).any(axis=1))
+
+    interval_s = factor * series.interval_s
+    row_s = block_mean(time_s, block)
+    shown = [(opened, open_rows), (spikes, spike_rows)]
     return ChamberRows(
-        infos_of_rows=cut(series.infos, step.astype(np.int64), time_s),
+        infos_of_rows=cut(series.infos, step[::block].astype(np.int64), row_s),
         kind="setpoint" if channel == _SETPOINT else "power",
         channel=channel,
         interval_s=interval_s,
@@ -111,9 +130,15 @@ def chamber_rows_of(recording: Recording) -> ChamberRows:
         air_c=samples[0],
         drive=samples[1],
         room_c=samples[2],
+        second_c=samples[3],
         stretches=consecutive([size // block for size in sizes]),
-        time_s=time_s,
-        increment_c=np.concatenate([_increments(grid[1], block) for grid in grids]),
+        time_s=row_s,
+        temperature_c=block_mean(samples[0], block),
+        usable=~in_rows(bad > 0.0),
+        step_c=step_c,
+        faults=tuple(
+            one.on_rows(in_rows(spoilt_rows[of_row.astype(np.int64)])) for one, spoilt_rows in shown if one is not None
+        ),
     )
 
 
@@ -123,33 +148,51 @@ def _series(recording: Recording) -> tuple[Series, str]:
         prefix = "poll_" if polled else ""
         for info in recording.infos:
             if {f"{prefix}{_AIR}", f"{prefix}{channel}"} <= set(recording.channels(info.index)):
-                return series_of(recording, (_AIR, channel), (_ROOM,), polled=polled), channel
+                return series_of(recording, (_AIR, channel), (_ROOM, _SECOND, _OPEN), polled=polled), channel
     raise UsageError(
         f"{recording.path}: a chamber needs {_AIR} together with one of {', '.join(DRIVES)} or {_SETPOINT};"
         f" it has {channels_of(recording)}; an import names them in its map"
     )
 
 
-def _grid(series: Series, run: slice, channel: str, factor: int) -> tuple[FloatArray, ...]:
-    """Time, air, drive, room and step of a run at equal intervals, each of shape (n,), means over `factor` samples."""
-    time_s = series.time_s[run]
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Grid:
+    """A run at equal intervals, each of shape (n,): `columns` are air, drive, room and second temperature.
+
+    `bad` is above 0 where a reading is spoilt or missing, `nearest` the place of the reading that stands for an
+    instant.
+    """
+
+    time_s: FloatArray
+    columns: tuple[FloatArray, ...]
+    step: FloatArray
+    bad: FloatArray
+    nearest: FloatArray
+
+
+def _grid(series: Series, run: slice, channel: str, factor: int, spoilt: BoolArray) -> _Grid | None:
+    """A run at equal intervals, means over `factor` samples; None where none of its readings can be used."""
+    time_s, bad = series.time_s[run], spoilt[run]
+    if bad.all():
+        return None
     even = time_s[0] + np.arange(int((time_s[-1] - time_s[0]) / series.interval_s + 1e-6) + 1) * series.interval_s
     near = np.clip(np.searchsorted(time_s, even + series.interval_s / 2) - 1, 0, time_s.size - 1)
-    air, room = (np.interp(even, time_s, series.columns[name][run]) for name in (_AIR, _ROOM))
-    values = (even, air, series.columns[channel][run][near], room)
-    step = series.step[run][near].astype(np.float64)
-    return (*(block_mean(one, factor) for one in values), step[: even.size // factor * factor : factor])
+    air = np.interp(even, time_s[~bad], series.columns[_AIR][run][~bad])
+    room, second = (np.interp(even, time_s, series.columns[name][run]) for name in (_ROOM, _SECOND))
+    missing = np.abs(time_s[near] - even) > _NEAR * series.interval_s
+    values = (air, series.columns[channel][run][near], room, second)
+    first = slice(None, even.size // factor * factor, factor)
+    return _Grid(
+        time_s=block_mean(even, factor),
+        columns=tuple(block_mean(one, factor) for one in values),
+        step=series.step[run][near].astype(np.float64)[first],
+        bad=block_mean((bad[near] | missing).astype(np.float64), factor),
+        nearest=(run.start + near).astype(np.float64)[first],
+    )
 
 
-def _block(runs: list[FloatArray], read_c: FloatArray) -> int:
-    """How many samples make a row: the air then typically moves by two of its thermometer's steps."""
-    total = sum(run.size for run in runs)
-    moved = np.abs(np.diff(read_c))
-    quantum = float(moved[moved > 0.0].min()) if (moved > 0.0).any() else 0.0
-    block = max(1, total // _MOST_ROWS)
-    while block < total // _FEWEST_ROWS:
-        moved = np.concatenate([np.abs(np.diff(block_mean(run, block))) for run in runs if run.size >= 2 * block])
-        if quantum > 0.0 and float(np.median(moved)) >= _STEPS_A_ROW * quantum:
-            break
-        block += max(1, block // 4)
-    return block
+def _step_of(read_c: FloatArray) -> float:
+    """The smallest step [K] between two readings; 0 where they never step."""
+    moved = np.abs(np.diff(read_c[np.isfinite(read_c)]))
+    moved = moved[moved > 1e-9]
+    return float(moved.min()) if moved.size else 0.0

@@ -17,7 +17,7 @@ from scipy.signal import correlate
 
 from benchctl.diagnosis.comparison.parting import ComparedStep
 from benchctl.diagnosis.gyro.frame import Frame
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -14,10 +14,10 @@ from benchctl.diagnosis.keys import tables_of
 from benchctl.diagnosis.stepped import MadeOfRows, MadeRows
 from benchctl.part_models import EFFECTS, numbers_of
 from benchctl.recordings.reader import Recording
-from instruments.errors import UsageError
-from instruments.physics.drive_effects.effect import DriveEffect, DriveSignals
-from instruments.physics.drive_effects.registry import drive_effects
-from instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.drive_effects.effect import DriveEffect, DriveSignals
+from benchctl_instruments.physics.drive_effects.registry import drive_effects
+from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -72,6 +72,12 @@ class DriveProblem(MadeOfRows):
         """How long the longest run is."""
         return {"duration_s": max(float(self.rows.run_s.max()), self.interval_s)}
 
+    @property
+    def turns_one_way(self) -> bool:
+        """Whether the table turns in one direction only."""
+        rate = self.rows.means(self.rows.rate_rad_s)[self.usable]
+        return bool(rate.min() > 0.0 or rate.max() < 0.0)
+
     def predict(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
         """The torque [N·m] that the motion takes, shape (m,)."""
         rows = self.rows
@@ -106,7 +112,7 @@ class DriveProblem(MadeOfRows):
             f" {0.5 / self.interval_s:.3g} Hz, and play or twist between motor and encoder, cannot be seen."
         ]
         rate = self.rows.means(self.rows.rate_rad_s)[self.usable]
-        if rate.min() > 0.0 or rate.max() < 0.0:
+        if self.turns_one_way:
             said.append(
                 "The table turns one way only: dry friction, which turns with the direction, and an offset of the"
                 " torque, which does not, cannot be told apart."

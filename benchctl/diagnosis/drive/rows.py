@@ -17,7 +17,7 @@ from benchctl.diagnosis.signals.band_limited import half_of
 from benchctl.diagnosis.signals.motion import motion_of
 from benchctl.diagnosis.signals.series import Pieces, Series, block_mean, consecutive, cut, series_of
 from benchctl.recordings.reader import Recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -34,6 +34,9 @@ _RESTING_SHARE = 0.002
 """A rate below so many deviations of its noise, or below this share of the largest, is rest: the table may stick."""
 _THIRD_DIFFERENCE = 0.6745 * math.sqrt(20.0)
 """Median of the absolute third difference of white noise, in its standard deviations."""
+
+_ROUNDING = 1e-9
+"""Share of the angle's range below which a difference of two angles is the arithmetic's."""
 
 ANGLES = ("encoder_deg", "velocity_rad_s", "table_rate_dps")
 TORQUES = ("torque_nm", "current_a")
@@ -142,7 +145,12 @@ def _angle(series: Series, run: slice) -> FloatArray:
 
 def _moving(angle_deg: FloatArray, rate_rad_s: FloatArray, interval_s: float) -> BoolArray:
     """Samples whose rate is beyond the noise that the encoder brings into it, and made of whole windows."""
-    noise = float(np.median(np.abs(np.diff(np.radians(angle_deg), 3)))) / _THIRD_DIFFERENCE
+    angle = np.radians(angle_deg)
+    steps = np.abs(np.diff(angle))
+    counts = steps[steps > _ROUNDING * float(np.ptp(angle))]
+    # an encoder that stands still shows no noise, but the motion within one of its counts is not known either
+    resolution = float(counts.min()) / math.sqrt(12.0) if counts.size else 0.0
+    noise = max(float(np.median(np.abs(np.diff(angle, 3)))) / _THIRD_DIFFERENCE, resolution)
     band_hz = 0.1 / interval_s
     floor = noise * 2 * math.pi * band_hz * math.sqrt(2.0 * band_hz * interval_s / 3.0)
     slowest = max(_RESTING_DEVIATIONS * floor, _RESTING_SHARE * float(np.abs(rate_rad_s).max()))

@@ -1,9 +1,12 @@
-"""Rails: the output stands exactly at one largest value, below the rated limit.
+"""Rails: the output stands exactly at one largest value, below the rated limit, or at a largest and a smallest one.
 
-Where the clipping comes before the noise there is no exact plateau; that is for the effect `saturation` in the fit.
+Where the clipping comes before the noise there is no exact plateau; that is for the effects `saturation` and
+`two_rails` in the fit.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +15,9 @@ from scipy.ndimage import binary_dilation, median_filter
 from benchctl.diagnosis.faults.fault import Fault, bounded_gain
 from benchctl.diagnosis.faults.standing import Output, Runs
 from benchctl.diagnosis.result import Estimate
-from instruments.physics.effects.saturation import Saturation
+from benchctl_instruments.physics.effects.effect import PhysicalEffect
+from benchctl_instruments.physics.effects.saturation import Saturation
+from benchctl_instruments.physics.effects.two_rails import TwoRails
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -27,6 +32,9 @@ _ISOLATED = 5
 
 _PRINTED = 1.02
 """Half a step, and what printing adds to it."""
+
+_ALIKE = 2.0
+"""Steps by which two rails may differ and be one limit in both directions: a converter has one value more below 0."""
 
 _NEAR = 8
 """Rows on either side of one at the rail that do not count: noise is cut there on one side only."""
@@ -47,21 +55,31 @@ def rail_in(output: Output, runs: Runs) -> tuple[Fault | None, BoolArray]:
             limits.append(extreme)
     if not limits:
         return None, at_rail
-    sizes = np.abs(limits)
-    value, half = float(sizes.mean()), _PRINTED * float(np.ptp(sizes) + output.step_v) / 2.0
-    effect = Saturation(limit_v=value)
+    effect, parameters = _effect_of(limits, output.step_v)
     clipped = output.alive & np.isin(output.volts, limits)
     return (
         Fault(
             effect=effect.identifier,
-            parameters={
-                "limit_v": Estimate(
-                    value=value, low=value - half, high=value + half, unit=effect.parameters["limit_v"].unit
-                )
-            },
+            parameters=parameters,
             rows=np.asarray(binary_dilation(clipped, iterations=_NEAR)),
             gain=bounded_gain(float(runs.evidence[at_rail].sum())),
             says=effect.says(),
         ),
         at_rail,
     )
+
+
+def _effect_of(limits: list[float], step_v: float) -> tuple[PhysicalEffect, dict[str, Estimate]]:
+    """Limits of one size in both directions, or of one alone, are a saturation; others are two rails."""
+    half = _PRINTED * step_v / 2.0
+    effect: PhysicalEffect
+    if len(limits) == 1 or abs(math.fsum(limits)) <= _ALIKE * step_v:
+        sizes = np.abs(limits)
+        effect = Saturation(limit_v=float(sizes.mean()))
+        half += _PRINTED * float(np.ptp(sizes)) / 2.0
+    else:
+        effect = TwoRails(lower_v=min(limits), upper_v=max(limits))
+    return effect, {
+        name: Estimate(value=value, low=value - half, high=value + half, unit=effect.parameters[name].unit)
+        for name, value in effect.values.items()
+    }

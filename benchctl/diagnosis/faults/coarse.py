@@ -22,7 +22,7 @@ from benchctl.diagnosis.faults.fault import Fault, bounded_gain
 from benchctl.diagnosis.faults.grid import Grid
 from benchctl.diagnosis.faults.standing import Output
 from benchctl.diagnosis.result import Estimate
-from instruments.physics.effects.adc_coarse import AdcCoarse
+from benchctl_instruments.physics.effects.adc_coarse import AdcCoarse
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

@@ -11,7 +11,7 @@ from benchctl.diagnosis.faults.fault import Fault, bounded_gain
 from benchctl.diagnosis.faults.standing import Output, Runs, evidence_of
 from benchctl.diagnosis.result import Estimate
 from benchctl.diagnosis.signals.normal import Z95
-from instruments.physics.effects.dropouts import Dropouts
+from benchctl_instruments.physics.effects.dropouts import Dropouts
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from benchctl.diagnosis.result import Estimate
+from benchctl.diagnosis.result import Estimate, Where
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -23,7 +23,7 @@ class Fault:
     """A data fault in the words of the vocabulary of effects (`effect` and the names of `parameters`).
 
     `rows` (n,) are spoilt and must not count. `gain` is the evidence in twice the log likelihood, `says` the finding in
-    one sentence.
+    one sentence; `where` it is, where that is known better than by the rows.
     """
 
     effect: str
@@ -31,6 +31,11 @@ class Fault:
     rows: BoolArray
     gain: float
     says: str
+    where: Where | None = None
+
+    def on_rows(self, rows: BoolArray) -> Fault:
+        """The same fault where what it spoils are other rows, means over several readings say."""
+        return replace(self, rows=rows)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

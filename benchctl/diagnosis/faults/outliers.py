@@ -13,7 +13,7 @@ from benchctl.diagnosis.faults.fault import Fault, Faults, bounded_gain
 from benchctl.diagnosis.faults.single_rows import HALF, SingleRows, single_rows
 from benchctl.diagnosis.faults.spike_sizes import spike_sizes
 from benchctl.diagnosis.result import Estimate
-from instruments.physics.effects.outliers import Outliers
+from benchctl_instruments.physics.effects.outliers import Outliers
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from benchctl.diagnosis.findings.located import where_of
+from benchctl.diagnosis.fitting.fit import judged
 from benchctl.diagnosis.fitting.noise_model import GROWING
 from benchctl.diagnosis.fitting.noisy import Noisy
 from benchctl.diagnosis.keys import keys_of
@@ -15,8 +16,8 @@ from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Alternative, Estimate, Finding
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.signals.normal import Z95
-from instruments.physics.effects.effect import DescribedEffect
-from instruments.physics.effects.registry import effect as effect_named
+from benchctl_instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.physics.effects.registry import effect as effect_named
 
 _FREE = 50.0
 """Of a logarithm: an error beyond which a number is not determined at all."""
@@ -37,14 +38,18 @@ def noise_effects(chosen: Selection) -> tuple[DescribedEffect, ...]:
 def _effects(problem: Problem, chosen: Selection) -> Iterator[Finding]:
     whole = chosen.whole
     errors = np.sqrt(np.diag(whole.robust_covariance(problem.step)))
-    total = max(chosen.before.squares - chosen.after.squares, 1e-300)
+    total = chosen.before.squares - chosen.after.squares
+    if problem.disturbed:
+        total = float(np.sum(judged(problem, chosen.before) ** 2 - judged(problem, chosen.after) ** 2))
+    total = max(total, 1e-300)
     for place, (key, effect) in enumerate(zip(keys_of(whole.point.effects), whole.point.effects, strict=True)):
         evidence = chosen.evidence[key]
         estimates: dict[str, Estimate] = {}
         for name, parameter in effect.parameters.items():
             value = effect.values[name]
             index = next((i for i, one in enumerate(whole.numbers) if one.effect == place and one.name == name), None)
-            half = 0.0 if index is None else Z95 * float(errors[index])
+            # of a number that the recording does not show, a rail that no output reaches, the interval is all it may be
+            half = 0.0 if index is None else Z95 * float(errors[index]) or math.inf
             low, high = value - half, value + half
             if parameter.logarithmic and index is not None:
                 low, high = value * math.exp(-min(half, _FREE)), value * math.exp(min(half, _FREE))

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtri
 
-from benchctl.diagnosis.fitting.fit import Fit
+from benchctl.diagnosis.fitting.fit import Fit, judged
 from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Slice, StepFigures, Where
@@ -33,7 +33,7 @@ def left_of(problem: Problem, fit: Fit, whitener: Whitener) -> FloatArray:
 
     Where the noise wanders that is what a prediction from the rows before leaves, of those rows that count.
     """
-    if not whitener.slow:
+    if not whitener.slow or problem.disturbed:
         return fit.residual
     counted = whitener.weight > 0.0
     return np.divide(fit.white, whitener.weight, out=fit.residual.copy(), where=counted)
@@ -70,9 +70,9 @@ def _slice_of(
         coordinate=name,
         edges=edges,
         count=count,
-        before_v=before,
-        after_v=after,
-        standard_error_v=deviation * np.sqrt(variance / least),
+        before=before,
+        after=after,
+        standard_error=deviation * np.sqrt(variance / least),
         threshold=math.inf,
     )
 
@@ -81,7 +81,7 @@ def _without_noise(name: str, problem: Problem, chosen: Selection, values: Float
     """A coordinate as predicted where it is what is measured: noise that sorts its own residual makes a structure."""
     if name == "output":
         return chosen.after.predicted
-    return chosen.after.predicted / problem.interval_s if name == "chamber_temp_rate" else values
+    return np.gradient(chosen.after.predicted) / problem.interval_s if name == "chamber_temp_rate" else values
 
 
 def _edges(values: FloatArray) -> FloatArray | None:
@@ -130,7 +130,8 @@ def step_figures(problem: Problem, chosen: Selection) -> tuple[StepFigures, ...]
 
     Of innovations, weighed by row where the noise is not of one size, as in `FitFigures`.
     """
-    came = chosen.noise.plain(problem.measured - problem.predict(problem.baseline_start, ()))
+    came = problem.measured - problem.predict(problem.baseline_start, ())
+    came = np.where(problem.usable, came, 0.0) if problem.disturbed else chosen.noise.plain(came)
     rows = np.bincount(problem.step, chosen.whitener.weight > 0.0, minlength=len(problem.step_names))
 
     def rms(white: FloatArray) -> list[float]:
@@ -141,8 +142,8 @@ def step_figures(problem: Problem, chosen: Selection) -> tuple[StepFigures, ...]
         problem.steps,
         chosen.heldout.tolist(),
         rms(came),
-        rms(chosen.before.white),
-        rms(chosen.after.white),
+        rms(judged(problem, chosen.before)),
+        rms(judged(problem, chosen.after)),
         strict=True,
     )
     return tuple(
@@ -152,9 +153,9 @@ def step_figures(problem: Problem, chosen: Selection) -> tuple[StepFigures, ...]
             t_start=info.t_start,
             t_end=info.t_end,
             heldout=held,
-            as_it_came_v=as_it_came,
-            before_v=before,
-            after_v=after,
+            as_it_came=as_it_came,
+            before=before,
+            after=after,
         )
         for info, held, as_it_came, before, after in columns
     )

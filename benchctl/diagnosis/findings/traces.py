@@ -38,7 +38,7 @@ def traces_of(problem: Problem, chosen: Selection, faults: Sequence[Fault] = ())
 
     One shows the spoilt rows of each kind of `faults`; the others where before and after differ most or, where nothing
     was found that changes a prediction, where most is left. A wandering bias is followed from sample to sample:
-    `after_v` is then what was predicted of each from those before.
+    `after` is then what was predicted of each from those before.
     """
     before = problem.measured - chosen.before.residual
     after = problem.measured - left_of(problem, chosen.after, chosen.whitener)
@@ -53,9 +53,9 @@ def traces_of(problem: Problem, chosen: Selection, faults: Sequence[Fault] = ())
             step=problem.step_names[one.step],
             heldout=bool(chosen.heldout[one.step]),
             time_s=problem.time_s[one.rows],
-            measured_v=problem.measured[one.rows],
-            before_v=before[one.rows],
-            after_v=after[one.rows],
+            measured=problem.measured[one.rows],
+            before=before[one.rows],
+            after=after[one.rows],
             spoilt=~problem.usable[one.rows],
         )
         for one in windows
@@ -64,7 +64,7 @@ def traces_of(problem: Problem, chosen: Selection, faults: Sequence[Fault] = ())
 
 def _changed(chosen: Selection) -> bool:
     """Whether something was found that changes what is predicted."""
-    return bool(chosen.after.point.effects or chosen.whitener.slow)
+    return bool(chosen.after.point.effects or chosen.noise.found)
 
 
 def _by_score(one: _Window) -> float:

@@ -17,7 +17,7 @@ from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.fitting.point import Free as Free
 from benchctl.diagnosis.fitting.point import Point as Point
 from benchctl.diagnosis.fitting.products import Products as Products
-from benchctl.diagnosis.fitting.products import products_of, squares_of, with_residual
+from benchctl.diagnosis.fitting.products import Spectral, products_of, squares_of, with_residual
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.signals.blocks import block_products
 from benchctl.diagnosis.signals.threads import cores, do_all, parts_of
@@ -55,7 +55,7 @@ class Fit:
     """A fitted model. `residual` (n,) is measured less predicted; `white` the same, whitened.
 
     `derivatives` (n, p) are those of the prediction by `numbers`, whitened, in the scale in which these are moved;
-    `unwhitened` the same before the filter of `whitener`, where it has one.
+    `unwhitened` the same before the filter of `whitener`, where it has one; `spectral` is what is compared beside rows.
     """
 
     point: Point
@@ -66,8 +66,11 @@ class Fit:
     whitener: Whitener
     unwhitened: FloatArray | None
     derivatives: FloatArray
+    spectral: Spectral
     products: Products
     fitted: BoolArray
+    disturbed_covariance: FloatArray | None = None
+    """Covariance (p, p) of the free numbers where the noise is known to differ from what `whitener` makes white."""
 
     @property
     def raw_derivatives(self) -> FloatArray:
@@ -108,12 +111,19 @@ class Fit:
         """Covariance of the free numbers where the noise is white, shape (p, p)."""
         return np.asarray(self.inverse_information * self.deviation**2)
 
+    def beyond(self, columns: FloatArray, step: IntArray) -> FloatArray:
+        """Whitened columns, shape (k, n), less what the numbers of the fit follow of them on the fitted steps."""
+        followed = (columns * self.fitted[step]) @ self.derivatives @ self.inverse_information
+        return np.asarray(columns - followed @ self.derivatives.T)
+
     def robust_covariance(self, step: IntArray) -> FloatArray:
         """Covariance of the free numbers, shape (p, p), whatever the noise; `step` (n,) is the problem's.
 
         Never smaller than white noise would make it; larger where the residual's products with the derivatives, summed
         over half a second each, scatter more (White, Econometrica 48, 1980).
         """
+        if self.disturbed_covariance is not None:
+            return self.disturbed_covariance
         inverse_information = self.inverse_information
         usual = self.covariance
         sums = block_products(self.derivatives, self.white * self.fitted[step])
@@ -133,13 +143,18 @@ def fit(
     Levenberg and Marquardt's damping only where a whole step does not go down.
     """
     point = start.point if isinstance(start, Fit) else start
-    numbers = tuple(point.free(problem.baseline_names))
+    numbers = tuple(point.free(problem.baseline_names, problem.baseline_bounds))
     predicted = start.predicted if isinstance(start, Fit) else problem.predict(point.baseline, point.effects)
     white = whitener(problem.measured - predicted)
-    squares = float(squares_of(problem, white)[fitted].sum())
-    taken = start.raw_derivatives if isinstance(start, Fit) else _derivatives(problem, point, numbers, predicted)
+    beside = problem.spectral_residual(point.baseline, point.effects)
+    squares = float(squares_of(problem, white, beside)[fitted].sum())
+    if isinstance(start, Fit):
+        taken, turned = start.raw_derivatives, start.spectral.derivatives
+    else:
+        taken, turned = _derivatives(problem, point, numbers, predicted, beside)
     raw, derivatives = _whitened(whitener, taken)
-    products = products_of(problem, derivatives, white, whitener)
+    spectral = Spectral(residual=beside, derivatives=turned)
+    products = products_of(problem, derivatives, white, whitener, spectral)
     damping = 0.0
     for _ in range(rounds):
         information, gradient, total, rows = products.of(fitted)
@@ -151,22 +166,25 @@ def fit(
         trial = point.moved(numbers, values + step)
         trial_predicted = problem.predict(trial.baseline, trial.effects)
         trial_white = whitener(problem.measured - trial_predicted)
-        trial_squares = float(squares_of(problem, trial_white)[fitted].sum())
+        trial_beside = problem.spectral_residual(trial.baseline, trial.effects)
+        trial_squares = float(squares_of(problem, trial_white, trial_beside)[fitted].sum())
         if not trial_squares <= squares + 1e-9 * variance:
             damping = max(10.0 * damping, 1e-3)
             if damping > 1e6:
                 break
             continue
         gained = (squares - trial_squares) / variance
-        point, predicted, white, squares = trial, trial_predicted, trial_white, trial_squares
+        point, predicted, white, beside, squares = trial, trial_predicted, trial_white, trial_beside, trial_squares
         if damping == 0.0 and expected < _CLOSE:  # so near, the derivatives are what they were
-            products = with_residual(problem, products, derivatives, white)
+            spectral = replace(spectral, residual=beside)
+            products = with_residual(problem, products, derivatives, white, spectral)
             break
         damping = damping / 10.0 if damping > 1e-3 else 0.0
         del taken, raw, derivatives  # each as large as what takes its place
-        taken = _derivatives(problem, point, numbers, predicted)
+        taken, turned = _derivatives(problem, point, numbers, predicted, beside)
         raw, derivatives = _whitened(whitener, taken)
-        products = products_of(problem, derivatives, white, whitener)
+        spectral = Spectral(residual=beside, derivatives=turned)
+        products = products_of(problem, derivatives, white, whitener, spectral)
         if gained < _CLOSE:
             break
     return Fit(
@@ -178,6 +196,7 @@ def fit(
         whitener=whitener,
         unwhitened=raw,
         derivatives=derivatives,
+        spectral=spectral,
         products=products,
         fitted=fitted,
     )
@@ -199,6 +218,14 @@ def _inside(
         return held
     held[free] = solve(information[np.ix_(free, free)], gradient[free])
     return held
+
+
+def judged(problem: Problem, fitted: Fit) -> FloatArray:
+    """The misses by which a model is judged, shape (n,): innovations, or what it misses of the measured quantity.
+
+    The latter where a disturbance is known to be there: its innovations would not show what a user of the model sees.
+    """
+    return np.where(problem.usable, fitted.residual, 0.0) if problem.disturbed else fitted.white
 
 
 def gain_of(better: Fit, worse: Fit, steps: BoolArray | None = None) -> float:
@@ -237,9 +264,12 @@ def _squares_kept(one: Fit, folds: IntArray) -> float:
     return total
 
 
-def _derivatives(problem: Problem, point: Point, numbers: tuple[Free, ...], predicted: FloatArray) -> FloatArray:
-    """Derivatives of the prediction by all numbers, shape (n, p)."""
+def _derivatives(
+    problem: Problem, point: Point, numbers: tuple[Free, ...], predicted: FloatArray, beside: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Derivatives of the prediction by all numbers, shape (n, p), and of what is compared beside it, shape (w, p)."""
     derivatives = np.empty((predicted.size, len(numbers)), order="F")
+    turned = np.empty((beside.size, len(numbers)))
     values = np.array([point.value(number, i) for i, number in enumerate(numbers)])
 
     def fill(i: int) -> None:
@@ -248,16 +278,17 @@ def _derivatives(problem: Problem, point: Point, numbers: tuple[Free, ...], pred
         moved = values.copy()
         moved[i] += nudge
         other = point.moved(numbers, moved)
-        if number.effect is not None and other.value(number, i) == values[i]:  # at its upper bound
+        if other.value(number, i) == values[i]:  # at its upper bound
             moved[i] -= 2 * nudge
             nudge = -nudge
             other = point.moved(numbers, moved)
         column = derivatives[:, i]
         np.subtract(problem.predict(other.baseline, other.effects), predicted, out=column)
         column /= nudge
+        turned[:, i] = (beside - problem.spectral_residual(other.baseline, other.effects)) / nudge
 
     do_all(fill, range(len(numbers)))
-    return derivatives
+    return derivatives, turned
 
 
 def _whitened(whitener: Whitener, raw: FloatArray) -> tuple[FloatArray | None, FloatArray]:

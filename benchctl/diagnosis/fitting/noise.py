@@ -235,6 +235,9 @@ def _zeros(slow: tuple[Slow, ...]) -> tuple[float, ...]:
     """The ψ of the innovations' filter: by bisection, in the logarithm of −u, between the poles and beyond the last."""
     poles = np.array([(1.0 - one.remembers) ** 2 / one.remembers for one in slow])
     drives = np.array([one.drive / one.remembers for one in slow])
+    if len(slow) == 1:
+        found = poles + drives
+        return tuple((1.0 + found / 2.0 - np.sqrt(found + found * found / 4.0)).tolist())
     order = np.argsort(poles)
     poles, drives = poles[order], drives[order]
     low, high = poles.copy(), np.append(poles[1:], poles[-1:] + drives.sum() + 1e-300)

@@ -23,6 +23,16 @@ FloatArray = npt.NDArray[np.float64]
 GROWING = "noise_rate_dependent"
 
 
+def between_rows(problem: Problem, residual: FloatArray) -> float:
+    """Deviation of the white noise of a residual (n,), by differences of neighbouring rows; 0 where there are none.
+
+    Their median is taken: whatever a model has left out is slow or rare against it (pure error, not lack of fit).
+    """
+    counted = problem.usable[1:] & problem.usable[:-1]
+    steps = np.abs(np.diff(residual))[counted]
+    return float(np.median(steps)) / QUARTILE / math.sqrt(2.0) if steps.size else 0.0
+
+
 @dataclass(frozen=True, kw_only=True)
 class NoiseModel:
     """The whitener, the one without any finding (`plain`), and what was found, by effect."""
@@ -45,13 +55,10 @@ class NoiseModel:
     def levelled(self, problem: Problem, fitted: Fit) -> Self:
         """With the level of the white noise from a fit, and what the encoder's noise adds to it on each row.
 
-        The level is seen in differences of neighbouring rows, by their median: whatever the model has left out is slow
-        or rare against it.
+        The level is seen in differences of neighbouring rows.
         """
-        counted = problem.usable[1:] & problem.usable[:-1]
-        steps = np.abs(np.diff(fitted.residual))[counted]
-        level = float(np.median(steps)) / QUARTILE / math.sqrt(2.0) if steps.size else fitted.deviation
-        level = level if level > 0.0 else fitted.deviation
+        level = between_rows(problem, fitted.residual) or fitted.deviation
+        level = max(level, float(np.finfo(np.float64).eps) * problem.full_scale)  # of a noiseless simulation
         whole, _ = problem.regressor_variance
         weight = problem.usable / np.sqrt(1.0 + whole / level**2)
         plain = replace(self.plain, weight=weight)

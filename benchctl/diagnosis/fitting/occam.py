@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from benchctl.diagnosis.fitting.fit import Fit, Free
-from instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 _TURN = 360.0
 

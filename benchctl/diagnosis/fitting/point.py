@@ -3,27 +3,34 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from instruments.physics.effects.effect import DescribedEffect, Parameter
+from benchctl_instruments.physics.effects.effect import DescribedEffect, Parameter
 
 FloatArray = npt.NDArray[np.float64]
 
 _SMALLEST = 1e-300
 """Below it a number that is moved in its logarithm does not go."""
+_AT = 1e-3
+"""A number so near its bound, as a share of that, stands at it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Free:
-    """One number that is fitted: a parameter of the baseline (`effect` is None) or of the effect at a place."""
+    """One number that is fitted: a parameter of the baseline (`effect` is None) or of the effect at a place.
+
+    `low` and `high` bound a parameter of the baseline; an effect's are in its `parameter`.
+    """
 
     name: str
     effect: int | None
     parameter: Parameter | None
+    low: float = -math.inf
+    high: float = math.inf
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,9 +40,10 @@ class Point:
     baseline: FloatArray
     effects: tuple[DescribedEffect, ...] = ()
 
-    def free(self, names: Sequence[str]) -> list[Free]:
-        """Everything that can be fitted at this point; `names` are those of the baseline."""
-        numbers = [Free(name, None, None) for name in names]
+    def free(self, names: Sequence[str], bounds: Mapping[str, tuple[float, float]] | None = None) -> list[Free]:
+        """Everything that can be fitted at this point; `names` are those of the baseline, some within `bounds`."""
+        within = bounds or {}
+        numbers = [Free(name, None, None, *within.get(name, (-math.inf, math.inf))) for name in names]
         for place, effect in enumerate(self.effects):
             numbers += [
                 Free(name, place, parameter)
@@ -57,12 +65,26 @@ class Point:
         effects = list(self.effects)
         for index, (number, value) in enumerate(zip(numbers, values.tolist(), strict=True)):
             if number.effect is None:
-                baseline[index] = value
+                baseline[index] = min(max(value, number.low), number.high)
             else:
                 effects[number.effect] = replace(  # type: ignore[type-var]  # every effect is a dataclass
                     effects[number.effect], **{number.name: _bounded(number, value)}
                 )
         return Point(baseline=baseline, effects=tuple(effects))
+
+
+def at_bound(effect: DescribedEffect) -> bool:
+    """Whether a parameter of an effect stands at one of its bounds; a `choice` and a phase have none."""
+    return any(
+        stands_at(effect.values[name], parameter.low, parameter.high)
+        for name, parameter in effect.parameters.items()
+        if parameter.role in ("size", "shape")
+    )
+
+
+def stands_at(value: float, low: float, high: float) -> bool:
+    """Whether a number is as near one of its bounds as it can be told."""
+    return value - low <= _AT * abs(low) or high - value <= _AT * abs(high)
 
 
 def _in_logarithms(number: Free) -> bool:

@@ -1,5 +1,8 @@
 """What a fit needs of the rows, kept per step: products of whitened derivatives with each other and the residual.
 
+What is compared beside the rows (`Problem.spectral_residual`) is added to its steps: it tells numbers, but is no row
+from which the size of the noise is known.
+
 A step is summed up some rows at a time, which stay in a core's own memory; several cores take some steps each.
 """
 
@@ -43,29 +46,54 @@ class Products:
         )
 
 
-def products_of(problem: Problem, derivatives: FloatArray, white: FloatArray, whitener: Whitener) -> Products:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spectral:
+    """What is compared beside the rows: the residual (w,), and the derivatives (w, p) of what it is the residual of."""
+
+    residual: FloatArray
+    derivatives: FloatArray
+
+
+def products_of(
+    problem: Problem, derivatives: FloatArray, white: FloatArray, whitener: Whitener, spectral: Spectral
+) -> Products:
     """The products per step of whitened derivatives (n, p) and residuals (n,)."""
+    beside = spectral.derivatives
+    information = _over_steps(problem, lambda rows: gram(derivatives[rows]))
     empty = Products(
-        information=_over_steps(problem, lambda rows: gram(derivatives[rows])),
+        information=_added(problem, information, beside[:, :, None] * beside[:, None, :]),
         gradient=np.zeros((0, derivatives.shape[1])),
         squares=np.zeros(0),
         rows=_over_steps(problem, lambda rows: float(np.count_nonzero(whitener.weight[rows]))),
     )
-    return with_residual(problem, empty, derivatives, white)
+    return with_residual(problem, empty, derivatives, white, spectral)
 
 
-def with_residual(problem: Problem, products: Products, derivatives: FloatArray, white: FloatArray) -> Products:
-    """The products with another residual (n,) of the same derivatives."""
+def with_residual(
+    problem: Problem, products: Products, derivatives: FloatArray, white: FloatArray, spectral: Spectral
+) -> Products:
+    """The products with other residuals of the same derivatives."""
 
     def gradient(rows: slice) -> FloatArray:
         return sum((white[some] @ derivatives[some] for some in in_cache(rows)), np.zeros(derivatives.shape[1]))
 
-    return replace(products, gradient=_over_steps(problem, gradient), squares=squares_of(problem, white))
+    return replace(
+        products,
+        gradient=_added(problem, _over_steps(problem, gradient), spectral.derivatives * spectral.residual[:, None]),
+        squares=squares_of(problem, white, spectral.residual),
+    )
 
 
-def squares_of(problem: Problem, white: FloatArray) -> FloatArray:
-    """The sums of squares of whitened values (n,) over each step's rows, shape (m,)."""
-    return _over_steps(problem, lambda rows: sum(float(white[some] @ white[some]) for some in in_cache(rows)))
+def squares_of(problem: Problem, white: FloatArray, beside: FloatArray) -> FloatArray:
+    """The sums of squares of each step's whitened rows (n,) and of what is compared beside them (w,), shape (m,)."""
+    rows = _over_steps(problem, lambda rows: sum(float(white[some] @ white[some]) for some in in_cache(rows)))
+    return _added(problem, rows, beside**2)
+
+
+def _added(problem: Problem, sums: FloatArray, values: FloatArray) -> FloatArray:
+    """Sums of steps (m, …) with values (w, …) of what is compared beside the rows."""
+    np.add.at(sums, problem.spectral_step, values)
+    return sums
 
 
 def _over_steps(problem: Problem, summed: Callable[[slice], FloatArray | float]) -> FloatArray:

@@ -24,10 +24,10 @@ from benchctl.diagnosis.gyro.laid import Laid, laid_out
 from benchctl.diagnosis.signals.blocks import in_cache
 from benchctl.diagnosis.signals.motion import rates_of
 from benchctl.diagnosis.signals.threads import do_all, parts_of
-from instruments.physics.chain import STAGES, Signals, Stage
-from instruments.physics.effects.effect import PhysicalEffect
-from instruments.physics.effects.kinds import ClockEffect, EncoderEffect, FilterEffect
-from instruments.physics.response_gyro import scaled_v
+from benchctl_instruments.physics.chain import STAGES, Signals, Stage
+from benchctl_instruments.physics.effects.effect import PhysicalEffect
+from benchctl_instruments.physics.effects.kinds import ClockEffect, EncoderEffect, FilterEffect
+from benchctl_instruments.physics.response_gyro import scaled_v
 
 FloatArray = npt.NDArray[np.float64]
 

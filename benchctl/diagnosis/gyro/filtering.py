@@ -10,7 +10,7 @@ import numpy.typing as npt
 import scipy.fft
 from scipy.ndimage import map_coordinates, spline_filter1d
 
-from instruments.physics.effects.kinds import FilterEffect
+from benchctl_instruments.physics.effects.kinds import FilterEffect
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]

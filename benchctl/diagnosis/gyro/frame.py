@@ -17,7 +17,7 @@ from benchctl.diagnosis.signals.ripple import ripple_of
 from benchctl.diagnosis.signals.temperature import Pause, Readings, Thermistor, thermistor_of
 from benchctl.recordings.model import Step, StepInfo, axis_of
 from benchctl.recordings.reader import Recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]

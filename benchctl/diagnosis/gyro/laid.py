@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchctl.diagnosis.gyro.frame import Frame
-from instruments.physics.chain import Signals
+from benchctl_instruments.physics.chain import Signals
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

@@ -61,7 +61,7 @@ def _coarse(frame: Frame, simulation: Mapping[str, Any], step_deg: float) -> Ite
     if _turns(frame) and error_v > noise_v:
         yield (
             f"The encoder's steps of {3600.0 * step_deg:.3g}″ beat with the samples at steady rates: the rate is then"
-            f" wrong by up to {1e3 * error_v:.2g} mV of output, above the noise of {1e3 * noise_v:.2g} mV. What repeats"
+            f" wrong by up to {error_v / noise_v:.2g} times the noise of the output. What repeats"
             " finely with the angle or the output, or is left in the acceleration, may be no more than that."
         )
 
@@ -115,8 +115,8 @@ def _limits(frame: Frame, simulation: Mapping[str, Any], band: Band | None) -> I
             )
     if band is not None:
         yield (
-            f"The motion goes beyond the band in which an encoder's angles make a rate: gyro and model are compared up"
-            f" to {band.up_to_hz:.3g} Hz, and residuals are those of that band; single spikes, a held output, lines"
-            " above it, and what is not in proportion to the momentary rate (the sine law, a dead zone, saturation, a"
-            " converter's errors) are not looked for."
+            f"The motion goes beyond the band in which an encoder's angles make a rate: gyro and model are compared"
+            f" row by row up to {band.up_to_hz:.3g} Hz, and residuals are those of that band; single spikes, a held"
+            " output, lines above it, and what is not in proportion to the momentary rate (the sine law, a dead zone,"
+            " saturation, a converter's errors) are not looked for."
         )

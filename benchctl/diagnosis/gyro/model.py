@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 _NUMBERS = ("K0_v_per_dps", "U0_v", "T0_c")
 _LISTS = ("k_T", "k_omega")

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -17,29 +17,41 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import t as student
 
+from benchctl.calibration.static_points_fit import RESTING_DPS
+from benchctl.diagnosis.faults.fault import Fault
 from benchctl.diagnosis.gyro.chain import Law
 from benchctl.diagnosis.gyro.model import checked_model
+from benchctl.diagnosis.gyro.points_end import PointsEnd
 from benchctl.diagnosis.keys import tables_of
 from benchctl.diagnosis.stepped import Stepped
 from benchctl.recordings.model import StepInfo
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.static_points import KIND, StaticPoints
-from instruments.errors import UsageError
-from instruments.physics.chain import Signals
-from instruments.physics.effects.effect import DescribedEffect
-from instruments.physics.effects.registry import effects
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.chain import Signals
+from benchctl_instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.physics.effects.registry import effects
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 
-_LAWS = ("dead_zone", "fringe_ambiguity", "rate_nonlinearity", "rate_squared", "saturation", "scale_asymmetry")
+_LAWS = (
+    "dead_zone",
+    "fringe_ambiguity",
+    "rate_nonlinearity",
+    "rate_squared",
+    "saturation",
+    "scale_asymmetry",
+    "two_rails",
+)
 _LAWS_OF_TEMPERATURE = ("bias_temperature", "scale_rate_temperature_coupling", "scale_temperature")
 
 _FEWEST = 12
 _FEWEST_RATES = 5
 _SPAN_C = 2.0
-_RESTING_DPS = 1e-3
+_RATE_ERROR = 1e-3
+"""Share of the largest rate to which commanded ones are taken to be right, as rate tables are specified."""
 _ODD = 0.001
 """How often chance may put the points at rest so far from the model through all."""
 
@@ -49,6 +61,7 @@ class PointsProblem(Stepped):
     """A `benchctl.diagnosis.problem.Problem`: mean volts from commanded rates, a row a point.
 
     `simulation` is the lab's model, or the straight line through the points where there is none (`believed` says).
+    Points at which the gyro is `overloaded` (n,) are not fitted.
     """
 
     points: StaticPoints
@@ -59,6 +72,7 @@ class PointsProblem(Stepped):
     believed: bool
     unit: str
     noises: frozenset[str] = frozenset()
+    overloaded: BoolArray | None = None
 
     @cached_property
     def regressor_variance(self) -> tuple[FloatArray, FloatArray]:
@@ -114,8 +128,20 @@ class PointsProblem(Stepped):
 
     @cached_property
     def usable(self) -> BoolArray:
-        """Points whose mean is a number."""
-        return np.isfinite(self.points.mean_v) & np.isfinite(self.points.rate_dps)
+        """Points whose mean is a number, and at which the gyro is not overloaded."""
+        known = np.isfinite(self.points.mean_v) & np.isfinite(self.points.rate_dps)
+        return known if self.overloaded is None else known & ~self.overloaded
+
+    @property
+    def rate_error_v(self) -> float:
+        """What commanded rates may be wrong by at most, as output."""
+        largest = float(np.abs(self.points.rate_dps[self.usable]).max())
+        return _RATE_ERROR * largest * abs(_line(*self.following)["K0_v_per_dps"])
+
+    @cached_property
+    def end(self) -> PointsEnd | None:
+        """How the table ends; None where all points follow one law."""
+        return PointsEnd.of(self.points)
 
     @cached_property
     def baseline_names(self) -> tuple[str, ...]:
@@ -154,22 +180,23 @@ class PointsProblem(Stepped):
         known = {
             "rate": rate,
             "abs_rate": np.abs(rate),
-            "rate_sign": np.sign(np.where(np.abs(rate) < _RESTING_DPS, 0.0, rate)),
+            "rate_sign": np.sign(np.where(np.abs(rate) < RESTING_DPS, 0.0, rate)),
             "output": self.points.mean_v,
         }
         return known if self.points.temperature_c is None else {**known, "gyro_temp": self.points.temperature_c}
 
     def predict(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
         """Volts, shape (n,)."""
-        signals = self._signals(self.law.volts(baseline, self.points.rate_dps, self._coil_c))
-        for effect in effects:
-            if effect.stage == "scale":
-                signals = effect.apply(signals)
-        output_v = signals.output_v + baseline[1]
-        for effect in effects:
-            if effect.stage != "scale":
-                output_v = effect.apply(self._signals(output_v)).output_v
-        return np.asarray(output_v)
+        signals = self._signals()
+        for stage in ("sensed_rate", "scale", "bias", "electronics"):
+            if stage == "scale":
+                signals = replace(signals, output_v=self.law.volts(baseline, signals.sensed_rate_dps, self._coil_c))
+            if stage == "bias":
+                signals = replace(signals, output_v=signals.output_v + baseline[1])
+            for effect in effects:
+                if effect.stage == stage:
+                    signals = effect.apply(signals)
+        return signals.output_v
 
     def matters(self, name: str, change: float) -> float:
         """Of the bias a share of full scale, of the others one of the scale factor, at the edge of the points."""
@@ -215,7 +242,9 @@ class PointsProblem(Stepped):
             f" {100.0 * scatter / self.full_scale:.2g} % of full scale) about the final model; intervals and thresholds"
             " are by that scatter, not by the deviation stated with each point."
         )
-        rest = np.abs(points.rate_dps) < _RESTING_DPS
+        if self.end is not None:
+            yield from self.end.remarks()
+        rest = np.abs(points.rate_dps) < RESTING_DPS
         yield from _at_rest(after[rest & self.usable], after[~rest & self.usable], self.simulation, self.unit)
 
     @property
@@ -228,7 +257,14 @@ class PointsProblem(Stepped):
         known = self.points.temperature_c
         return np.full(self.points.rate_dps.size, self.law.T0_c) if known is None else known
 
-    def _signals(self, output_v: FloatArray) -> Signals:
+    @property
+    def following(self) -> tuple[FloatArray, FloatArray]:
+        """Rates and outputs of the points that follow the law, (m,) each."""
+        rate, mean = self.points.rate_dps, self.points.mean_v
+        follows = self.usable if self.end is None else self.usable & (np.abs(rate) <= self.end.follows_to_dps)
+        return rate[follows], mean[follows]
+
+    def _signals(self) -> Signals:
         rate, none = self.points.rate_dps, np.zeros(self.points.rate_dps.size)
         return Signals(
             interval_s=1.0,
@@ -239,7 +275,7 @@ class PointsProblem(Stepped):
             housing_c=self._coil_c,
             coil_c=self._coil_c,
             sensed_rate_dps=rate,
-            output_v=output_v,
+            output_v=none,
             encoder_deg=none,
             thermistor_c=self._coil_c,
             coil_rate_c_per_s=none,
@@ -262,6 +298,26 @@ def _at_rest(rest: FloatArray, turning: FloatArray, simulation: Mapping[str, Any
         )
     else:
         yield f"{said}, which is within the scatter of the others."
+
+
+def without_overload(problem: PointsProblem) -> tuple[PointsProblem, tuple[Fault, ...]]:
+    """The problem without the points at which the gyro is overloaded, and that fault, where there is one.
+
+    Without a lab's model the straight line is that of the other points; the range ends where the law does.
+    """
+    if "overload" in problem.without or problem.end is None or (fault := problem.end.overload()) is None:
+        return problem, ()
+    ends_dps = problem.end.follows_to_dps
+    kept = replace(problem, overloaded=fault.rows, range_dps=min(problem.range_dps, ends_dps))
+    if not problem.believed:
+        kept = replace(kept, simulation={**problem.simulation, **_line(*kept.following)})
+    return kept, (fault,)
+
+
+def _line(rate_dps: FloatArray, mean_v: FloatArray) -> dict[str, float]:
+    """The straight line through points of shape (n,)."""
+    slope, offset = np.polyfit(rate_dps, mean_v, 1).tolist()
+    return {"K0_v_per_dps": slope, "U0_v": offset}
 
 
 def has_points(recording: Recording) -> bool:
@@ -287,10 +343,8 @@ def points_problem(
     told = model or recording.meta.simulation
     digital = recording.meta.output_unit == "deg/s"
     if told is None:
-        slope, offset = np.polyfit(points.rate_dps, points.mean_v, 1).tolist()
         simulation: Mapping[str, Any] = {
-            "K0_v_per_dps": slope,
-            "U0_v": offset,
+            **_line(points.rate_dps, points.mean_v),
             "T0_c": 20.0 if points.temperature_c is None else float(np.median(points.temperature_c)),
             "k_T": [],
             "k_omega": [],

@@ -11,9 +11,9 @@ import numpy.typing as npt
 from benchctl.diagnosis.gyro.frame import Frame
 from benchctl.diagnosis.gyro.problem import gyro_problem
 from benchctl.recordings.reader import Recording
-from instruments.errors import UsageError
-from instruments.physics.effects.kinds import NoiseEffect
-from instruments.physics.effects.making import make_effects
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.effects.kinds import NoiseEffect
+from benchctl_instruments.physics.effects.making import make_effects
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,6 +16,7 @@ from benchctl.diagnosis.gyro.encoder_noise import rate_variance
 from benchctl.diagnosis.gyro.frame import Frame, frame_of
 from benchctl.diagnosis.gyro.limits import at_rest, limits_of
 from benchctl.diagnosis.gyro.model import checked_model
+from benchctl.diagnosis.gyro.response import Response, response_of
 from benchctl.diagnosis.gyro.rounding import rounding_between
 from benchctl.diagnosis.gyro.seen_by_both import lines_of_angle
 from benchctl.diagnosis.gyro.taken import most_rows
@@ -26,11 +28,11 @@ from benchctl.diagnosis.signals.series import cut
 from benchctl.diagnosis.stepped import Stepped
 from benchctl.recordings.model import StepInfo
 from benchctl.recordings.reader import Recording
-from instruments.errors import UsageError
-from instruments.physics.effects.effect import DescribedEffect
-from instruments.physics.effects.kinds import NoiseEffect
-from instruments.physics.effects.registry import effects
-from instruments.physics.gyro import earth_rate_dps
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.physics.effects.kinds import NoiseEffect
+from benchctl_instruments.physics.effects.registry import effects
+from benchctl_instruments.physics.gyro import earth_rate_dps
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -39,6 +41,9 @@ BoolArray = npt.NDArray[np.bool_]
 _TURN = 360.0
 _MANY, _PIECE = 3_000_000, 8
 """Rows from which on a first look at fewer pays; the length of its pieces, in reaches of the filters."""
+_ROOM_C = 20.0
+"""Reference temperature of a model that nobody stated."""
+_FEWEST_IN_BAND = 100
 _FEWEST_STEPS = 12
 """Of fewer steps none can be held out; they are cut into pieces."""
 
@@ -50,7 +55,7 @@ class GyroProblem(Stepped):
     Its rows are those of the frame, or, of a motion beyond the filters' band, the slow part of some of them (`band`).
     `simulation` is the lab's model under the names of the open recording; `T0_c` its reference temperature. `earth_dps`
     is the Earth's rate about the table's axis, 0 where nobody said where the table stands; `rounding_v` (n,) what the
-    steps of a coarse converter have added to the output.
+    steps of a coarse converter have added to the output. `response` is what is compared above the band.
     """
 
     frame: Frame
@@ -64,6 +69,7 @@ class GyroProblem(Stepped):
     earth_dps: float = 0.0
     rounding_v: FloatArray | None = None
     band: Band | None = None
+    response: Response | None = None
     encoder_step_deg: float = 0.0
     unit: str = "V"
     believed: bool = True
@@ -125,7 +131,7 @@ class GyroProblem(Stepped):
         law = self.chain.law
         temperature = [f"°C^-{i + 1}" for i in range(law.temperature_terms)]
         rate = [f"(°/s)^-{2 * (i + 1)}" for i in range(law.rate_terms)]
-        return ("V/(°/s)", "V", *temperature, *rate)
+        return (f"{self.unit}/(°/s)", self.unit, *temperature, *rate)
 
     @cached_property
     def baseline_start(self) -> FloatArray:
@@ -148,9 +154,12 @@ class GyroProblem(Stepped):
         """Every effect of the vocabulary that changes a prediction, but for those that are withheld.
 
         How coarse a converter has become is seen in the samples themselves (`faults`), and what is not in proportion to
-        the rate only where the momentary one is known.
+        the rate only where the momentary one is known. An overload, which can stand for a fold, is told in static
+        points only.
         """
-        without = {*self.without, "adc_coarse"}
+        without = {*self.without, "adc_coarse", "overload"}
+        if self.band is not None:  # motion above half the sampling rate folds back as lines
+            without.add("mains_pickup")
         return {
             name: kind
             for name, kind in effects().items()
@@ -181,6 +190,17 @@ class GyroProblem(Stepped):
     def predict(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
         """Volts, shape (n,)."""
         return self._slow(self.chain.predict(baseline, effects))
+
+    def spectral_residual(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
+        """Of gain and phase above the band, in units of its noise, shape (w,)."""
+        if self.response is None or self.band is None:
+            return np.zeros(0)
+        return self.band.noise * self.response.residual(self.chain.predict(baseline, effects))
+
+    @cached_property
+    def spectral_step(self) -> IntArray:
+        """The step of each of its numbers, shape (w,)."""
+        return np.zeros(0, np.int64) if self.response is None else self.response.step
 
     def forget(self) -> None:
         """What the stages of the chain made last, arrays as long as the recording."""
@@ -267,7 +287,9 @@ class GyroProblem(Stepped):
             " stands where this one is said to: the model does without it."
         )
         earth = (left_out,) if self.earth_dps and not self.chain.earth_dps else ()
-        return (*limits_of(frame, self.simulation, self.band, self.encoder_step_deg), *lines, *earth)
+        limits = limits_of(frame, self.simulation, self.band, self.encoder_step_deg)
+        above = () if self.response is None else (self.response.says(float(self.simulation["K0_v_per_dps"])),)
+        return (*limits, *above, *lines, *earth)
 
 
 def gyro_problem(
@@ -279,31 +301,36 @@ def gyro_problem(
 ) -> GyroProblem:
     """The problem of a recording and of the model that its lab believes in, or of another `model` in its place.
 
-    Steps that are too few to hold some out are cut into pieces, but for `whole_steps`.
+    Without a model the output is compared with a straight line in the rate: for a digital gyro, whose unit states its
+    scale factor, with the rate itself or its negative; for an analogue one with the line that fits best (`believed` is
+    then false). Steps that are too few to hold some out are cut into pieces, but for `whole_steps`.
 
-    Raises `UsageError` where there is no model, a model with a wrong field, or no scan of encoder and gyro.
+    Raises `UsageError` where the model has a wrong field, the recording no scan of encoder and gyro, or, without a
+    model, the table never turns.
     """
-    simulation = model or recording.meta.simulation
-    if simulation is None:
-        raise UsageError(
-            f"{recording.path}: says of no model what the gyro should have put out;"
-            " name one with --model FILE (K0_v_per_dps, U0_v, T0_c, k_T, k_omega)"
-        )
     digital = recording.meta.output_unit == "deg/s"
     where = "[simulation] of the model" if model else f"{recording.path}: [simulation]"
-    simulation = checked_model(simulation, where=where, digital=digital)
+    stated = model or recording.meta.simulation
+    simulation = None if stated is None else checked_model(stated, where=where, digital=digital)
+    temperature_c = _ROOM_C if simulation is None else float(simulation["T0_c"])
+    frame = at_rest(frame_of(recording, temperature_c=temperature_c, most=most_rows()))
+    if simulation is None:
+        simulation = _line(recording, frame, digital=digital)
     law = Law(
         T0_c=float(simulation["T0_c"]),
         temperature_terms=len(simulation["k_T"]),
         rate_terms=len(simulation["k_omega"]),
     )
-    frame = at_rest(frame_of(recording, temperature_c=law.T0_c, most=most_rows()))
     frame = frame if whole_steps else _cut(frame)
     range_dps = recording.meta.unit.range_dps or float(np.abs(frame.rate_dps).max())
+    if range_dps == 0.0:
+        raise UsageError(
+            f"{recording.path}: the table rests and the unit's range is not known; state range_dps in the import's map"
+        )
     facts = recording.meta.bench
     earth_dps = 0.0 if facts.latitude_deg is None else earth_rate_dps(facts.latitude_deg)
-    band = band_of(frame.stretches, 1.0 / frame.interval_s, frame.rate_dps, frame.volts) if frame.beyond else None
-    usable = _usable(frame, float(simulation.get("output_limit_v") or np.inf), band)
+    limit_v = float(simulation.get("output_limit_v") or np.inf)
+    band, usable = _compared(frame, limit_v)
     return GyroProblem(
         frame=frame,
         chain=GyroChain(frame, law, earth_dps),
@@ -315,8 +342,59 @@ def gyro_problem(
         usable=usable if band is None else usable[band.rows],
         earth_dps=earth_dps,
         band=band,
+        response=None if band is None else _response(frame, band, limit_v),
         encoder_step_deg=360.0 / facts.encoder_counts_per_rev if facts.encoder_counts_per_rev else 0.0,
+        believed=stated is not None or digital,
+        unit="°/s" if digital else "V",
     )
+
+
+def _compared(frame: Frame, limit_v: float) -> tuple[Band | None, BoolArray]:
+    """The band in which a motion that goes beyond the filters is compared, and the usable rows of the frame, (n,).
+
+    Stretches may be too short for a band's low pass: then all of their motion is compared.
+    """
+    if frame.beyond:
+        band = band_of(frame.stretches, 1.0 / frame.interval_s, frame.rate_dps, frame.volts)
+        usable = _usable(frame, limit_v, band)
+        if np.count_nonzero(usable[band.rows]) >= _FEWEST_IN_BAND:
+            return band, usable
+    return None, _usable(frame, limit_v, None)
+
+
+def _response(frame: Frame, band: Band, limit_v: float) -> Response | None:
+    """Gain and phase above a band, of what was measured."""
+    measured = _usable(frame, limit_v, None)
+    if frame.filled is not None:
+        measured &= ~frame.filled
+    return response_of(
+        rate_dps=frame.rate_dps,
+        volts=frame.volts,
+        usable=measured,
+        stretches=frame.stretches,
+        step=frame.step,
+        interval_s=frame.interval_s,
+        above_hz=band.stop_hz,
+    )
+
+
+def _line(recording: Recording, frame: Frame, *, digital: bool) -> Mapping[str, Any]:
+    """A straight line in the rate as the model of a gyro of which none is stated."""
+    usable = np.isfinite(frame.volts) & np.isfinite(frame.rate_dps)
+    rate_dps, output = frame.rate_dps[usable], frame.volts[usable]
+    if not usable.any() or float(np.ptp(rate_dps)) == 0.0:
+        raise UsageError(
+            f"{recording.path}: the table never turns, so the recording shows no scale factor;"
+            " name a model with --model FILE (K0_v_per_dps, U0_v, T0_c, k_T, k_omega)"
+        )
+    slope, offset = np.polyfit(rate_dps, output, 1).tolist()
+    return {
+        "K0_v_per_dps": math.copysign(1.0, slope) if digital else slope,
+        "U0_v": 0.0 if digital else offset,
+        "T0_c": _ROOM_C,
+        "k_T": [],
+        "k_omega": [],
+    }
 
 
 def _cut(frame: Frame) -> Frame:

@@ -16,7 +16,7 @@ from benchctl.plan.find import installed_procedures
 from benchctl.plan.written import as_texts
 from benchctl.recordings.model import Meta
 from benchctl.toml_file import parse_toml
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 LONGEST_H = 24.0
 """Runs that take longer are not proposed."""

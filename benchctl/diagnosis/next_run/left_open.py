@@ -8,6 +8,7 @@ from benchctl.diagnosis.fitting.fit import fit
 from benchctl.diagnosis.fitting.wandering import PROCESSES
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of_names
+from benchctl.diagnosis.next_run.by_hand import next_by_hand
 from benchctl.diagnosis.next_run.candidates import bench_of_recording
 from benchctl.diagnosis.next_run.experiment import NOTHING_OPEN, OpenPair, next_experiment
 from benchctl.diagnosis.next_run.repeated import repeat_along, rest_longer
@@ -28,7 +29,7 @@ def next_of(
 ) -> NextExperiment:
     """The run that best parts each finding from its nearest alternative, or that shows more of what nobody explains."""
     if not isinstance(problem, GyroProblem):
-        return NOTHING_OPEN
+        return next_by_hand(problem, findings, unexplained)
     bench = bench_of_recording(meta)
     pairs = list(_pairs(problem, chosen, findings))
     if pairs:

@@ -21,7 +21,7 @@ from benchctl.diagnosis.signals.motion import motions_of
 from benchctl.plan import ConstantRate, Plan, Sine, Soak, Step, ThermalRamp
 from benchctl.plan.steps import ByHand, positions
 from benchctl.recordings.model import StepInfo
-from instruments.physics.chamber import ChamberParameters, ChamberState, advance, settled, switched
+from benchctl_instruments.physics.chamber import ChamberParameters, ChamberState, advance, settled, switched
 
 FloatArray = npt.NDArray[np.float64]
 

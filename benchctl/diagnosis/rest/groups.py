@@ -17,7 +17,7 @@ import numpy.typing as npt
 import scipy.sparse
 
 from benchctl.diagnosis.rest.leftover import Columns
-from instruments.physics.effects.thermal_hysteresis import play
+from benchctl_instruments.physics.effects.thermal_hysteresis import play
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
+from benchctl.diagnosis.fitting.disturbance import disturbance_beside
 from benchctl.diagnosis.fitting.fit import Fit, fit, gain_of
 from benchctl.diagnosis.fitting.wandering import PROCESSES
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.problem import Problem
-from benchctl.diagnosis.rest.rest import Rest, imperfect, instead_of, rest_of, withdrawn
+from benchctl.diagnosis.rest.commanded import owed_to_the_table, without_the_tables_own
+from benchctl.diagnosis.rest.rest import Rest, imperfect, instead_of, rest_beside, rest_of, withdrawn
 from benchctl.diagnosis.result import Unexplained
 from benchctl.diagnosis.search.select import reduced, without
 from benchctl.diagnosis.search.selection import Selection
@@ -25,14 +30,18 @@ def named(
     `rounding_v2` is the variance of what a coarse converter rounds off: it repeats with the motion, and is no noise.
     A name that falls uncovers what it had followed; so the rest is looked at again until no more fall.
     """
+    if problem.disturbed:
+        return chosen, _beside_disturbance(problem, chosen), ()
+    chosen, noted = without_the_tables_own(problem, chosen)
     for _ in range(_ROUNDS):
         rest = rest_of(problem, chosen.whitener, chosen.after, seed=seed)
-        if not rest.significant:
-            return chosen, NOTHING, ()
+        if not rest.significant or owed_to_the_table(problem, math.sqrt(rest.power)):
+            return chosen, NOTHING, noted
         if rest.power < _ROUNDED * rounding_v2:
             return chosen, NOTHING, (f"{rest.says} It is little enough to be owed to the converter's steps.",)
+        judged = rest if isinstance(problem, GyroProblem) else _beside_time(rest, chosen.after)
         less = {name: without(problem, chosen, name) for name in chosen.evidence}
-        gains = {name: _beside(rest, chosen.after, one) for name, one in less.items()} | _noises(chosen, rest)
+        gains = {name: _beside(judged, chosen.after, one) for name, one in less.items()} | _noises(chosen, rest)
         instead = {
             name: instead_of(problem, chosen.whitener, one, rest, seed=seed)
             * gains[name]
@@ -40,11 +49,11 @@ def named(
             for name, one in less.items()
             if isinstance(problem, GyroProblem)  # a drive or a chamber moves once or twice: time follows everything
         }
-        forbidden = withdrawn(gains, rest, instead)
+        forbidden = withdrawn(gains, judged, instead)
         if not forbidden:
             break
         chosen = reduced(problem, chosen, forbidden)
-    if imperfect(gains, rest, instead):
+    if imperfect(gains, judged, instead):
         return chosen, NOTHING, (f"{rest.says} It is little enough to be owed to the model of what was found.",)
     before = fit(problem, chosen.noise.plain, chosen.before.point, chosen.before.fitted)
     ceiling = rest_of(problem, chosen.noise.plain, before, seed=seed)
@@ -54,10 +63,32 @@ def named(
     return chosen, unexplained, ()
 
 
+def _beside_disturbance(problem: Problem, chosen: Selection) -> Unexplained:
+    """What is left beside the disturbance that a selection leaves: every finding has competed with it already."""
+    whitener = chosen.noise.plain.beside(disturbance_beside(problem, chosen.after).slow)
+    after, before = (fit(problem, whitener, one, one.fitted, rounds=0) for one in (chosen.after, chosen.before))
+    rest = rest_beside(problem, whitener, after)
+    if not rest.significant:
+        return NOTHING
+    share = rest.share_of(rest_beside(problem, whitener, before))
+    return Unexplained(significant=True, share=share, coordinates=rest.coordinates, says=rest.says)
+
+
 def _beside(rest: Rest, fitted: Fit, less: Fit) -> float:
     """What a finding explains, in the measure of the gain of the rest: by power, which no logarithm makes small."""
     power = (less.squares - fitted.squares) / max(fitted.rows, 1.0)
     return max(power, 0.0) / max(rest.power, 1e-300) * rest.gain
+
+
+def _beside_time(rest: Rest, fitted: Fit) -> Rest:
+    """What is left along coordinates other than time and step, as of a drive or a chamber.
+
+    They move once or twice in a recording: time and step follow anything that is left, and speak against no name.
+    """
+    others = [one for one in rest.looked if not {"time", "step"} & {*"*".join(one.words).split("*")}]
+    gain = max(others, key=lambda one: one.promise).gain if others else 0.0
+    power = fitted.squares / max(fitted.rows, 1.0) * -math.expm1(-gain / max(fitted.rows, 1.0))
+    return replace(rest, gain=gain, power=power)
 
 
 def _noises(chosen: Selection, rest: Rest) -> dict[str, float]:

@@ -41,6 +41,8 @@ NOISES = ("bias_random_walk", "flicker_noise")
 
 _CLEARLY = 1.05
 """By how much a coordinate must do better in a finding's stead: the finding's own model is not perfect either."""
+_HALF = 0.5
+"""What a coordinate must bring in a finding's stead, as a share, for the finding to be doubted at all."""
 _OWED = 100.0
 """What is left is owed to the model of a finding that explains so many times more: a tenth of it, in amplitude."""
 _AS_GOOD = 0.02
@@ -163,6 +165,13 @@ def rest_of(problem: Problem, whitener: Whitens, fit: Fitted, *, seed: int = 0) 
     return _told(look(white, _groups(problem, fit, white, slow=True), _through(whitener)), noise_gain)
 
 
+def rest_beside(problem: Problem, whitener: Whitens, fit: Fitted) -> Rest:
+    """The same beside a disturbance that is known to be there, which the whitener makes white."""
+    rows = fit.fitted[problem.step] & (whitener.weight > 0.0)
+    white = Leftover(fit.white, fit.derivatives, rows)
+    return _told(look(white, _groups(problem, fit, white, slow=True), _through(whitener)), 0.0)
+
+
 def _is_for_noise(structure: View, plain: Leftover, whitener: Whitens, noise_gain: float) -> bool:
     """Whether a structure explains as much as slow noise does, and leaves nothing for it."""
     if max(one.promise for one in structure.looked) <= noise_gain:
@@ -195,7 +204,8 @@ def withdrawn(gains: Mapping[str, float], rest: Rest, instead: Mapping[str, floa
 
     A right model of an effect leaves nearly nothing of what it explains, a wrong one that follows it half leaves much:
     a finding stands where it brings more than `SHORT` times what is left, or, where the coordinate itself in its stead
-    brings as much (`instead`, from `instead_of`), `FAITHFUL` times. Slow noise is not named where a structure brings
+    brings as much (`instead`, from `instead_of`), `FAITHFUL` times. Where the coordinate brings not even `_HALF` as
+    much, what is left is something else, as in every real recording. Slow noise is not named where a structure brings
     as much.
     """
     if not rest.significant:
@@ -205,7 +215,10 @@ def withdrawn(gains: Mapping[str, float], rest: Rest, instead: Mapping[str, floa
     def falls(name: str, gain: float) -> bool:
         if name in NOISES and rest.for_noise:
             return True
-        return gain < (FAITHFUL if held.get(name, -math.inf) > _CLEARLY * gain else SHORT) * rest.gain
+        in_its_stead = held.get(name, gain)
+        if in_its_stead < _HALF * gain:
+            return False
+        return gain < (FAITHFUL if in_its_stead > _CLEARLY * gain else SHORT) * rest.gain
 
     return tuple(name for name, gain in gains.items() if falls(name, gain))
 
@@ -371,7 +384,7 @@ _PHRASES = {
     "chamber_temp": "the chamber's temperature",
     "output": "the output",
     "frequency": "one frequency",
-    "step": "single steps",
+    "step": "the steps",
 }
 
 

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
+from benchctl.diagnosis.fitting.disturbance import deviance_beside
 from benchctl.diagnosis.fitting.fit import Fit, Point, fit, gain_kept, gain_of
 from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.fitting.noise_model import NoiseModel
 from benchctl.diagnosis.fitting.occam import occam
+from benchctl.diagnosis.fitting.point import at_bound
 from benchctl.diagnosis.keys import Place, may_join, place_of
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.held_out import dealt, held_out_steps
@@ -22,13 +24,19 @@ from benchctl.diagnosis.search.scans import SCANNED, proposals
 from benchctl.diagnosis.search.scatter import scatter
 from benchctl.diagnosis.search.screen import Scored, Screening, screen
 from benchctl.diagnosis.signals.blocks import block_starts
-from instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 IntArray = npt.NDArray[np.int64]
 
 _TRIED = 6
 _WORTH_TRYING = 0.2
-"""Share of the best promise below which an effect is not fitted: where it starts is near enough for that."""
+"""Share of the best promise, or of the best gain, below which an effect is not fitted.
+
+Where it starts is near enough for that; but a column that is right for a small effect leaves structure of a large one,
+which makes its gain scatter: a fit takes that away.
+"""
+ALIKE = 0.01
+"""In twice the log likelihood: what is no better than this is alike, and the digits of a sum do not choose."""
 _IMPERFECT = 0.02
 """Share of what an effect does by which its model may miss it: so much of its gain, squared, is left to others."""
 _ROUNDED = 0.01
@@ -39,7 +47,9 @@ _ROUNDED = 0.01
 class Tried:
     """A model with one effect more: its fit, and what it promises after what chance adds to the gain.
 
-    `evidence` is the gain less what the effect's freedom has cost: by it effects are compared.
+    `evidence` is the gain less what the effect's freedom has cost: by it effects are compared. Beside a disturbance it
+    is that of the fit itself, and what is promised that beside the disturbance. Both are −∞ where the effect stands at
+    a bound of what is plausible.
     """
 
     fit: Fit
@@ -69,6 +79,8 @@ class Models:
         self._threshold: float | None = None
         self._bare: tuple[Whitener, Fit] | None = None
         self._rivals: dict[Place, tuple[str, ...]] = {}
+        self._refused: set[Place] = set()
+        self._deviances: dict[int, tuple[Fit, float]] = {}
 
     def _screened(self, present: Fit, shares: tuple[float, float], kinds: frozenset[str] | None = None) -> Screening:
         """The probes' promise beside a model; meanwhile the share that is done goes from one to the other."""
@@ -107,15 +119,47 @@ class Models:
         rounded = _ROUNDED * beside.rows * self._rounding_v2 / beside.deviation**2
         return (self._threshold or 0.0) + _IMPERFECT**2 * explained + rounded
 
+    def _still(self, present: Fit, less: Fit) -> float:
+        """What an effect that was added must gain beside those that came later.
+
+        Beside a disturbance that follows anything slow little is left of many a gain: the criterion is Schwarz's then,
+        and what chance brings anywhere was asked for when the effect was added.
+        """
+        if not self._problem.disturbed:
+            return self._least(less)
+        return (len(present.numbers) - len(less.numbers)) * math.log(present.rows)
+
     def _with(self, present: Fit, scored: Scored) -> Tried:
-        start: DescribedEffect = scored.probe.start(scored.weights)
-        fitted = self._fit(replace(present.point, effects=(*present.point.effects, start)))
-        gain, look_elsewhere = gain_of(fitted, present), 2.0 * math.log(scored.probe.places)
+        more: DescribedEffect = scored.probe.start(scored.weights)
+        start = replace(present.point, effects=(*present.point.effects, more))
+        return self._begun_with(present, start, 2.0 * math.log(scored.probe.places))
+
+    def _begun_with(self, present: Fit, start: Point, look_elsewhere: float) -> Tried:
+        fitted = self._fit(start)
+        if at_bound(fitted.point.effects[-1]):
+            return Tried(fit=fitted, promise=-math.inf, evidence=-math.inf)
         return Tried(
             fit=fitted,
-            promise=gain / self._scatter(fitted, present) - look_elsewhere,
-            evidence=gain - occam(fitted, len(fitted.point.effects) - 1) - look_elsewhere,
+            promise=self._beyond_chance(fitted, present) - look_elsewhere,
+            evidence=gain_of(fitted, present) - occam(fitted, len(fitted.point.effects) - 1) - look_elsewhere,
         )
+
+    def _gain(self, better: Fit, worse: Fit) -> float:
+        """By how much twice the log likelihood is larger, each beside the disturbance that it needs where one is."""
+        if not self._problem.disturbed:
+            return gain_of(better, worse)
+        return self._deviance(worse) - self._deviance(better)
+
+    def _deviance(self, fitted: Fit) -> float:
+        known = self._deviances.get(id(fitted))
+        if known is None or known[0] is not fitted:
+            known = self._deviances[id(fitted)] = fitted, deviance_beside(self._problem, fitted)
+        return known[1]
+
+    def _beyond_chance(self, better: Fit, worse: Fit) -> float:
+        """The gain, less where chance scatters by more than white noise would."""
+        gain = self._gain(better, worse)
+        return gain if self._problem.disturbed else gain / self._scatter(better, worse)
 
     def _scatter(self, better: Fit, worse: Fit) -> float:
         return self._scatter_over(block_starts(better.white.size), better, worse)
@@ -126,23 +170,70 @@ class Models:
 
     def _promising(self, present: Fit, screening: Screening) -> list[Scored]:
         """What is worth a fit: the best place, still free, of each effect that chance does not bring."""
+        least = self._least(present)
+        ranked = [one for one in self._free(present, screening).best_of_each() if one.promise > least]
+        most_promise = max((one.promise for one in ranked), default=1.0)
+        most_gain = max((one.gain for one in ranked), default=1.0)
+
+        def worth(one: Scored) -> float:
+            return float(f"{max(one.promise / most_promise, one.gain / most_gain):.6g}")
+
+        return sorted((one for one in ranked if worth(one) > _WORTH_TRYING), key=worth, reverse=True)[:_TRIED]
+
+    def _free(self, present: Fit, screening: Screening) -> Screening:
+        """What may still join a model: places that are not taken, and were not refused."""
         known = present.point.effects
-        free = tuple(one for one in screening.scored if may_join(one.probe.columns[0], known))
-        ranked = replace(screening, scored=free).best_of_each()
-        least = max(self._least(present), _WORTH_TRYING * ranked[0].promise) if ranked else 0.0
-        return [one for one in ranked if one.promise > least][:_TRIED]
+        places = [(one, one.probe.columns[0]) for one in screening.scored]
+        free = (one for one, its in places if may_join(its, known) and place_of(its) not in self._refused)
+        return replace(screening, scored=tuple(free))
 
     def _best(self, present: Fit, screening: Screening) -> Tried | None:
         """The best model with one effect more that holds on steps which it was not fitted to."""
         best: Tried | None = None
-        names: list[str] = []
-        for scored in self._promising(present, screening):
-            tried = self._with(present, scored)
-            names.append(tried.added.identifier)
-            if best is not None and tried.evidence <= best.evidence:
+        names: dict[str, None] = {}
+        for tried in self._tried(present, screening):
+            if tried.promise > 0.0:
+                names[tried.added.identifier] = None
+            if tried.evidence == -math.inf or (best is not None and tried.evidence <= best.evidence + ALIKE):
                 continue
-            if tried.promise > self._least(present) and gain_kept(tried.fit, present, self._folds) > 0.0:
+            if tried.promise > self._least(present) and self._keeps(tried.fit, present):
                 best = tried
         if best is not None:
             self._rivals[place_of(best.added)] = tuple(names)
         return best
+
+    def _tried(self, present: Fit, screening: Screening, kinds: Collection[str] | None = None) -> Iterator[Tried]:
+        """The model with each effect that is worth a fit; and from the places where the problem has effects begin."""
+        for scored in self._promising(present, screening):
+            tried = self._with(present, scored)
+            if self._possible(tried.fit):
+                yield tried
+        known = present.point
+        for baseline, effect in self._problem.starts(known.baseline, known.effects):
+            if kinds is None or effect.identifier in kinds:
+                tried = self._begun_with(present, Point(baseline=baseline, effects=(*known.effects, effect)), 0.0)
+                if self._possible(tried.fit):
+                    yield tried
+
+    def _keeps(self, better: Fit, worse: Fit) -> bool:
+        """Whether the gain holds on steps that a model was not fitted to.
+
+        Beside a disturbance each step is missed by a level of its own, which its neighbours foretell: there the steps
+        that were held out from all decide, in the end.
+        """
+        return self._problem.disturbed or gain_kept(better, worse, self._folds) > 0.0
+
+    def _possible(self, fitted: Fit) -> bool:
+        """Whether no effect of a fit stands at a bound, where an effect at its bound is none."""
+        return not self._problem.disturbed or not any(at_bound(effect) for effect in fitted.point.effects)
+
+    def _improves_held_out(self, present: Fit, less: Fit) -> bool:
+        """Whether a model does no worse than one with less on steps that neither was fitted to.
+
+        Where rows are weighed by a disturbance, that is by what they miss of the measured quantity itself.
+        """
+        if not self._problem.disturbed or not self._held.any():
+            return True
+        rows = self._held[self._problem.step] & self._problem.usable
+        better, worse = (float(np.sum(one.residual[rows] ** 2)) for one in (present, less))
+        return better <= worse

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchctl.diagnosis.problem import Problem
-from instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -1,21 +1,23 @@
-"""Every fold and every limit at once: a rate beyond which the output turns back, an output that is not exceeded.
+"""Every end of the range at once: a rate beyond which the output turns back or loses, an output that is not exceeded.
 
-Neither has a size, and what it does between two of a procedure's rates depends on where exactly it lies: a few places
-to begin from would miss it, or stand for another one; and a fit that goes beyond the largest output finds no way back.
-As each acts on one coordinate alone, the rate or the output, the residual's pull is summed over bins of it, and every
-place is judged by those sums.
+What one does between two of a procedure's rates depends on where exactly it lies: a few places to begin from would miss
+it, or stand for another one; and a fit that goes beyond the largest output finds no way back. As each acts on one
+coordinate alone, the rate or the output, the residual's pull is summed over bins of it, and every place is judged by
+those sums.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
 
 from benchctl.diagnosis.search.pull import Place, Pull, peaks
 from benchctl.diagnosis.signals.bins import bin_of
-from instruments.physics.effects.fringe_ambiguity import folded_dps
+from benchctl_instruments.physics.effects.fringe_ambiguity import folded_dps
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -46,26 +48,131 @@ def limit_places(pull: Pull, output_v: FloatArray, count: int) -> list[Place]:
     return _places(pull, output_v, change, count)
 
 
+def onset_places(pull: Pull, rate_dps: FloatArray, output_v: FloatArray, count: int) -> list[Place]:
+    """The most promising onsets [deg/s] of an overload, for rates and predicted outputs of shape (n,)."""
+    falling = np.sign(np.dot(rate_dps[pull.rows], output_v[pull.rows] - output_v[pull.rows].mean()))
+
+    def change(rates: FloatArray, onset: float) -> FloatArray:
+        return np.asarray(-falling * np.sign(rates) * np.maximum(np.abs(rates) - onset, 0.0))
+
+    return _places(pull, rate_dps, change, count, sized=True)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RailsPlace:
+    """Two rails [V] towards which the residual pulls, what they promise, and out of how many pairs they are."""
+
+    lower_v: float
+    upper_v: float
+    gain: float
+    places: float
+
+
+def rail_places(pull: Pull, output_v: FloatArray, count: int) -> list[RailsPlace]:
+    """The most promising pairs of rails of predicted outputs of shape (n,), the most promising first.
+
+    One rail of a pair may lie at the end of the outputs, where it does nothing.
+    """
+    low, high = float(output_v[pull.rows].min()), float(output_v[pull.rows].max())
+    if not low < high:
+        return []
+    along = _Along.of(pull, output_v, np.linspace(low, high, _BINS + 1))
+    inwards = np.linspace(0.0, (1.0 - _LOWEST) * (high - low), _PLACES)
+    lowers, uppers = low + inwards, high - inwards
+    # what two rails do adds up, as no output is at both
+    below = along.terms(np.maximum(along.middle, lowers[:, None]) - along.middle)
+    above = along.terms(np.minimum(along.middle, uppers[:, None]) - along.middle)
+    common = 2.0 * below.known @ along.covariance @ above.known.T
+    gain = _gains(
+        below.score[:, None] + above.score, np.maximum(below.own[:, None] + above.own - common, 1e-300), sized=False
+    )
+    gain[lowers[:, None] >= uppers] = 0.0
+    found: list[RailsPlace] = []
+    while len(found) < count:
+        i, j = np.unravel_index(int(np.argmax(gain)), gain.shape)
+        if not gain[i, j] > 0.0:
+            break
+        found.append(
+            RailsPlace(
+                lower_v=float(lowers[i]), upper_v=float(uppers[j]), gain=float(gain[i, j]), places=float(gain.size)
+            )
+        )
+        gain[max(i - _APART, 0) : i + _APART + 1, max(j - _APART, 0) : j + _APART + 1] = 0.0
+    return found
+
+
 def _places(
-    pull: Pull, coordinate: FloatArray, change: Callable[[FloatArray, float], FloatArray], count: int
+    pull: Pull,
+    coordinate: FloatArray,
+    change: Callable[[FloatArray, float], FloatArray],
+    count: int,
+    *,
+    sized: bool = False,
 ) -> list[Place]:
     """The most promising ends of a coordinate of shape (n,); `change` is what one does at values of it."""
     largest = float(np.abs(coordinate[pull.rows]).max())
     if largest <= 0.0:
         return []
-    edges = np.linspace(-largest, largest, _BINS + 1)
-    middle = 0.5 * (edges[:-1] + edges[1:])
-    bins = bin_of(coordinate, edges)
-
-    def summed(values: FloatArray) -> FloatArray:
-        return np.asarray(np.bincount(bins, values, minlength=_BINS))
-
+    along = _Along.of(pull, coordinate, np.linspace(-largest, largest, _BINS + 1))
     ends = largest * np.linspace(_LOWEST, 1.0, _PLACES, endpoint=False)
-    changes = np.stack([change(middle, end) for end in ends.tolist()])
-    score = changes @ summed(pull.pull)
-    known = changes @ np.stack([summed(pull.of_known(i)) for i in range(len(pull.fitted.numbers))], axis=1)
-    power = changes**2 @ summed(pull.information)
-    own = np.maximum(power - np.einsum("fi,ij,fj->f", known, pull.fitted.inverse_information, known), 1e-300)
-    share = np.clip(score / own, 1.0 / _UNSURE, _UNSURE)
-    gain = np.maximum(share * (2.0 * score - share * own), 0.0)
+    gain = along.gains(np.stack([change(along.middle, end) for end in ends.tolist()]), sized=sized)
     return [Place(float(ends[i]), float(gain[i]), float(_PLACES)) for i in peaks(gain, count, _APART)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Along:
+    """The pull of a residual summed over bins of a coordinate, whose middles are `middle` (b,).
+
+    `pull` and `information` (b,) are sums of the rows' own, `known` (b, p) of the pull of the fit's derivatives.
+    """
+
+    middle: FloatArray
+    pull: FloatArray
+    information: FloatArray
+    known: FloatArray
+    covariance: FloatArray
+
+    @classmethod
+    def of(cls, pull: Pull, coordinate: FloatArray, edges: FloatArray) -> Self:
+        """Of values of a coordinate (n,), in bins between edges (b + 1,)."""
+        bins = bin_of(coordinate, edges)
+
+        def summed(values: FloatArray) -> FloatArray:
+            return np.asarray(np.bincount(bins, values, minlength=edges.size - 1))
+
+        return cls(
+            middle=0.5 * (edges[:-1] + edges[1:]),
+            pull=summed(pull.pull),
+            information=summed(pull.information),
+            known=np.stack([summed(pull.of_known(i)) for i in range(len(pull.fitted.numbers))], axis=1),
+            covariance=pull.fitted.inverse_information,
+        )
+
+    def terms(self, changes: FloatArray) -> _Terms:
+        """What changes of the prediction (m, b) come to."""
+        known = changes @ self.known
+        power = changes**2 @ self.information
+        return _Terms(
+            score=changes @ self.pull,
+            known=known,
+            own=power - np.einsum("fi,ij,fj->f", known, self.covariance, known),
+        )
+
+    def gains(self, changes: FloatArray, *, sized: bool) -> FloatArray:
+        """What changes of the prediction (m, b) promise, (m,); those that are `sized` at their best size above 0."""
+        terms = self.terms(changes)
+        return _gains(terms.score, np.maximum(terms.own, 1e-300), sized=sized)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Terms:
+    """Products of changes with the residual's pull (m,) and with the fit's derivatives (m, p), and their own power."""
+
+    score: FloatArray
+    known: FloatArray
+    own: FloatArray
+
+
+def _gains(score: FloatArray, own: FloatArray, *, sized: bool) -> FloatArray:
+    share = np.maximum(score / own, 0.0) if sized else np.clip(score / own, 1.0 / _UNSURE, _UNSURE)
+    return np.asarray(np.maximum(share * (2.0 * score - share * own), 0.0))

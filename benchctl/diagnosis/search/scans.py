@@ -7,26 +7,37 @@ how many they were chosen.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 import numpy.typing as npt
 
 from benchctl.diagnosis.fitting.fit import Fit
 from benchctl.diagnosis.fitting.noise import Whitener
+from benchctl.diagnosis.gyro.points import PointsProblem
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.probes import Probe, probe_at
-from benchctl.diagnosis.search.pull import Place, Pull, pull_of
+from benchctl.diagnosis.search.pull import Pull, pull_of
 from benchctl.diagnosis.search.scan_converter import converter_places
-from benchctl.diagnosis.search.scan_ends import fold_places, limit_places
+from benchctl.diagnosis.search.scan_ends import fold_places, limit_places, onset_places, rail_places
 from benchctl.diagnosis.search.scan_lines import line_places
 from benchctl.diagnosis.search.scan_mains import mains_places
 from benchctl.diagnosis.signals.threads import shared_out
 
 FloatArray = npt.NDArray[np.float64]
 
-SCANNED = frozenset({"mains_pickup", "adc_nonlinearity", "encoder_interpolation", "fringe_ambiguity", "saturation"})
+SCANNED = frozenset(
+    {
+        "mains_pickup",
+        "adc_nonlinearity",
+        "encoder_interpolation",
+        "fringe_ambiguity",
+        "overload",
+        "saturation",
+        "two_rails",
+    }
+)
 """The effects of which places are proposed."""
 _COUNT = 3
 
@@ -46,31 +57,42 @@ def proposals(problem: Problem, whitener: Whitener, fitted: Fit) -> list[Probe]:
     tried = [name for name in wanted if name in problem.effects]
     found = shared_out(lambda name: list(_places(problem, pull, name)), tried)
     return [
-        probe_at(problem, problem.effects[name], {parameter: place.value}, places=place.places)
+        probe_at(problem, problem.effects[name], place, places=count)
         for name, places in zip(tried, found, strict=True)
-        for parameter, place in places
+        for place, count in places
     ]
 
 
-def _places(problem: Problem, pull: Pull, name: str) -> Iterator[tuple[str, Place]]:
+def _places(problem: Problem, pull: Pull, name: str) -> Iterator[tuple[Mapping[str, float], float]]:
+    """The best places of an effect, its parameters by name, each with the number of places that it is out of."""
     parameters = problem.effects[name].parameters
     if name == "mains_pickup":
         kinds = np.unique(problem.step_kinds, return_inverse=True)[1][problem.step]
         lowest = parameters["frequency_hz"].low
         for place in mains_places(pull, _clock_s(problem), problem.interval_s, kinds, lowest, _COUNT):
-            yield "frequency_hz", place
+            yield {"frequency_hz": place.value}, place.places
     elif name == "adc_nonlinearity":
         for place in converter_places(pull, pull.fitted.predicted, parameters["period_v"].low, _COUNT):
-            yield "period_v", place
+            yield {"period_v": place.value}, place.places
     elif name == "fringe_ambiguity":
         for place in fold_places(pull, problem.coordinates["rate"], float(problem.baseline_start[0]), _COUNT):
-            yield "fold_dps", place
+            yield {"fold_dps": place.value}, place.places
+    elif name == "overload":
+        for place in onset_places(pull, problem.coordinates["rate"], pull.fitted.predicted, _COUNT):
+            yield {"onset_dps": place.value}, place.places
+    elif name == "two_rails":
+        if isinstance(problem, PointsProblem):
+            if problem.end is not None and (rails := problem.end.rails()) is not None:
+                yield {"lower_v": rails.lower_v, "upper_v": rails.upper_v}, rails.places
+            return
+        for pair in rail_places(pull, pull.fitted.predicted, _COUNT):
+            yield {"lower_v": pair.lower_v, "upper_v": pair.upper_v}, pair.places
     elif name == "saturation":
         for place in limit_places(pull, pull.fitted.predicted, _COUNT):
-            yield "limit_v", place
+            yield {"limit_v": place.value}, place.places
     elif isinstance(problem, GyroProblem):
         for place in line_places(problem, pull, int(parameters["lines_per_rev"].high), _COUNT):
-            yield "lines_per_rev", place
+            yield {"lines_per_rev": place.value}, place.places
 
 
 def _clock_s(problem: Problem) -> FloatArray:

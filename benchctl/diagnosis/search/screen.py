@@ -91,11 +91,16 @@ class Screening:
             if place not in best or one.promise > best[place].promise:
                 best[place] = one
         kept: dict[str, list[Scored]] = {}
-        for one in sorted(best.values(), key=lambda one: -one.promise):
+        for one in sorted(best.values(), key=_place_in_order):
             same = kept.setdefault(one.probe.identifier, [])
             if not same or (len(same) < _CHOICES and one.promise > _NEARLY * same[0].promise):
                 same.append(one)
-        return sorted((one for same in kept.values() for one in same), key=lambda one: -one.promise)
+        return sorted((one for same in kept.values() for one in same), key=_place_in_order)
+
+
+def _place_in_order(one: Scored) -> float:
+    """The most promising first; of two that are alike but for the last digits, the one that was tried first."""
+    return -float(f"{one.promise:.6g}")
 
 
 def screen(
@@ -157,7 +162,8 @@ class _Beside:
 
     Columns, the residual and the noise's `weight` (n,) are 0 on rows of steps that it was not fitted to (`rows` (n,)),
     so that their products with the derivatives are those of the others. `covariance` (p, p) is that of its numbers for
-    noise of one; `count` is how many rows are free.
+    noise of one; `count` is how many rows are free; where the air, say, is
+    `disturbed` a gain is weighed against that after a fit only.
     """
 
     white: FloatArray
@@ -166,6 +172,7 @@ class _Beside:
     count: float
     rows: BoolArray
     weight: FloatArray
+    disturbed: bool
 
     @classmethod
     def of(cls, problem: Problem, whitener: Whitener, fitted: Fit) -> Self:
@@ -177,6 +184,7 @@ class _Beside:
             count=max(float((whitener.weight[rows] > 0.0).sum()) - len(fitted.numbers), 1.0),
             rows=rows,
             weight=whitener.weight * rows,
+            disturbed=problem.disturbed,
         )
 
     @cached_property
@@ -243,7 +251,7 @@ class _Beside:
             drop = min(max(float(weights @ product), 0.0), self.total * (1 - 1e-12))
             gain = -self.count * math.log1p(-drop / self.total)
             odd = 1.0
-            if gain > _WORTH:
+            if gain > _WORTH and not self.disturbed:
                 odd = self._scatter(columns[some], weights, of_known @ weights)
             scored.append(
                 Scored(

@@ -3,29 +3,39 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchctl.diagnosis.fitting.fit import Fit, Point, fit, gain_of
+from benchctl.diagnosis.fitting.disturbance import with_disturbance
+from benchctl.diagnosis.fitting.fit import Fit, Point, fit, gain_kept, gain_of, judged
 from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.fitting.noisy import Noisy
 from benchctl.diagnosis.fitting.occam import occam
+from benchctl.diagnosis.fitting.point import at_bound
 from benchctl.diagnosis.fitting.wandering import PROCESSES
+from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import Place, keys_of, place_of
 from benchctl.diagnosis.problem import Problem
-from benchctl.diagnosis.search.models import Models, Tried
-from benchctl.diagnosis.search.screen import Screening
+from benchctl.diagnosis.search.held_out import least_gain
+from benchctl.diagnosis.search.models import ALIKE, Models, Tried
+from benchctl.diagnosis.search.pairs import pairs_of
+from benchctl.diagnosis.search.screen import Scored, Screening
 from benchctl.diagnosis.search.selection import Evidence, Selection
 from benchctl.diagnosis.signals.blocks import step_starts
-from instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 Better = Callable[[Problem, Fit, Whitener], Problem | None]
 
 _MOST_FINDINGS = 5
 _RIVALS = 3
 _MOST_SWAPS = 6
+_MOST_REFUSED = 3
+"""With so many effects refused, because they make held-out steps worse, the search ends."""
+_HIDDEN, _PAIRS, _MOST_OF_IT = 6, 3, 0.5
+"""So many effects that do not pass alone are paired; so many pairs are fitted, that explain at least such a share."""
 _FIRST_LOOK = 0.1
 _SEARCHED, _EACH_ROUND = 0.9, 0.5
 """Share of a diagnosis that is the search, and of what is left of it that each further effect is taken to need."""
@@ -115,6 +125,17 @@ def _dropped(point: Point, keys: Collection[str]) -> Point:
     return replace(point, effects=tuple(effect for key, effect in named if key not in keys))
 
 
+def _places(present: Fit) -> list[Place]:
+    return [place_of(effect) for effect in present.point.effects]
+
+
+def _worse_held_out(present: Fit, evidence: Mapping[str, Evidence]) -> DescribedEffect | None:
+    """The effect that makes held-out steps worst, or one with a parameter at its bound; None where there is none."""
+    effects = enumerate(zip(present.point.effects, evidence.values(), strict=True))
+    worse = [(it.heldout, place) for place, (one, it) in effects if it.heldout < it.heldout_least or at_bound(one)]
+    return present.point.effects[min(worse)[1]] if worse else None
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Plain:
     """What an earlier search has found, and by the place of each what else it was tried against."""
@@ -157,19 +178,34 @@ class _Search(Models):
         answered = self._confirmed(present, better)
         if answered is not present:
             present, screening = self._grown(answered)
+        looked = _places(present)
         present = self._remeasured(present, self._least(present))
         present, evidence = self._settled(present)
+        while (worse := _worse_held_out(present, evidence)) is not None:
+            self._refused.add(place_of(worse))
+            present = self._without(present, worse)
+            if len(self._refused) < _MOST_REFUSED:  # what it stood for may be another effect
+                present, screening = self._grown(present)
+                looked = _places(present)
+            present, evidence = self._settled(present)
+        if _places(present) != looked:
+            screening = self._screened(present, (_SEARCHED, _SEARCHED))
         plain = self._noise.plain
-        everything = np.ones_like(self._fitted)
+        before = fit(self._problem, plain, untouched, self._fitted)
         return Selection(
-            before=fit(self._problem, plain, untouched, self._fitted).light,
+            before=before if self._problem.disturbed else before.light,
             after=present,
-            whole=fit(self._problem, self._noise.whitener, present, everything) if self._held.any() else present,
+            whole=with_disturbance(self._problem, self._whole(present)),
             noise=self._noise,
             screening=screening,
             evidence=evidence,
             heldout=self._held,
+            least=self._least(present),
         )
+
+    def _whole(self, present: Fit) -> Fit:
+        everything = np.ones_like(self._fitted)
+        return fit(self._problem, self._noise.whitener, present, everything) if self._held.any() else present
 
     def _begun(self, untouched: Point) -> Fit:
         """The first fit, of rows weighed by the noise that it leaves."""
@@ -227,6 +263,8 @@ class _Search(Models):
             if tried is None:
                 tried = self._instead_of_process(present, _share_done(number))
             if tried is None:
+                tried = self._paired(present, screening)
+            if tried is None:
                 return present, screening
             present = self._remeasured(self._pruned(tried.fit, tried.fit.point.effects[:-1]), least)
             del tried  # its derivatives are as large as those of what took its place
@@ -272,22 +310,67 @@ class _Search(Models):
         self._noise = found
         return None
 
+    def _paired(self, present: Fit, screening: Screening) -> Tried | None:
+        """The best model with two effects more, where each is needed beside the other though neither passes alone.
+
+        Together they explain most of what is beyond pure error; two that do not are not what hid each other.
+        """
+        hidden = self._hidden(present, screening)
+        noise = self._noise.level * self._noise.whitener.innovation
+        beyond_noise = 1.0 - min(noise / present.deviation, 1.0) ** 2
+        chosen_from = 2.0 * math.log(max(len(hidden), 1))
+        best: Tried | None = None
+        for pair in pairs_of(self._problem, self._noise.whitener, present, hidden)[:_PAIRS]:
+            if pair.promise <= self._least(present) + chosen_from:
+                break
+            if pair.explains < _MOST_OF_IT * beyond_noise:
+                continue
+            both = self._fit(replace(present.point, effects=(*present.point.effects, *pair.effects)))
+            look_elsewhere = chosen_from + 2.0 * math.log(pair.places)
+            if not all(self._needed(both, effect, look_elsewhere) for effect in both.point.effects[-2:]):
+                continue
+            cost = sum(occam(both, place) for place in range(len(present.point.effects), len(both.point.effects)))
+            evidence = gain_of(both, present) - cost - look_elsewhere
+            if best is None or evidence > best.evidence + ALIKE:
+                best = Tried(fit=both, promise=pair.promise, evidence=evidence)
+        return best
+
+    def _hidden(self, present: Fit, screening: Screening) -> list[Scored]:
+        """The best places of the effects that gain most, scatter or not; none where not even one gains enough."""
+        best: dict[str, Scored] = {}
+        for one in self._free(present, screening).best_of_each():
+            if one.probe.identifier not in best or one.gain > best[one.probe.identifier].gain:
+                best[one.probe.identifier] = one
+        ranked = sorted(best.values(), key=lambda one: -float(f"{one.gain:.6g}"))[:_HIDDEN]
+        least = self._least(present)
+        return ranked if any(one.gain - 2.0 * math.log(one.probe.places) > least for one in ranked) else []
+
+    def _needed(self, present: Fit, effect: DescribedEffect, look_elsewhere: float) -> bool:
+        """Whether one of a model's effects passes beside the others, also on steps that it was not fitted to."""
+        less = self._without(present, effect)
+        promise = gain_of(present, less) / self._scatter(present, less) - look_elsewhere
+        return promise > self._least(less) and gain_kept(present, less, self._folds) > 0.0
+
     def _pruned(self, present: Fit, effects: Sequence[DescribedEffect]) -> Fit:
         """Without those of its effects that are no longer needed."""
         for effect in effects:
             less = self._without(present, effect)
-            if gain_of(present, less) / self._scatter(present, less) < self._least(less):
+            if self._beyond_chance(present, less) < self._still(present, less):
                 present = less
         return present
 
     def _settled(self, present: Fit) -> tuple[Fit, dict[str, Evidence]]:
         """Every effect against none and against its rivals, with all others in place, until none gives way."""
-        for _ in range(_MOST_SWAPS):
+        for _ in range(_MOST_SWAPS + len(present.point.effects)):
             evidence: dict[str, Evidence] = {}
+            dispensable = self._dispensable(present) if self._problem.disturbed else None
+            if dispensable is not None:
+                present = dispensable
+                continue
             for key, effect in zip(keys_of(present.point.effects), present.point.effects, strict=True):
                 less = self._without(present, effect)
                 own = self._evidence(present, less)
-                if own.gain / own.scatter < self._least(less):
+                if self._earned(own) / own.scatter < self._still(present, less) or at_bound(effect):
                     present = less
                     break
                 rivals, nearest, better = self._rivalled(present, less, effect)
@@ -306,6 +389,33 @@ class _Search(Models):
             for key, one in zip(keys_of(present.point.effects), present.point.effects, strict=True)
         }
 
+    def _as_likely(self, tried: Tried, present: Fit) -> bool:
+        """Whether a model with another effect in one's place is no less likely beside the disturbance of each."""
+        return not self._problem.disturbed or self._gain(tried.fit, present) > 0.0
+
+    def _dispensable(self, present: Fit) -> Fit | None:
+        """The model without the weakest of the effects that are not needed, None where all are.
+
+        An effect is not needed where it gains too little, stands at a bound, or steps that neither model was fitted to
+        are missed by less without it.
+        """
+        weakest: tuple[float, Fit] | None = None
+        for effect in present.point.effects:
+            less = self._without(present, effect)
+            gain = self._gain(present, less)
+            needed = gain >= self._still(present, less) and self._improves_held_out(present, less)
+            if (not needed or at_bound(effect)) and (weakest is None or gain < weakest[0]):
+                weakest = gain, less
+        return None if weakest is None else weakest[1]
+
+    def _earned(self, own: Evidence) -> float:
+        """What counts for an effect: of a drive, whose pieces of a run are few, held-out ones bear witness, too.
+
+        Not of a gyro, where what a coarse converter rounds off is alike in all steps, nor beside a disturbance.
+        """
+        few = not (self._problem.disturbed or isinstance(self._problem, GyroProblem))
+        return own.gain + own.heldout if few else own.gain
+
     def _one_for_two(self, present: Fit) -> Fit | None:
         """The model with one effect in place of two that it is like, where the two do no better; None if none is.
 
@@ -318,7 +428,8 @@ class _Search(Models):
             less = self._without(present, *two)
             for scored in self._promising(less, self._screened(less, (_SEARCHED, _SEARCHED), kinds)):
                 tried = self._with(less, scored)
-                if gain_of(present, tried.fit) / self._scatter(present, tried.fit) < self._least(tried.fit):
+                lost = self._beyond_chance(present, tried.fit)
+                if tried.evidence > -math.inf and lost < self._least(tried.fit):
                     self._rivals[place_of(tried.added)] = tuple(effect.identifier for effect in two)
                     return tried.fit
         return None
@@ -329,12 +440,14 @@ class _Search(Models):
         The rounding of an encoder's angles repeats itself in a swing that lasts a whole number of samples: within such
         a step it does not average out, but no other step repeats it (Liang & Zeger, Biometrika 73, 1986).
         """
+        held = self._held[self._problem.step]
         by_steps = self._scatter_over(step_starts(self._problem.step), present, less)
         return Evidence(
-            gain=gain_of(present, less),
+            gain=self._gain(present, less),
             heldout=gain_of(present, less, self._held),
-            scatter=max(self._scatter(present, less), by_steps),
-            excess=(less.white**2 - present.white**2).astype(np.float32),
+            scatter=1.0 if self._problem.disturbed else max(self._scatter(present, less), by_steps),
+            excess=(judged(self._problem, less) ** 2 - judged(self._problem, present) ** 2).astype(np.float32),
+            heldout_least=-math.inf if self._problem.disturbed else least_gain(present.white[held], less.white[held]),
         )
 
     def _rivalled(
@@ -346,19 +459,25 @@ class _Search(Models):
         rivals: dict[str, float] = {}
         best: Tried | None = None
         nearest: Tried | None = None
-        promising = self._promising(less, self._screened(less, (_SEARCHED, _SEARCHED), kinds))
-        others = [one for one in promising if place_of(one.probe.columns[0]) != place_of(effect)]
-        for scored in others[:_RIVALS]:
-            tried = self._with(less, scored)
+        # rivals are compared by evidence: what the rest of the model leaves without the effect must not hide them
+        seen = self._screened(less, (_SEARCHED, _SEARCHED), kinds)
+        even = replace(seen, scored=tuple(replace(one, scatter=1.0) for one in seen.scored))
+        others = (one for one in self._tried(less, even, kinds) if place_of(one.added) != place_of(effect))
+        for tried in itertools.islice(others, _RIVALS):
+            if tried.evidence == -math.inf:
+                continue
             if best is None or tried.evidence > best.evidence:
                 best = tried
             if tried.added.identifier == effect.identifier:
                 continue
-            rivals[tried.added.identifier] = mine - tried.evidence
+            loss = mine - tried.evidence
+            if self._problem.disturbed:  # whose rows are worth fewer, by as much as they are for the effect itself
+                loss *= min(self._gain(present, less) / max(gain_of(present, less), 1.0), 1.0)
+            rivals[tried.added.identifier] = min(loss, rivals.get(tried.added.identifier, math.inf))
             if nearest is None or tried.evidence > nearest.evidence:
                 nearest = tried
         return (
             rivals,
             None if nearest is None else nearest.fit.point,
-            best if best is not None and best.evidence > mine else None,
+            best if best is not None and best.evidence > mine + ALIKE and self._as_likely(best, present) else None,
         )

@@ -20,8 +20,9 @@ BoolArray = npt.NDArray[np.bool_]
 class Evidence:
     """What speaks for an effect in the model.
 
-    `gain` is lost in twice the log likelihood if it is dropped, all else refitted; `heldout` on held-out steps. Chance
-    scatters by `scatter` more than white noise would. `rivals` are the losses of evidence with each in its place;
+    `gain` is lost in twice the log likelihood if it is dropped, all else refitted; `heldout` on held-out steps, where
+    one that is right gains no less than `heldout_least` but by a rare chance. Chance scatters by `scatter` more than
+    white noise would. `rivals` are the losses of evidence with each in its place;
     `excess` (n,) is what a row's squared innovation grows by without it; `nearest` the model with the nearest rival.
     """
 
@@ -31,6 +32,7 @@ class Evidence:
     excess: npt.NDArray[np.float32]
     rivals: Mapping[str, float] = field(default_factory=dict)
     nearest: Point | None = None
+    heldout_least: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +40,7 @@ class Selection:
     """What was chosen. `before` has the baseline alone, `after` the findings; neither has seen the held-out steps.
 
     `whole` is fitted to all steps. `evidence` is by the keys of `after.point.effects`, in their order; `noise` what
-    was found of the noise, with the whitener that goes with it.
+    was found of the noise, with the whitener that goes with it; `least` is what anything more would have had to gain.
     """
 
     before: Fit
@@ -48,6 +50,7 @@ class Selection:
     screening: Screening
     evidence: Mapping[str, Evidence]
     heldout: BoolArray
+    least: float
 
     @property
     def whitener(self) -> Whitener:

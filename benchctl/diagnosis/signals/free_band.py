@@ -77,12 +77,14 @@ def wide_motion(angle_deg: FloatArray, sample_rate_hz: float) -> Motion:
 class Band:
     """What is compared of a frame whose motion goes beyond its filters: slow parts, and of the rows some.
 
-    `stretches` are those of the frame; up to `up_to_hz` everything passes, beyond `stop_hz` nothing.
+    `stretches` are those of the frame; up to `up_to_hz` everything passes, beyond `stop_hz` nothing. `noise` is the
+    deviation of what of the output is not shared in the band, in its unit.
     """
 
     stretches: tuple[slice, ...]
     sample_rate_hz: float
     stop_hz: float
+    noise: float = 0.0
 
     @property
     def up_to_hz(self) -> float:
@@ -139,4 +141,7 @@ def band_of(stretches: tuple[slice, ...], sample_rate_hz: float, rate_dps: Float
     bins = left[inside][: inside.sum() // wide * wide].reshape(-1, wide).mean(axis=1)
     even = [bool(bins[:k].max() <= _EVEN * np.median(bins[:k])) for k in range(1, bins.size + 1)]
     count = max(even.index(False) if False in even else len(even), _FEWEST_BINS)
-    return Band(stretches=stretches, sample_rate_hz=sample_rate_hz, stop_hz=count * wide * float(frequency[1]))
+    stop_hz = count * wide * float(frequency[1])
+    passed = (frequency > 0.0) & (frequency <= 0.5 * (1.0 + _PASSING) * stop_hz)
+    noise = math.sqrt(float(left[passed].sum() * frequency[1]))
+    return Band(stretches=stretches, sample_rate_hz=sample_rate_hz, stop_hz=stop_hz, noise=noise)

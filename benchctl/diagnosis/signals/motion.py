@@ -69,7 +69,8 @@ def rates_of(motions: Sequence[Motion], angles_deg: Sequence[FloatArray]) -> lis
 def motion_of(angle_deg: FloatArray, sample_rate_hz: float, ripple: Ripple = NO_RIPPLE) -> Motion:
     """The motion behind equidistant, unwrapped angles of an encoder, shape (n,), one stretch without gaps.
 
-    `ripple` is what repeats with the angle, known from elsewhere: θ = φ + ripple(θ), and φ is what is filtered.
+    `ripple` is what repeats with the angle, known from elsewhere: θ = φ + ripple(θ), and φ is what is filtered; where
+    it lags, it is that of the angle a moment before.
     """
     return motions_of([angle_deg], sample_rate_hz, ripple)[0]
 
@@ -80,30 +81,31 @@ def motions_of(
     """The motions of several stretches, each as by itself."""
     edges = [edges_hz(band, sample_rate_hz) for band in (NARROW, WIDE)]
     kernels = [differentiator(sample_rate_hz, *edge, order) for order in (1, 0, 2) for edge in edges]
-    added = [ripple.angle_deg(angle) for angle in angles_deg]
+    lagging = [ripple.lagging(angle, sample_rate_hz) for angle in angles_deg]
+    added = [ripple.angle_deg(angle) for angle in lagging]
     even = [angle - more for angle, more in zip(angles_deg, added, strict=True)]
     of_stretches = zip(*shared_out(lambda kernel: filtered_each(even, kernel), kernels), strict=True)
 
     def mixed(one: tuple[tuple[FloatArray, ...], FloatArray, FloatArray]) -> Motion:
-        of_stretch, angle_deg, more = one
+        of_stretch, at_deg, more = one
         narrow, wide, *others = of_stretch
         smooth, turning = others[:2], others[2:]
         sudden = _sudden(wide - narrow, sample_rate_hz)
         noise = float(np.median((wide - narrow) ** 2))
         even_rate = _still(narrow + sudden * (wide - narrow), noise, sample_rate_hz)
-        share = 1.0 / (1.0 - ripple.slope(angle_deg))
+        share = 1.0 / (1.0 - ripple.slope(at_deg))
         rate = even_rate * share
         acceleration = turning[0] + sudden * (turning[1] - turning[0])
         return Motion(
             angle_deg=smooth[0] + sudden * (smooth[1] - smooth[0]) + more,
             rate_dps=rate,
-            acceleration_dps2=(acceleration + ripple.bend_per_deg(angle_deg) * rate**2) * share,
+            acceleration_dps2=(acceleration + ripple.bend_per_deg(at_deg) * rate**2) * share,
             sudden=sudden,
             filters=(kernels[0], kernels[1]),
             ripple=ripple,
         )
 
-    return tuple(shared_out(mixed, zip(of_stretches, angles_deg, added, strict=True)))
+    return tuple(shared_out(mixed, zip(of_stretches, lagging, added, strict=True)))
 
 
 def _still(rate_dps: FloatArray, noise: float, sample_rate_hz: float) -> FloatArray:

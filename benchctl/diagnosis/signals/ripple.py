@@ -4,13 +4,16 @@ At high rates its lines lie beyond the pass band of a filter that is narrow enou
 what the filter takes away of them the gyro still feels. It is too little to stand out in any one second, but it adds up
 over a recording: ten micrometres of cogging look like an encoder that is wrong. Locked to the angle as it is, it can be
 estimated from all of the recording at once, with next to no noise, and be kept from the filter altogether.
+
+What shakes the table is locked to the angle; how it moves then is shifted in time by the servo. Against the angle that
+is a shift in proportion to the rate, one way in one direction of rotation and the other way in the other.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -43,6 +46,8 @@ _LEVEL_S = 0.2
 _STEADY = 0.003
 """A rate that changes by less than this share of itself within a filter's reach is steady."""
 
+_LAG_ROUNDS = 3
+
 _STEPS = 4000
 """Into so many bins are the turns from row to row put."""
 
@@ -52,14 +57,22 @@ _SUMMED = 2000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ripple:
-    """Σ a·cos(m·θ) + b·sin(m·θ) [deg] over `orders` m, shape (k,), with `cosines` a and `sines` b [deg]."""
+    """Σ a·cos(m·θ) + b·sin(m·θ) [deg] over `orders` m, shape (k,), with `cosines` a and `sines` b [deg].
+
+    The angle θ is that of `lag_s` before, or after where it is below 0: see `lagging`.
+    """
 
     orders: tuple[int, ...] = ()
     cosines: tuple[float, ...] = ()
     sines: tuple[float, ...] = ()
+    lag_s: float = 0.0
+
+    def lagging(self, angle_deg: FloatArray, sample_rate_hz: float) -> FloatArray:
+        """Equidistant angles of a stretch as they were `lag_s` before, shape (n,)."""
+        return lagging(angle_deg, self.lag_s * sample_rate_hz)
 
     def angle_deg(self, angle_deg: FloatArray) -> FloatArray:
-        """What it adds to the angle, at angles as the encoder states them, shape (n,)."""
+        """What it adds to the angle, at lagging angles as the encoder states them, shape (n,)."""
         return self._sum(angle_deg, 0)
 
     def slope(self, angle_deg: FloatArray) -> FloatArray:
@@ -79,6 +92,11 @@ class Ripple:
 
 
 NO_RIPPLE = Ripple()
+
+
+def lagging(angle_deg: FloatArray, rows: float) -> FloatArray:
+    """Equidistant angles as they were so many rows before, by the rate at which they change, shape (n,)."""
+    return angle_deg if rows == 0.0 or angle_deg.size < 2 else np.asarray(angle_deg - rows * np.gradient(angle_deg))
 
 
 def ripple_of(angles_deg: Sequence[FloatArray], sample_rate_hz: float) -> Ripple:
@@ -102,12 +120,7 @@ def ripple_of(angles_deg: Sequence[FloatArray], sample_rate_hz: float) -> Ripple
         if order is None:
             break
         ripple = search.fitted((*ripple.orders, order))
-    kept = [i for i, order in enumerate(ripple.orders) if order <= search.highest_of_motion]
-    return Ripple(
-        orders=tuple(ripple.orders[i] for i in kept),
-        cosines=tuple(ripple.cosines[i] for i in kept),
-        sines=tuple(ripple.sines[i] for i in kept),
-    )
+    return search.motion_of(ripple, sample_rate_hz)
 
 
 def _steady(angle_deg: FloatArray, rate_filter: FloatArray, window: int) -> list[FloatArray]:
@@ -161,15 +174,46 @@ class _Search:
             best = motion
         return int(self._orders[best]) if gain[best] > 2.0 * math.log(gain.size) + _SAFE else None
 
-    def fitted(self, orders: tuple[int, ...]) -> Ripple:
-        """Waves of some orders, fitted together."""
+    def motion_of(self, ripple: Ripple, sample_rate_hz: float) -> Ripple:
+        """The orders of a ripple that can be motion, with the lag that the runs show beyond chance."""
+        kept = self._motion(ripple)
+        rows = 0.0
+        for _ in range(_LAG_ROUNDS if kept.orders else 0):
+            waves, sizes = self._waves(ripple.orders, rows)
+            at = [lagging(run, rows) for run in self._runs]
+            by_row = [-np.gradient(run) * kept.slope(one) for run, one in zip(self._runs, at, strict=True)]
+            column = np.concatenate([self._above(one) for one in by_row])
+            left, power = self._fast - waves @ sizes, max(float(column @ column), 1e-300)
+            pull = float(left @ column)
+            if rows == 0.0 and pull**2 < _SAFE * power * float(np.mean(left**2)):
+                break
+            rows += pull / power
+            kept = self._motion(self.fitted(ripple.orders, rows))
+        return replace(kept, lag_s=rows / sample_rate_hz)
+
+    def _motion(self, ripple: Ripple) -> Ripple:
+        kept = [i for i, order in enumerate(ripple.orders) if order <= self.highest_of_motion]
+        return Ripple(
+            orders=tuple(ripple.orders[i] for i in kept),
+            cosines=tuple(ripple.cosines[i] for i in kept),
+            sines=tuple(ripple.sines[i] for i in kept),
+        )
+
+    def fitted(self, orders: tuple[int, ...], lag_rows: float = 0.0) -> Ripple:
+        """Waves of some orders, fitted together; those of motion of angles so many rows before."""
+        sizes = self._waves(orders, lag_rows)[1].tolist()
+        return Ripple(orders=orders, cosines=tuple(sizes[::2]), sines=tuple(sizes[1::2]))
+
+    def _waves(self, orders: tuple[int, ...], lag_rows: float) -> tuple[FloatArray, FloatArray]:
+        """The waves above the filter's band, shape (rows, 2 orders), and their sizes."""
         waves = []
         for order in orders:
-            turned = [np.radians(order * run) for run in self._runs]
+            rows = lag_rows if order <= self.highest_of_motion else 0.0
+            turned = [np.radians(order * lagging(run, rows)) for run in self._runs]
             waves.append(np.concatenate([self._above(np.cos(one)) for one in turned]))
             waves.append(np.concatenate([self._above(np.sin(one)) for one in turned]))
-        sizes = np.linalg.lstsq(np.stack(waves, axis=1), self._fast, rcond=None)[0].tolist()
-        return Ripple(orders=orders, cosines=tuple(sizes[::2]), sines=tuple(sizes[1::2]))
+        columns = np.stack(waves, axis=1)
+        return columns, np.linalg.lstsq(columns, self._fast, rcond=None)[0]
 
     def _above(self, values: FloatArray) -> FloatArray:
         """What the filter takes away, without the rows that it does not reach around."""

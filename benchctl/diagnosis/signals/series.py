@@ -17,7 +17,7 @@ from benchctl.limits import listed, require_memory
 from benchctl.recordings.model import StepInfo
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.step_entries import UNASSIGNED
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]

@@ -90,6 +90,7 @@ def pair() -> Diagnosis:
     """A thermal lag and an eccentric encoder, both found, nothing else left."""
     return Diagnosis(
         recording="pair",
+        part="gyro",
         verdict="missing-physics",
         says="Two effects are missing in the model, a lag of temperature and an eccentric encoder; with them it agrees "
         "to within the noise.",
@@ -97,7 +98,13 @@ def pair() -> Diagnosis:
         findings=(LAG, ECCENTRICITY),
         unexplained=Unexplained(significant=False, share=0.004, says="What is left is noise in every coordinate."),
         fit=FitFigures(
-            noise_v=NOISE_V, before_v=2.71e-3, after_v=5.13e-4, heldout_before_v=1.94e-3, heldout_after_v=5.16e-4
+            unit="V",
+            noise=NOISE_V,
+            before=2.71e-3,
+            after=5.13e-4,
+            heldout_before=1.94e-3,
+            heldout_named=5.16e-4,
+            heldout_after=5.16e-4,
         ),
         next_experiment=NEXT,
         not_found=(
@@ -108,13 +115,6 @@ def pair() -> Diagnosis:
                 smallest=2.1e-5,
                 unit="1",
                 others={"tau_s": 600.0},
-            ),
-            NotFound(
-                effect="supply_sensitivity",
-                parameter="fraction_per_v",
-                smallest=None,
-                unit="V-1",
-                says="no supply voltage was recorded",
             ),
         ),
         slices=_slices(left=False),
@@ -141,7 +141,13 @@ def nothing_missing() -> Diagnosis:
         says="The model agrees with the recording to within the noise.",
         findings=(),
         fit=FitFigures(
-            noise_v=NOISE_V, before_v=5.13e-4, after_v=5.12e-4, heldout_before_v=5.16e-4, heldout_after_v=5.16e-4
+            unit="V",
+            noise=NOISE_V,
+            before=5.13e-4,
+            after=5.12e-4,
+            heldout_before=5.16e-4,
+            heldout_named=5.16e-4,
+            heldout_after=5.16e-4,
         ),
         unexplained=Unexplained(significant=False, share=0.0),
         next_experiment=NextExperiment(says="Nothing is open."),
@@ -192,9 +198,9 @@ def _slice(name: str, low: float, high: float, rng: np.random.Generator, left: b
         coordinate=name,
         edges=edges,
         count=count,
-        before_v=mean,
-        after_v=np.where(count > 0, after, np.nan),
-        standard_error_v=np.where(count > 0, error, np.nan),
+        before=mean,
+        after=np.where(count > 0, after, np.nan),
+        standard_error=np.where(count > 0, error, np.nan),
         threshold=THRESHOLD,
     )
 
@@ -212,9 +218,9 @@ def _steps() -> tuple[StepFigures, ...]:
                 t_start=55.0 * index,
                 t_end=55.0 * index + 40.0,
                 heldout=index % 5 == 2,
-                as_it_came_v=NOISE_V * (lagging + 1.5 * moving),
-                before_v=NOISE_V * lagging,
-                after_v=NOISE_V * (1.0 + 0.02 * rng.standard_normal()),
+                as_it_came=NOISE_V * (lagging + 1.5 * moving),
+                before=NOISE_V * lagging,
+                after=NOISE_V * (1.0 + 0.02 * rng.standard_normal()),
             )
         )
     return tuple(found)
@@ -232,9 +238,9 @@ def _traces() -> tuple[Trace, ...]:
                 step=name,
                 heldout=True,
                 time_s=600.0 + time_s,
-                measured_v=measured,
-                before_v=after * (1 + offset_v) + offset_v / 2,
-                after_v=after,
+                measured=measured,
+                before=after * (1 + offset_v) + offset_v / 2,
+                after=after,
                 spoilt=np.zeros(time_s.size, np.bool_),
             )
         )

@@ -16,9 +16,9 @@ from benchctl.diagnosis.next_run.experiment import OpenPair
 from benchctl.diagnosis.next_run.planned import planned
 from benchctl.plan import Plan, Sine, Static, Step
 from benchctl.recordings.reader import open_recording
-from instruments.physics.effects.effect import DescribedEffect
-from instruments.physics.effects.sensor_bandwidth import SensorBandwidth
-from instruments.physics.effects.timing_offset import TimingOffset
+from benchctl_instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.physics.effects.sensor_bandwidth import SensorBandwidth
+from benchctl_instruments.physics.effects.timing_offset import TimingOffset
 from tests.benchctl.diagnosis.moving import NOISE_V, write_moving
 
 LATE_S = 0.004

@@ -15,7 +15,7 @@ from benchctl.diagnosis.search.select import select
 from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo, Unit
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.stored import StoredStep, stored_of
-from instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchctl.diagnosis.as_json import as_json
-from benchctl.diagnosis.result import COORDINATES, Estimate, NotFound
+from benchctl.diagnosis.result import COORDINATES, Estimate
 from tests.benchctl.diagnosis.example import nothing_missing, pair, unknown_structure
 
 _PRINT = "import json; from tests.benchctl.diagnosis.example import pair; print(json.dumps(pair().as_json()))"
@@ -24,7 +24,7 @@ def written(diagnosis):
 @pytest.mark.parametrize("diagnosis", [pair(), nothing_missing(), unknown_structure()], ids=lambda one: one.recording)
 def test_every_key_of_the_contract_is_there_with_its_type(diagnosis):
     told = written(diagnosis)
-    assert told["schema"] == "benchctl-diagnosis/1"
+    assert told["schema"] == "benchctl-diagnosis/2"
     assert told["verdict"] in {"consistent", "recalibrate", "missing-physics", "unknown-structure"}
     assert set(told["software"]) == {"benchctl"}
     for parameter in told["baseline"]["parameters"].values():
@@ -37,7 +37,9 @@ def test_every_key_of_the_contract_is_there_with_its_type(diagnosis):
         for parameter in finding["parameters"].values():
             assert set(parameter) == {"value", "ci95", "unit"}
     assert isinstance(told["unexplained"]["significant"], bool)
-    assert set(told["fit"]) == {"noise_v", "before_v", "after_v", "heldout_before_v", "heldout_after_v"}
+    assert told["part"] == "gyro"
+    assert told["fit"].pop("unit") == "V"
+    assert set(told["fit"]) == {"noise", "before", "after", "heldout_before", "heldout_named", "heldout_after"}
     assert all(isinstance(value, float) for value in told["fit"].values())
     assert set(told["next_experiment"]) >= {"says", "procedure", "separates"}
 
@@ -53,14 +55,12 @@ def test_the_numbers_are_those_of_the_diagnosis():
     assert eccentricity["parameters"]["phase_deg"]["value"] == 331.5
     assert told["baseline"]["parameters"]["K0_v_per_dps"]["was"] == 0.016
     assert "was" not in told["baseline"]["parameters"]["delay_s"]
-    assert told["not_found"][1]["others"] == {"tau_s": 600.0}
-    assert told["not_found"][2] == {
-        "effect": "supply_sensitivity",
-        "parameter": "fraction_per_v",
-        "smallest": None,
-        "unit": "V-1",
-        "others": {},
-        "says": "no supply voltage was recorded",
+    assert told["not_found"][1] == {
+        "effect": "scale_warm_up",
+        "parameter": "fraction",
+        "would_show_from": {"value": 2.1e-5, "unit": "1"},
+        "injected": True,
+        "others": {"tau_s": 600.0},
     }
     assert sum(step["heldout"] for step in told["steps"]) == 12
     assert told["seed"] == 0
@@ -68,10 +68,8 @@ def test_the_numbers_are_those_of_the_diagnosis():
 
 def test_what_is_not_finite_is_null():
     endless = Estimate(value=math.inf, low=800.0, high=math.inf, unit="Hz")
-    blind = NotFound(effect="x", parameter="p", smallest=math.nan, unit="V")
-    told = written(replace(pair(), baseline={"cutoff_hz": endless}, not_found=(blind,)))
+    told = written(replace(pair(), baseline={"cutoff_hz": endless}))
     assert told["baseline"]["parameters"]["cutoff_hz"] == {"value": None, "ci95": [800.0, None], "unit": "Hz"}
-    assert told["not_found"][0]["smallest"] is None
 
 
 def test_numbers_of_numpy_become_plain():
@@ -91,7 +89,7 @@ def test_numbers_of_numpy_become_plain():
 
 def test_the_last_bits_of_a_sum_do_not_show():
     one = pair()
-    figures = {name: getattr(one.fit, name) * (1 + 1e-9) for name in ("noise_v", "before_v", "after_v")}
+    figures = {name: getattr(one.fit, name) * (1 + 1e-9) for name in ("noise", "before", "after")}
     K0 = one.baseline["K0_v_per_dps"]
     moved = replace(K0, value=K0.value * (1 + 1e-12), low=K0.low * (1 - 1e-12), high=K0.high * (1 + 1e-12))
     other = replace(one, fit=replace(one.fit, **figures), baseline={**one.baseline, "K0_v_per_dps": moved})

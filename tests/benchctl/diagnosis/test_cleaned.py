@@ -10,7 +10,7 @@ import pytest
 from benchctl.diagnosis.cleaned import cleaned, fault_findings
 from benchctl.diagnosis.gyro.problem import GyroProblem, gyro_problem
 from benchctl.recordings.reader import open_recording
-from instruments.physics.effects.registry import effect
+from benchctl_instruments.physics.effects.registry import effect
 from tests.benchctl.diagnosis.following import fitted
 from tests.benchctl.diagnosis.moving import NOISE_V, write_moving
 from tests.benchctl.diagnosis.toy_problem import FloatArray, toy

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from benchctl.diagnosis.gyro.problem import gyro_problem
 from benchctl.recordings.reader import open_recording
-from instruments.physics.effects.sensor_bandwidth import SensorBandwidth
+from benchctl_instruments.physics.effects.sensor_bandwidth import SensorBandwidth
 from tests.benchctl.diagnosis.moving import K0, PEAK_DPS, SINE_HZ, U0, write_moving
 
 

@@ -11,11 +11,11 @@ import pytest
 from benchctl.diagnosis.gyro.problem import gyro_problem
 from benchctl.recordings.joined import join
 from benchctl.recordings.reader import open_recording
-from instruments.physics.effects.clock_drift import ClockDrift
-from instruments.physics.effects.effect import PhysicalEffect
-from instruments.physics.effects.scale_ageing import ScaleAgeing
-from instruments.physics.effects.thermal_lag import ThermalLag
-from instruments.physics.effects.warm_up import WarmUp
+from benchctl_instruments.physics.effects.clock_drift import ClockDrift
+from benchctl_instruments.physics.effects.effect import PhysicalEffect
+from benchctl_instruments.physics.effects.scale_ageing import ScaleAgeing
+from benchctl_instruments.physics.effects.thermal_lag import ThermalLag
+from benchctl_instruments.physics.effects.warm_up import WarmUp
 from tests.benchctl.diagnosis.moving import write_moving
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from benchctl.diagnosis.keys import keys_of, keys_of_names, may_join, place_of, tables_of
-from instruments.physics.drive_effects.registry import drive_effects
-from instruments.physics.effects.making import make_effects
-from instruments.physics.effects.registry import effects
-from instruments.physics.effects.sensor_bandwidth import SensorBandwidth
+from benchctl_instruments.physics.drive_effects.registry import drive_effects
+from benchctl_instruments.physics.effects.making import make_effects
+from benchctl_instruments.physics.effects.registry import effects
+from benchctl_instruments.physics.effects.sensor_bandwidth import SensorBandwidth
 from tests.benchctl.diagnosis.toy_problem import Cubic, Ripple
 
 ONCE = Ripple(amplitude_v=1e-3, phase_deg=10.0, order=1.0)

@@ -113,7 +113,7 @@ def test_what_the_table_s_rate_is_corrected_by_leaves_a_law_of_the_rate(correct,
     assert said.verdict == "missing-physics"
     assert [one.effect for one in said.findings] == ["rate_nonlinearity"]
     assert departure_percent(said, at_dps) == pytest.approx(percent, abs=0.4)
-    assert said.fit.heldout_after_v < 0.02 * said.fit.heldout_before_v
+    assert said.fit.heldout_after < 0.02 * said.fit.heldout_before
 
 
 def test_what_the_indicated_rate_is_corrected_by_leaves_little_and_no_known_law(tmp_path):
@@ -121,4 +121,4 @@ def test_what_the_indicated_rate_is_corrected_by_leaves_little_and_no_known_law(
     assert said.verdict == "unknown-structure"
     assert said.findings == ()
     assert said.unexplained.coordinates[0] == "rate"
-    assert said.fit.heldout_after_v < 0.1  # of 3.1 deg/s as it came
+    assert said.fit.heldout_after < 0.1  # of 3.1 deg/s as it came

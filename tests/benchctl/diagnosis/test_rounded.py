@@ -12,8 +12,8 @@ from benchctl.diagnosis.gyro.problem import GyroProblem, gyro_problem
 from benchctl.diagnosis.rounded import unrounded, without_the_steps_own
 from benchctl.diagnosis.search.select import select
 from benchctl.diagnosis.search.selection import Selection
-from instruments.physics.effects.adc_nonlinearity import AdcNonlinearity
-from instruments.physics.effects.registry import effects as vocabulary
+from benchctl_instruments.physics.effects.adc_nonlinearity import AdcNonlinearity
+from benchctl_instruments.physics.effects.registry import effects as vocabulary
 from tests.benchctl.diagnosis.foreign import draw, make, to_recording
 
 NOISE_V = 1e-3

@@ -28,7 +28,7 @@ from benchctl.model_file import Model, write_model
 from benchctl.part_models import check_parts
 from benchctl.recordings.model import BenchFacts, Meta, Unit
 from benchctl.recordings.reader import open_recording
-from instruments.physics.effects.heading_dependent_bias import HeadingDependentBias
+from benchctl_instruments.physics.effects.heading_dependent_bias import HeadingDependentBias
 from tests.benchctl.diagnosis.following import fitted, problem_of
 from tests.benchctl.diagnosis.made_drive import Truth, drive_channels
 from tests.benchctl.diagnosis.made_recording import model_found, recording_of
@@ -165,9 +165,10 @@ def test_a_motor_s_teeth_and_a_load_out_of_balance_are_both_found() -> None:
     drive = drive_problem(recording_of({**channels, "torque_nm": channels["torque_nm"] + imbalance_nm}))
     point = model_found(drive)
     tables = drive.model_of(point.baseline, point.effects, 0.0)["parts"]["drive"]["effects"]
-    assert sorted(tables) == ["cogging_torque", "cogging_torque_2"]
-    found = {table["order"]: table["amplitude_nm"] for table in tables.values()}
-    assert found == {12.0: pytest.approx(0.01, rel=0.1), 1.0: pytest.approx(0.006, rel=0.1)}
+    assert sorted(tables) == ["cogging_torque", "gravity"]
+    assert tables["cogging_torque"]["order"] == 12.0
+    assert tables["cogging_torque"]["amplitude_nm"] == pytest.approx(0.01, rel=0.1)
+    assert tables["gravity"]["moment_nm"] == pytest.approx(0.006, rel=0.1)
     check_parts({"drive": {"effects": tables}})
 
 

@@ -14,8 +14,8 @@ from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.select import select, select_between
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.unstated import other_answer, plainly_better
-from instruments.physics.effects.dead_zone import DeadZone
-from instruments.physics.effects.rate_squared import RateSquared
+from benchctl_instruments.physics.effects.dead_zone import DeadZone
+from benchctl_instruments.physics.effects.rate_squared import RateSquared
 from tests.benchctl.diagnosis.foreign import draw, make, to_recording
 
 NOISE_V = 2e-5

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchctl.recordings.model import StepInfo
-from instruments.physics.effects.effect import DescribedEffect, Parameter
+from benchctl_instruments.physics.effects.effect import DescribedEffect, Parameter
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -139,9 +139,24 @@ class Toy:
     interval_s: float = INTERVAL_S
     baseline_names: tuple[str, ...] = ("K0_v_per_dps", "U0_v")
     baseline_units: tuple[str, ...] = ("V/(deg/s)", "V")
+    baseline_bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    disturbed: bool = False
+    rounding: float = 0.0
+
+    def starts(
+        self, baseline: FloatArray, effects: Sequence[DescribedEffect]
+    ) -> Sequence[tuple[FloatArray, DescribedEffect]]:
+        return ()
 
     def thinned(self) -> None:
         return None
+
+    def spectral_residual(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
+        return np.zeros(0)
+
+    @property
+    def spectral_step(self) -> IntArray:
+        return np.zeros(0, np.int64)
 
     @cached_property
     def time_s(self) -> FloatArray:

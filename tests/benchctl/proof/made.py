@@ -33,7 +33,7 @@ def said(*findings: dict[str, Any], verdict: str = "missing-physics", where: tup
         "verdict": verdict,
         "findings": list(findings),
         "unexplained": {"significant": bool(where), "coordinates": list(where)},
-        "fit": {"noise_v": 1e-3, "heldout_after_v": 1.01e-3},
+        "fit": {"noise": 1e-3, "heldout_after": 1.01e-3},
     }
 
 

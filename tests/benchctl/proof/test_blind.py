@@ -9,11 +9,11 @@ from benchctl.proof import blind
 
 
 def test_the_answer_comes_with_its_time_and_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(blind, "physics", lambda path, without: {"path": str(path), "without": list(without)})
+    monkeypatch.setattr(blind, "physics", lambda path, *told: {"path": str(path), "told": told})
     out = tmp_path / "said.json"
-    assert blind.main(["there.h5", "--out", str(out), "--without", "warm_up,bias_drift"]) == 0
+    assert blind.main(["there.h5", "--out", str(out), "--without", "warm_up,bias_drift", "--part", "drive"]) == 0
     found = json.loads(out.read_text())
-    assert found["said"] == {"path": "there.h5", "without": ["warm_up", "bias_drift"]}
+    assert found["said"] == {"path": "there.h5", "told": [["warm_up", "bias_drift"], "drive"]}
     assert found["seconds"] >= 0
     assert found["peak_bytes"] is None or found["peak_bytes"] > 2**24
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchctl.proof.classes import CLASSES, USUAL_TRIALS, allotted, class_names
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 def test_a_usual_proof_has_a_hundred_trials_with_nothing_missing_and_three_hundred_in_all() -> None:

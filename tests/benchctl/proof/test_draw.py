@@ -10,7 +10,7 @@ from benchctl.proof.draw import LEAST_GAIN, draw, plan_of
 from benchctl.proof.outsiders import OUTSIDERS
 from benchctl.proof.planned import planned
 from benchctl.proof.sizes import STATISTICAL, WANDERING
-from instruments.physics.effects.registry import effects
+from benchctl_instruments.physics.effects.registry import effects
 
 QUICK = ("nothing", "moved", "single", "pair", "wandering", "outsider")
 

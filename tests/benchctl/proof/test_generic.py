@@ -12,8 +12,8 @@ from benchctl.proof.generic.library import TERMS, baseline, library
 from benchctl.proof.generic.rows import Rows, rows_of
 from benchctl.proof.generic.sparse import sparse
 from benchctl.recordings.reader import open_recording
-from instruments.errors import UsageError
-from instruments.physics.effects.registry import effects
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.effects.registry import effects
 from tests.benchctl.diagnosis.foreign import Truth, make, to_recording
 from tests.shared import SHARED, needs_shared
 

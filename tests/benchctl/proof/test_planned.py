@@ -8,7 +8,7 @@ import pytest
 from benchctl.plan import ConstantRate, Plan, Static
 from benchctl.proof.planned import Planned, planned
 from benchctl.proof.unit import TrialUnit, draw_unit
-from instruments.physics.effects.making import make_effects
+from benchctl_instruments.physics.effects.making import make_effects
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from benchctl.proof.draw import draw
 from benchctl.proof.processes import ProcessFailedError
 from benchctl.proof.running import ProofSettings, run_proof
 from benchctl.proof.trial import Trial
-from instruments.errors import InstrumentError, UsageError
+from benchctl_instruments.errors import InstrumentError, UsageError
 from tests.benchctl.proof.made import finding, said
 
 NOTHING = ProofSettings(seed=1, trials=3, only=("nothing",), generic=False, jobs=1)

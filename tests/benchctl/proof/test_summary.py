@@ -8,7 +8,7 @@ import pytest
 from benchctl.proof.confusion import BESIDE, NOTHING, UNKNOWN, WITHHELD
 from benchctl.proof.summary import Summary, summarize
 from benchctl.proof.trial import Answer, Trial, read_trial, write_trial
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.proof.made import finding, said, trial, truth
 
 LAG = {"thermal_lag": {"tau_s": 300.0}}

@@ -13,10 +13,10 @@ from benchctl.diagnosis.fitting.fit import Point
 from benchctl.diagnosis.parts import problem_of
 from benchctl.recordings.importing import import_recording
 from benchctl.recordings.reader import Recording, open_recording
-from instruments.errors import UsageError
-from instruments.physics.chamber_effects.air import air_c
-from instruments.physics.chamber_effects.effect import ChamberSignals
-from instruments.physics.chamber_effects.second_lag import SecondLag
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.chamber_effects.air import air_c
+from benchctl_instruments.physics.chamber_effects.effect import ChamberSignals
+from benchctl_instruments.physics.chamber_effects.second_lag import SecondLag
 from tests.benchctl.diagnosis.made_chamber import GAIN_C_PER_PERCENT, ROOM_C, TAU_S, Truth, chamber_channels
 from tests.benchctl.diagnosis.made_recording import found_in, model_found, recording_of
 from tests.shared import SHARED, needs_shared
@@ -29,8 +29,8 @@ DATA = SHARED / "data" / "thermal"
 def test_a_chamber_of_one_lag_brings_no_finding(seed: int) -> None:
     problem = chamber_problem(recording_of(chamber_channels(Truth(), seed)))
     assert found_in(problem) == {}
-    assert problem.baseline_names == ("gain_c_per_percent", "tau_s", "ambient_c")
-    assert problem.baseline_start == pytest.approx([GAIN_C_PER_PERCENT, TAU_S, ROOM_C], rel=0.03)
+    assert problem.baseline_names == ("gain_c_per_percent", "tau_s", "ambient_c", "start_c")
+    assert problem.baseline_start == pytest.approx([GAIN_C_PER_PERCENT, TAU_S, ROOM_C, ROOM_C], rel=0.03)
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,7 @@ def test_a_limited_ramp_is_found_in_the_set_point_of_a_polled_chamber() -> None:
     noisy = np.array(reading) + np.random.default_rng(3).normal(0.0, 0.03, time_s.size)
     channels = {"poll_time_s": time_s, "poll_chamber_temp_c": noisy.round(2), "poll_chamber_setpoint_c": asked}
     problem = chamber_problem(recording_of(channels))
-    assert problem.baseline_names == ("tau_s", "offset_c")
+    assert problem.baseline_names == ("tau_s", "offset_c", "start_c")
     found = found_in(problem)
     assert "ramp_limit" in found
     assert found["ramp_limit"].values["c_per_min"] == pytest.approx(2.0, rel=0.05)
@@ -166,14 +166,16 @@ def _missed_k(problem: ChamberProblem, model: Point) -> float:
 
 
 @needs_shared("data/thermal")
-@pytest.mark.parametrize(("percent", "before_k", "after_k"), [(30, 3.9, 1.1), (50, 5.5, 1.6)])
+@pytest.mark.parametrize(("percent", "before_k", "after_k"), [(30, 4.5, 1.1), (50, 6.77, 1.6)])
 def test_an_oven_heats_through_a_second_lag(percent: int, before_k: float, after_k: float, tmp_path: Path) -> None:
     with _imported(f"2024-07-27__signals_step_{percent}_percent.log", "oven_step.toml", tmp_path) as recording:
         problem = chamber_problem(recording)
+    # a room of less than 5 °C would fit better: the lag that is missing is not to hide in it
     assert _missed_k(problem, Point(baseline=problem.baseline_start)) == pytest.approx(before_k, rel=0.05)
     found = model_found(problem)
     (lag,) = (effect for effect in found.effects if effect.identifier == "second_lag")
-    assert lag.values["tau_s"] == pytest.approx(78.0, rel=0.15)
+    # by independent fits to the temperature: 85 s at 50 %, 108 to 180 s at 30 % with a changing loss and without
+    assert lag.values["tau_s"] == pytest.approx({30: 130.0, 50: 85.0}[percent], rel=0.3)
     assert _missed_k(problem, found) < after_k
 
 
@@ -181,9 +183,9 @@ def test_an_oven_heats_through_a_second_lag(percent: int, before_k: float, after
 def test_a_cold_finger_has_a_body_beside_that_takes_up_heat(tmp_path: Path) -> None:
     with _imported("cooldown_20130419_13.24.44.csv", "cold_finger.toml", tmp_path) as recording:
         problem = chamber_problem(recording)
-    assert _missed_k(problem, Point(baseline=problem.baseline_start)) == pytest.approx(1.54, rel=0.05)
+    assert _missed_k(problem, Point(baseline=problem.baseline_start)) == pytest.approx(1.34, rel=0.05)
     found = model_found(problem)
     (store,) = (effect for effect in found.effects if effect.identifier == "heat_store")
-    # how the last kelvin is told, by this store alone or by what else changes in the run, moves it by a tenth
-    assert store.values["tau_s"] == pytest.approx(150.0, rel=0.15)
-    assert _missed_k(problem, found) < 0.8
+    # an independent fit to the temperature has 179 s; one to its increments had 150
+    assert store.values["tau_s"] == pytest.approx(179.0, rel=0.15)
+    assert _missed_k(problem, found) < 0.25

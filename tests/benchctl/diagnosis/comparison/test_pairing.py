@@ -7,7 +7,7 @@ from benchctl.diagnosis.comparison.pairing import with_predictions, with_recordi
 from benchctl.diagnosis.comparison.parting import part
 from benchctl.diagnosis.gyro.frame import Frame, frame_of
 from benchctl.recordings.reader import open_recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.diagnosis.moving import K0, NOISE_V, RATE_DPS, write_moving
 
 

@@ -13,7 +13,7 @@ from benchctl.diagnosis.search.held_out import held_out_steps
 from benchctl.recordings.importing import import_recording
 from benchctl.recordings.joined import join
 from benchctl.recordings.reader import Recording, open_recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.diagnosis.made_drive import INERTIA, VISCOUS, Truth, drive_channels
 from tests.benchctl.diagnosis.made_recording import found_in, recording_of
 from tests.shared import SHARED, needs_shared
@@ -41,7 +41,7 @@ def test_a_drive_of_inertia_and_viscous_friction_brings_no_finding(seed: int) ->
         ),
         (Truth(drag=0.001), "quadratic_drag", {"drag_nm_s2": 0.001}),
         (Truth(cogging=0.01, order=12), "cogging_torque", {"amplitude_nm": 0.01, "order": 12}),
-        (Truth(cogging=0.004, order=1), "cogging_torque", {"amplitude_nm": 0.004, "order": 1}),
+        (Truth(cogging=0.004, order=1), "gravity", {"moment_nm": 0.004, "hangs_at_deg": 270 + np.degrees(0.7)}),
         (Truth(drift_per_hour=0.3), "torque_drift", {"nm_per_hour": 0.3}),
         (Truth(warm_up=-0.2), "viscous_warm_up", {"tau_s": 20.0, "fraction": -0.2 * (1 - np.exp(-90 / 20))}),
         (Truth(delay_s=0.01), "torque_delay", {"delay_s": 0.01}),
@@ -67,6 +67,18 @@ def test_dry_friction_and_an_offset_are_told_apart_where_the_table_turns_both_wa
     assert set(found) == {"coulomb_friction", "torque_offset"}
     assert found["coulomb_friction"].values["coulomb_nm"] == pytest.approx(0.03, rel=0.03)
     assert found["torque_offset"].values["offset_nm"] == pytest.approx(0.01, rel=0.03)
+
+
+def test_two_effects_of_which_neither_passes_alone_are_found_as_a_pair() -> None:
+    """A run each way: what either effect leaves of the other is as even over each run as the effect itself."""
+    runs = [
+        recording_of(drive_channels(Truth(coulomb=0.035, offset=0.012, swing=0.01, steady=steady), 1, seconds=25.0))
+        for steady in (0.2, -0.15)
+    ]
+    found = found_in(drive_problem(join(runs)))
+    assert set(found) == {"coulomb_friction", "torque_offset"}
+    assert found["coulomb_friction"].values["coulomb_nm"] == pytest.approx(0.035, rel=0.1)
+    assert found["torque_offset"].values["offset_nm"] == pytest.approx(0.012, rel=0.1)
 
 
 def test_a_table_that_turns_one_way_cannot_tell_dry_friction_from_an_offset_and_says_so() -> None:

@@ -31,6 +31,17 @@ def test_a_rail_on_one_side_is_found_and_the_other_side_left() -> None:
     assert not fault.rows[railed.predicted < -1.6].any()
 
 
+def test_limits_of_different_size_are_two_rails() -> None:
+    free = made()
+    lower, upper = (np.round(np.rint(volts / STEP_V) * STEP_V, 6) for volts in (-1.2, 1.5))
+    (fault,) = replace(free, volts=np.clip(free.volts, lower, upper)).faults().found
+    assert fault.effect == "two_rails"
+    for name, volts in (("lower_v", lower), ("upper_v", upper)):
+        rail = fault.parameters[name]
+        assert rail.low <= volts <= rail.high
+        assert rail.high - rail.low < 1.1 * STEP_V
+
+
 def test_a_plateau_with_noise_on_it_is_left_to_the_fit() -> None:
     chance = np.random.default_rng(3)
     clean = np.clip(motion(), -1.6, 1.6)

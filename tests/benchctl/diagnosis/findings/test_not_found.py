@@ -5,23 +5,23 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
-from benchctl.diagnosis.findings.not_found import not_found_of
+from benchctl.diagnosis.findings.not_found import not_found_of, unseen_in
 from benchctl.diagnosis.result import NotFound
 from benchctl.diagnosis.search.select import select
 from benchctl.diagnosis.search.selection import Selection
 from tests.benchctl.diagnosis.search.test_screen import Sizeless, Steeper
-from tests.benchctl.diagnosis.toy_problem import EFFECTS, NOISE_V, Cubic, Decay, Ripple, Squared, Toy, toy
+from tests.benchctl.diagnosis.toy_problem import EFFECTS, NOISE_V, Cubic, Decay, Quintic, Ripple, Squared, Toy, toy
 
 
 def selected(problem: Toy) -> Selection:
     return select(problem, seed=0, progress=lambda _name, _share: None)
 
 
-def missed(problem: Toy, *found: str) -> dict[str, NotFound]:
-    return {one.effect: one for one in not_found_of(selected(problem), found)}
+def missed(problem: Toy, *stated: str) -> dict[str, NotFound]:
+    found = not_found_of(problem, selected(problem), stated, unexplained=False)
+    return {one.effect: one for one in found}
 
 
 def test_every_other_effect_has_one_entry() -> None:
@@ -29,7 +29,22 @@ def test_every_other_effect_has_one_entry() -> None:
     assert set(missed(toy(Squared(size_v=3e-3)), "squared")) == set(EFFECTS) - {"squared"}
 
 
-@pytest.mark.parametrize(("times", "least", "most"), [(1.25, 55, 60), (1.0, 46, 60), (0.25, 0, 5)])
+def test_where_something_unexplained_is_left_nothing_is_excluded() -> None:
+    problem = toy()
+    assert not_found_of(problem, selected(problem), (), unexplained=True) == ()
+
+
+def test_what_is_in_the_recording_and_was_not_found_is_not_excluded() -> None:
+    """As large as the drift that hides it, of either sign: put in with the other it would not be seen."""
+    hidden = Cubic(size_v=-0.05)
+    problem = toy(hidden, Decay(amplitude_v=0.5, tau_s=200.0), hypotheses=[Cubic])
+    chosen = selected(problem)
+    assert not chosen.after.point.effects
+    (one,) = not_found_of(problem, chosen, (), unexplained=False) or (None,)
+    assert one is None or (one.smallest or 0.0) > 0.05
+
+
+@pytest.mark.parametrize(("times", "least", "most"), [(1.25, 50, 60), (1.0, 46, 60), (0.25, 0, 5)])
 def test_an_effect_of_the_smallest_size_is_found_and_one_of_a_quarter_is_not(
     times: float, least: int, most: int
 ) -> None:
@@ -41,6 +56,18 @@ def test_an_effect_of_the_smallest_size_is_found_and_one_of_a_quarter_is_not(
         bool(selected(toy(truth, seed=seed, hypotheses=[Squared])).after.point.effects) for seed in range(1000, 1060)
     )
     assert least <= found <= most
+
+
+@pytest.mark.parametrize("kind", [Cubic, Squared, Decay])
+def test_the_stated_size_put_into_the_very_recording_is_named_in_either_direction(kind: type[Cubic]) -> None:
+    problem = toy(Ripple(amplitude_v=5e-3, phase_deg=40.0, order=2.0), seed=3)
+    one = missed(problem, "ripple", "quintic")[kind.identifier]
+    assert one.smallest is not None
+    for sign in (1.0, -1.0):
+        effect = kind.make({**one.others, one.parameter: sign * one.smallest})
+        chosen = selected(replace(problem, measured=problem.measured + effect.column(problem)))
+        named = {each.identifier for each in chosen.after.point.effects}
+        assert kind.identifier in named.union(*(each.rivals for each in chosen.evidence.values()))
 
 
 def test_the_size_is_in_its_own_unit_and_in_proportion_to_the_noise() -> None:
@@ -62,11 +89,12 @@ def test_of_many_places_the_one_that_shows_best_is_stated() -> None:
     assert missed(problem)["ripple"].others.keys() == {"order"}
 
 
-def test_what_the_model_follows_already_is_said_to_be_part_of_it() -> None:
-    one = missed(toy(hypotheses=[Steeper, Cubic]))["steeper"]
-    assert one.smallest is None
-    assert one.says == "Part of the lab's model already: its own parameters follow it."
-    assert missed(toy(hypotheses=[Steeper, Cubic]))["cubic"].says == ""
+def test_what_the_model_follows_already_is_not_excluded_but_said_to_be_unobservable() -> None:
+    problem = toy(hypotheses=[Steeper, Cubic])
+    assert set(missed(problem)) == {"cubic"}
+    (said,) = unseen_in(selected(problem), ())
+    assert said == "Not observable in this recording: steeper (the model follows it)."
+    assert not list(unseen_in(selected(problem), ("steeper",)))
 
 
 def test_an_effect_without_a_size_has_no_smallest() -> None:
@@ -74,15 +102,20 @@ def test_an_effect_without_a_size_has_no_smallest() -> None:
 
 
 def test_what_was_chosen_out_of_many_places_must_be_larger() -> None:
-    chosen = selected(toy(hypotheses=[Squared]))
+    problem = toy(hypotheses=[Squared])
+    chosen = selected(problem)
     (scored,) = chosen.screening.scored
     many = replace(scored, probe=replace(scored.probe, places=1e5))
-    (one,) = not_found_of(chosen, ())
-    (other,) = not_found_of(replace(chosen, screening=replace(chosen.screening, scored=(many,))), ())
-    threshold = chosen.screening.threshold
-    grown = (math.sqrt(threshold + 2.0 * math.log(1e5)) + 1.645) / (math.sqrt(threshold) + 1.645)
+    (one,) = not_found_of(problem, chosen, (), unexplained=False)
+    wider = replace(chosen, screening=replace(chosen.screening, scored=(many,)))
+    (other,) = not_found_of(problem, wider, (), unexplained=False)
+    grown = (math.sqrt(chosen.least + 2.0 * math.log(1e5)) + 1.645) / (math.sqrt(chosen.least) + 1.645)
     assert (other.smallest or 0.0) / (one.smallest or 1.0) == pytest.approx(grown)
-    assert np.isfinite(grown)
+
+
+def test_an_alternative_of_a_finding_is_not_excluded() -> None:
+    problem = toy(Cubic(size_v=5e-3))
+    assert "quintic" not in missed(problem, "cubic", Quintic.identifier)
 
 
 def _at(tau_s: float) -> type[Decay]:

@@ -45,8 +45,8 @@ def test_excerpts_are_of_held_out_steps_and_show_both_predictions(rubbing: Chose
         assert one.time_s.size <= 600
         assert 2.0 <= np.ptp(one.time_s) <= 4.0
         assert not one.spoilt.any()
-        left = np.std(one.measured_v - one.after_v)
-        assert left < 0.3 * np.sqrt(np.mean((one.measured_v - one.before_v) ** 2))
+        left = np.std(one.measured - one.after)
+        assert left < 0.3 * np.sqrt(np.mean((one.measured - one.before) ** 2))
 
 
 def test_where_nothing_was_found_excerpts_show_what_is_left(clean: Chosen) -> None:
@@ -55,7 +55,7 @@ def test_where_nothing_was_found_excerpts_show_what_is_left(clean: Chosen) -> No
     assert told
     for one in told:
         rows = np.searchsorted(problem.time_s, one.time_s)
-        assert one.after_v == pytest.approx(selection.after.predicted[rows])
+        assert one.after == pytest.approx(selection.after.predicted[rows])
 
 
 def test_a_fault_of_the_data_has_an_excerpt_with_rows_before_and_after_it(rubbing: Chosen) -> None:
@@ -84,8 +84,8 @@ def test_the_map_blames_no_coordinate_where_nothing_is_left(rubbing: Chosen) -> 
     before_beyond = set()
     for one in slices_of(*rubbing):
         held = one.count > 0
-        assert np.abs(one.after_v[held] / one.standard_error_v[held]).max() < one.threshold, one.coordinate
-        if np.abs(one.before_v[held] / one.standard_error_v[held]).max() > one.threshold:
+        assert np.abs(one.after[held] / one.standard_error[held]).max() < one.threshold, one.coordinate
+        if np.abs(one.before[held] / one.standard_error[held]).max() > one.threshold:
             before_beyond.add(one.coordinate)
     assert {"rate", "rate_sign"} <= before_beyond
 
@@ -133,5 +133,5 @@ def test_steps_come_to_the_noise_after_and_not_before(rubbing: Chosen) -> None:
     figures = step_figures(problem, selection)
     assert [one.name for one in figures] == list(problem.step_names)
     level = selection.after.deviation
-    assert [one.after_v for one in figures] == pytest.approx([level] * len(figures), rel=0.3)
-    assert all(one.before_v > 2.0 * one.after_v for one in figures)
+    assert [one.after for one in figures] == pytest.approx([level] * len(figures), rel=0.3)
+    assert all(one.before > 2.0 * one.after for one in figures)

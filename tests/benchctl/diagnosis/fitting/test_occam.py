@@ -13,7 +13,7 @@ import pytest
 from benchctl.diagnosis.fitting.fit import Fit, Point, fit
 from benchctl.diagnosis.fitting.noise_model import NoiseModel
 from benchctl.diagnosis.fitting.occam import occam
-from instruments.physics.effects.effect import Parameter
+from benchctl_instruments.physics.effects.effect import Parameter
 from tests.benchctl.diagnosis.toy_problem import Cubic, Decay, FloatArray, Ripple, Toy, ToyEffect, toy
 
 EVERYTHING = np.ones(24, np.bool_)

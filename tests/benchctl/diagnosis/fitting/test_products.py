@@ -33,7 +33,7 @@ def test_how_many_rows_are_summed_up_at_a_time_does_not_matter(together: int, mo
     problem = toy()
     one = fitted(problem)
     monkeypatch.setattr(blocks, "_TOGETHER", together)
-    again = products_of(problem, one.derivatives, one.white, one.whitener)
+    again = products_of(problem, one.derivatives, one.white, one.whitener, one.spectral)
     here = problem.step == 3
     assert again.information[3] == pytest.approx(one.derivatives[here].T @ one.derivatives[here])
     assert again.gradient[3] == pytest.approx(one.white[here] @ one.derivatives[here], abs=1e-9)
@@ -43,7 +43,7 @@ def test_how_many_rows_are_summed_up_at_a_time_does_not_matter(together: int, mo
 def test_another_residual_changes_the_gradient_and_the_squares_alone() -> None:
     problem = toy()
     one = fitted(problem)
-    again = with_residual(problem, one.products, one.derivatives, 2.0 * one.white)
+    again = with_residual(problem, one.products, one.derivatives, 2.0 * one.white, one.spectral)
     assert again.information is one.products.information
     assert again.gradient == pytest.approx(2.0 * one.products.gradient, abs=1e-9)
-    assert again.squares == pytest.approx(4.0 * squares_of(problem, one.white))
+    assert again.squares == pytest.approx(4.0 * squares_of(problem, one.white, one.spectral.residual))

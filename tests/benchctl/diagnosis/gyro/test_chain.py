@@ -13,8 +13,8 @@ import pytest
 from benchctl.diagnosis.gyro.chain import GyroChain, Law
 from benchctl.diagnosis.gyro.frame import Frame, frame_of
 from benchctl.recordings.reader import open_recording
-from instruments.physics.effects.effect import PhysicalEffect
-from instruments.physics.effects.registry import effects
+from benchctl_instruments.physics.effects.effect import PhysicalEffect
+from benchctl_instruments.physics.effects.registry import effects
 from tests.benchctl.diagnosis.moving import K0, U0, write_moving
 
 FloatArray = npt.NDArray[np.float64]

@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pytest
 
 from benchctl.diagnosis.gyro.filtering import Filters, spline_at
-from instruments.physics.effects.sensor_bandwidth import SensorBandwidth
+from benchctl_instruments.physics.effects.sensor_bandwidth import SensorBandwidth
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -15,8 +15,8 @@ from benchctl.recordings.joined import join
 from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo, Unit
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.writer import write_recording
-from instruments.physics.effects.thermal_lag import ThermalLag
-from instruments.physics.effects.warm_up import WarmUp
+from benchctl_instruments.physics.effects.thermal_lag import ThermalLag
+from benchctl_instruments.physics.effects.warm_up import WarmUp
 from tests.benchctl.diagnosis.moving import SIMULATION, write_moving
 from tests.shared import SHARED, needs_shared
 

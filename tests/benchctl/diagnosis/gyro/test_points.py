@@ -12,8 +12,8 @@ from benchctl.diagnosis.search.held_out import held_out_steps
 from benchctl.diagnosis.search.select import select
 from benchctl.recordings.importing import import_recording
 from benchctl.recordings.reader import open_recording
-from instruments.errors import UsageError
-from instruments.physics.effects.rate_nonlinearity import RateNonlinearity
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.effects.rate_nonlinearity import RateNonlinearity
 from tests.shared import SHARED, needs_shared
 
 RATES = np.array([-200, -160, -120, -80, -40, 0, 40, 80, 120, 160, 200, -100, -60, -20, 0, 20, 60, 100] * 2, float)
@@ -80,6 +80,7 @@ def test_of_temperature_and_time_nothing_is_tried_where_nothing_is_known(tmp_pat
         "rate_squared",
         "saturation",
         "scale_asymmetry",
+        "two_rails",
     }
     whole = problem.predict(problem.baseline_start, (RateNonlinearity(c2=0.0, c4=0.0, range_dps=200.0),))
     np.testing.assert_allclose(whole, problem.measured, atol=1e-6)

@@ -7,7 +7,7 @@ from benchctl.diagnosis.gyro.frame import FloatArray, Frame
 from benchctl.diagnosis.gyro.predicted import predict
 from benchctl.diagnosis.signals.band_limited import half_of
 from benchctl.recordings.reader import open_recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.diagnosis.moving import NOISE_V, RATE_DPS, SIMULATION, write_moving
 
 

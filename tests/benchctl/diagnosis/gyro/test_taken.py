@@ -15,7 +15,7 @@ from benchctl.diagnosis.gyro.taken import Taken, most_rows, taken_of
 from benchctl.recordings.model import Step
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.writer import write_recording
-from instruments.physics.effects.registry import effects
+from benchctl_instruments.physics.effects.registry import effects
 from tests.benchctl.diagnosis.gyro.ramps import STEPS, recorded
 
 PIECE, MOST = 2000, 40_000

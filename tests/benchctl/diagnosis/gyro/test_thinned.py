@@ -16,7 +16,7 @@ from benchctl.diagnosis.gyro import thinned as cut
 from benchctl.diagnosis.gyro.problem import GyroProblem, gyro_problem
 from benchctl.diagnosis.gyro.thinned import _begins, pieces_of, thinned
 from benchctl.recordings.reader import open_recording
-from instruments.physics.effects.registry import effects
+from benchctl_instruments.physics.effects.registry import effects
 from tests.benchctl.diagnosis.gyro.ramps import STEPS, recorded
 
 EFFECTS: Mapping[str, Mapping[str, float]] = {

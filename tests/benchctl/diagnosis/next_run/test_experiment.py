@@ -27,7 +27,7 @@ from benchctl.diagnosis.next_run.sampled import SampleNoise
 from benchctl.plan import Sine, Static
 from benchctl.plan.find import find_procedure
 from benchctl.plan.written import as_texts
-from instruments.physics.effects.sensor_bandwidth import SensorBandwidth
+from benchctl_instruments.physics.effects.sensor_bandwidth import SensorBandwidth
 from tests.benchctl.diagnosis.following import bench, pair_of, plan_of, problem_of
 from tests.benchctl.diagnosis.moving import K0, NOISE_V
 

@@ -60,6 +60,7 @@ def chosen(problem: GyroProblem) -> Selection:
         screening=select(toy(hypotheses=[]), seed=0, progress=lambda _name, _share: None).screening,
         evidence={"timing_offset": evidence},
         heldout=~after.fitted,
+        least=20.0,
     )
 
 
@@ -153,7 +154,11 @@ def test_what_nobody_explains_is_repeated_along_its_coordinate(
     assert coordinates == [("acceleration",)]
 
 
-def test_for_a_part_without_procedures_of_its_own_nothing_is_proposed() -> None:
+def test_for_a_part_without_procedures_of_its_own_it_is_said_what_to_record() -> None:
     other = toy(Cubic(size_v=5e-3))
     selection = select(other, seed=0, progress=lambda _name, _share: None)
-    assert asked(other, selection, [finding("quintic", effect="cubic")], STRANGE) == NOTHING_OPEN
+    both = asked(other, selection, [finding("quintic", effect="cubic")], STRANGE)
+    assert both.says == "Open is cubic or quintic: record made up, and diagnose both together."
+    assert both.separates == ("cubic", "quintic")
+    assert "What is unexplained lives along acceleration" in asked(other, selection, [], STRANGE).says
+    assert asked(other, selection, [], NOTHING) == NOTHING_OPEN

@@ -162,6 +162,9 @@ def test_a_finding_that_leaves_much_of_what_it_explains_is_not_named() -> None:
     assert withdrawn(gains, found) == ("adc_nonlinearity",)
     assert withdrawn(gains, found, {"rate_squared": 60_000.0}) == ("adc_nonlinearity", "rate_squared")
     assert withdrawn(gains, found, {"rate_squared": 49_000.0, "scale_temperature": 2e6}) == ("adc_nonlinearity",)
+    # what the rest's coordinate does not bring in its stead does not follow the rest
+    assert withdrawn(gains, found, {"adc_nonlinearity": 1400.0}) == ()
+    assert withdrawn(gains, found, {"adc_nonlinearity": 1600.0}) == ("adc_nonlinearity",)
     assert imperfect(gains, found)
     assert not imperfect({"adc_nonlinearity": 3000.0, "rate_squared": 50_000.0}, found)
     quiet = rest_with(0.0)

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.search.scan_ends import fold_places, limit_places
-from instruments.physics.effects.fringe_ambiguity import folded_dps
+from benchctl.diagnosis.search.scan_ends import fold_places, limit_places, onset_places, rail_places
+from benchctl_instruments.physics.effects.fringe_ambiguity import folded_dps
 from tests.benchctl.diagnosis.pulled import FloatArray, pulled
 
 RATES_DPS = np.repeat([0.0, 5.0, -5.0, 40.0, -40.0, 90.0, -90.0, 130.0, -130.0, 150.0, -150.0], 400)
@@ -59,3 +59,33 @@ def test_a_limit_is_found_between_the_outputs_that_it_parts(limit_v: float) -> N
 def test_noise_promises_no_limit() -> None:
     noise = np.random.default_rng(1).standard_normal(OUTPUT_V.size)
     assert limit_places(pulled(noise, _known(RATES_DPS)), DEVIATIONS_PER_V * OUTPUT_V, 3) == []
+
+
+RAILS_V = [(-2.0, 3.95), (-4.2, 2.6), (-5.0, 3.0), (0.4, 3.0)]
+"""The third has one rail only."""
+
+
+@pytest.mark.parametrize(("lower_v", "upper_v"), RAILS_V)
+def test_two_rails_are_found_between_the_outputs_that_they_part(lower_v: float, upper_v: float) -> None:
+    outputs = OUTPUT_V + np.random.default_rng(2).uniform(-0.03, 0.03, OUTPUT_V.size)
+    noise = np.random.default_rng(1).standard_normal(outputs.size)
+    residual = noise + DEVIATIONS_PER_V * (np.clip(outputs, lower_v, upper_v) - outputs)
+    known = np.stack([np.ones_like(outputs), outputs, outputs**3, outputs**5], axis=1)
+    best = rail_places(pulled(residual, known), DEVIATIONS_PER_V * outputs, 3)[0]
+    found = np.array([best.lower_v, best.upper_v]) / DEVIATIONS_PER_V
+    assert found == pytest.approx([max(lower_v, outputs.min()), upper_v], abs=0.1)
+
+
+def test_noise_promises_no_rails() -> None:
+    noise = np.random.default_rng(1).standard_normal(OUTPUT_V.size)
+    assert all(one.gain < 14.0 for one in rail_places(pulled(noise, _known(RATES_DPS)), DEVIATIONS_PER_V * OUTPUT_V, 3))
+
+
+@pytest.mark.parametrize("scale", [SCALE_V_PER_DPS, -SCALE_V_PER_DPS])
+@pytest.mark.parametrize("onset_dps", [61.0, 118.0, 141.0])
+def test_the_onset_of_an_overload_is_found_whatever_it_takes(onset_dps: float, scale: float) -> None:
+    rates = RATES_DPS + np.random.default_rng(2).uniform(-1.0, 1.0, RATES_DPS.size)
+    noise = np.random.default_rng(1).standard_normal(rates.size)
+    residual = noise - 1.4 * scale * np.sign(rates) * np.maximum(np.abs(rates) - onset_dps, 0.0)
+    best = onset_places(pulled(residual, _known(rates)), rates, scale * rates, 3)[0]
+    assert best.value == pytest.approx(onset_dps, abs=1.0)

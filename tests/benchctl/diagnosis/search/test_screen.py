@@ -17,7 +17,7 @@ from benchctl.diagnosis.fitting.fit import Fit, Point, fit, gain_of
 from benchctl.diagnosis.fitting.noise_model import NoiseModel
 from benchctl.diagnosis.search.probes import Probe, probes_of
 from benchctl.diagnosis.search.screen import Screening, screen
-from instruments.physics.effects.effect import DescribedEffect, Parameter
+from benchctl_instruments.physics.effects.effect import DescribedEffect, Parameter
 from tests.benchctl.diagnosis.toy_problem import (
     EFFECTS,
     RANGE_DPS,

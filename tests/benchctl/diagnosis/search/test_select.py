@@ -14,7 +14,7 @@ from benchctl.diagnosis.search.held_out import held_out_steps
 from benchctl.diagnosis.search.screen import Screening
 from benchctl.diagnosis.search.select import _Search, reduced, select, select_between
 from benchctl.diagnosis.search.selection import Selection
-from instruments.physics.effects.effect import DescribedEffect, Parameter
+from benchctl_instruments.physics.effects.effect import DescribedEffect, Parameter
 from tests.benchctl.diagnosis.toy_problem import (
     K0,
     NOISE_V,
@@ -49,6 +49,36 @@ def names(chosen: Selection) -> set[str]:
 
 def values(chosen: Selection) -> dict[str, dict[str, float]]:
     return {effect.identifier: effect.values for effect in chosen.after.point.effects}
+
+
+class _Small(Cubic):
+    """A cubic of which no more is plausible than a fifth of the one that is there."""
+
+    parameters: ClassVar[Mapping[str, Parameter]] = {
+        "size_v": replace(Cubic.parameters["size_v"], low=-CUBIC.size_v / 5.0, high=CUBIC.size_v / 5.0)
+    }
+
+
+def test_what_would_stand_at_its_bound_is_not_found() -> None:
+    problem = toy(CUBIC)
+    alone = replace(problem, effects={"cubic": Cubic})
+    assert names(selected(alone)) == {"cubic"}
+    assert names(selected(replace(problem, effects={"cubic": _Small}))) == set()
+
+
+def test_what_gains_as_much_is_fitted_although_its_gain_scatters() -> None:
+    problem = toy(CUBIC)
+    search = _Search(problem, 0, lambda _name, _share: None, 0.0)
+    begun = search._begun(Point(baseline=problem.baseline_start))
+    screening = search._screened(begun, (0.0, 1.0))
+    search._threshold = screening.threshold
+    best = screening.best_of_each()[0]
+    other = next(one for one in screening.scored if one.probe.identifier not in ("cubic", "quintic"))
+    scattering = replace(other, gain=0.9 * best.gain, scatter=0.9 * best.gain / (0.1 * best.promise))
+    small = replace(other, gain=0.1 * best.gain, scatter=1.0)
+    for one, fitted in ((scattering, True), (small, False)):
+        tried = search._promising(begun, replace(screening, scored=(best, one)))
+        assert (one in tried) is fitted
 
 
 @pytest.mark.parametrize("truth", [CUBIC, QUINTIC, DECAY, SQUARED, RIPPLE], ids=lambda one: one.identifier)

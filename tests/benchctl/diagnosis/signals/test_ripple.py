@@ -67,3 +67,23 @@ def test_slope_and_bend_are_the_derivatives() -> None:
     bend = (ripple.slope(angle + near) - ripple.slope(angle - near)) / (2 * near)
     np.testing.assert_allclose(ripple.slope(angle), slope, atol=1e-8)
     np.testing.assert_allclose(ripple.bend_per_deg(angle), bend, atol=1e-8)
+
+
+@pytest.mark.parametrize("lag_s", [-8e-4, 8e-4])
+def test_cogging_that_the_servo_shifts_in_time_is_put_back_where_it_is_in_both_directions(lag_s: float) -> None:
+    angles, rates = turning(rates_dps=(20.0, 200.0, 240.0, -200.0, -240.0))
+    at = [angle - lag_s * np.gradient(angle) * RATE_HZ for angle in angles]
+    stated = [a + COGGING_DEG * np.sin(np.radians(36.0 * b)) for a, b in zip(angles, at, strict=True)]
+    ripple = ripple_of(stated, RATE_HZ)
+    assert ripple.orders == (36,)
+    assert ripple.lag_s == pytest.approx(lag_s, rel=0.1)
+    inner = slice(2 * half_of(RATE_HZ), -2 * half_of(RATE_HZ))
+    for angle, b, rate in zip(stated, at, rates, strict=True):
+        phase = np.radians(36.0 * b)
+        true = rate * (1.0 + np.radians(36.0) * COGGING_DEG * np.cos(phase))
+        missed = (motion_of(angle, RATE_HZ, ripple).rate_dps - true)[inner]
+        assert 2.0 * abs(float(np.mean(missed * np.sin(phase[inner])))) < 1e-3
+
+
+def test_cogging_that_is_locked_to_the_angle_has_no_lag() -> None:
+    assert ripple_of(turning(cogging_deg=COGGING_DEG)[0], RATE_HZ).lag_s == 0.0

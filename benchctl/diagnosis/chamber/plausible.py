@@ -1,0 +1,102 @@
+"""What the parameters of a chamber's model can be, by physics and by what a recording of its length can show."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.diagnosis.chamber.rows import ChamberRows
+from benchctl_instruments.physics.chamber_effects.effect import ChamberEffect
+from benchctl_instruments.physics.effects.effect import DescribedEffect, Parameter
+
+FloatArray = npt.NDArray[np.float64]
+Bounds = Mapping[str, tuple[float, float]]
+
+LENGTHS = 5.0
+"""Time constants beyond so many lengths of the recording are not told from an air that loses no heat."""
+_ROOM_C = (5.0, 40.0)
+"""Where laboratory equipment is rated to work (IEC 61010-1, 1.4.1)."""
+_HEAT = 2.0
+"""The gain may be by so much larger than heats the air by its span at the longest time constant."""
+_OFFSET_SHARE, _LEAST_OFFSET_K = 0.5, 10.0
+_START_K, _START_STEPS = 2.0, 10.0
+
+
+def baseline_bounds(rows: ChamberRows) -> dict[str, tuple[float, float]]:
+    """Bounds of every parameter that the baseline of such a recording may have, by its name.
+
+    Heaters heat; a current may cool.
+    """
+    span, lasts_s = float(np.ptp(rows.temperature_c[rows.usable])), lasting_s(rows)
+    mean_drive = float(np.mean(np.abs(rows.drive))) or 1.0
+    most = _HEAT * LENGTHS * span / mean_drive
+    least = -most if rows.channel == "current_a" else 0.0
+    first_c, about_k = first_air_c(rows), _START_K + _START_STEPS * rows.step_c
+    offset_k = max(_OFFSET_SHARE * span, _LEAST_OFFSET_K)
+    return {
+        "gain": (least, most),
+        "tau_s": (rows.interval_s, LENGTHS * lasts_s),
+        "ambient_c": _ROOM_C,
+        "offset_c": (-offset_k, offset_k),
+        "start_c": (first_c - about_k, first_c + about_k),
+    }
+
+
+def lasting_s(rows: ChamberRows) -> float:
+    """The longest run [s]."""
+    return float(rows.run_s.max()) + rows.interval_s
+
+
+def first_air_c(rows: ChamberRows) -> float:
+    """The air at the start: the median of the first readings [°C]."""
+    return float(np.median(rows.air_c[:5]))
+
+
+def bounded_kinds(rows: ChamberRows, kinds: Mapping[str, type[ChamberEffect]]) -> dict[str, type[DescribedEffect]]:
+    """The effects with bounds, and places to begin, that a recording of this length can show."""
+    lasts_s = lasting_s(rows)
+    span = float(np.ptp(rows.temperature_c[rows.usable]))
+    limits: Mapping[tuple[str, str], tuple[float, float]] = {
+        ("dead_time", "delay_s"): (0.0, lasts_s / 4.0),
+        ("second_lag", "tau_s"): (rows.interval_s, lasts_s),
+        ("heat_store", "tau_s"): (2.0 * rows.interval_s, LENGTHS * lasts_s),
+        ("heat_store", "coupling"): (0.0, 100.0),
+        ("ambient_drift", "c_per_hour"): (-span * 3600.0 / lasts_s, span * 3600.0 / lasts_s),
+    }
+
+    def bounded(kind: type[ChamberEffect]) -> type[DescribedEffect]:
+        parameters = {
+            name: _within(one, limits.get((kind.identifier, name), (one.low, one.high)))
+            for name, one in kind.parameters.items()
+        }
+        return type(kind.__name__, (kind,), {"parameters": parameters, "__slots__": ()})
+
+    return {name: bounded(kind) for name, kind in kinds.items()}
+
+
+def fair_sizes(rows: ChamberRows) -> Mapping[str, tuple[Mapping[str, float], ...]]:
+    """Parameters of effects of a fair size, by identifier: a fit begins there, too.
+
+    What a small effect does to a model that misses much says little of what one of its true size would do.
+    """
+    lasts_s = lasting_s(rows)
+    return {
+        "second_lag": ({"tau_s": 0.03 * lasts_s},),
+        "dead_time": ({"delay_s": 0.02 * lasts_s},),
+        "heat_store": ({"coupling": 0.5, "tau_s": 0.1 * lasts_s}, {"coupling": 1.0, "tau_s": 0.5 * lasts_s}),
+        "exchange": ({"coupling": 1.0},),
+        "radiation": ({"share": 0.5},),
+        "heater_nonlinearity": ({"curvature": 0.3},),
+        "loss_step": tuple(
+            {"fraction": fraction, "moment": place / 40} for place in range(2, 39) for fraction in (-0.8, -0.5, 1.0)
+        ),
+    }
+
+
+def _within(parameter: Parameter, limits: tuple[float, float]) -> Parameter:
+    low, high = max(limits[0], parameter.low), min(limits[1], parameter.high)
+    scan = tuple(place for place in parameter.scan if low <= place <= high)
+    return replace(parameter, low=low, high=high, scan=scan or ((low * high) ** 0.5,))

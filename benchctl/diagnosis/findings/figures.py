@@ -1,0 +1,93 @@
+"""How well a model fits: rms of its residual, beside the noise that the recording itself shows."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import chi2
+
+from benchctl.diagnosis.findings.located import left_of
+from benchctl.diagnosis.fitting.disturbance import disturbance_beside
+from benchctl.diagnosis.fitting.noise_model import between_rows
+from benchctl.diagnosis.problem import Problem
+from benchctl.diagnosis.result import FitFigures
+from benchctl.diagnosis.search.selection import Selection
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+_BLOCK_S, _FEWEST = 1.0, 20
+"""Rest is compared with a straight line over so long, of at least so many rows: a bias may drift meanwhile."""
+
+
+def figures_of(problem: Problem, chosen: Selection) -> FitFigures:
+    """Rms over the rows that count: of what the model predicts with its parameters refitted, and with what was found.
+
+    Where the noise wanders a row is predicted from those before it. The noise is never more than what is left.
+    """
+    counted = chosen.whitener.weight > 0.0
+    heldout = chosen.heldout[problem.step] & counted
+    fitted = counted & ~heldout
+    before, after = chosen.before.residual, left_of(problem, chosen.after, chosen.whitener)
+    noise = noise_of(problem, chosen)
+    return FitFigures(
+        unit=problem.unit,
+        noise=min(_rms(after[fitted]), math.inf if noise is None else noise),
+        before=_rms(before[fitted]),
+        after=_rms(after[fitted]),
+        heldout_before=_rms(before[heldout]),
+        heldout_named=_rms(after[heldout]),
+        heldout_after=_rms(after[heldout]),
+    )
+
+
+def noise_of(problem: Problem, chosen: Selection) -> float | None:
+    """Rms of the noise of what is measured, whatever a model misses.
+
+    From rest where there is any, else from replicates of a rate where each row is a step of its own, else from
+    differences between neighbouring rows of what is left. None where the recording has none of these.
+    """
+    counted = chosen.whitener.weight > 0.0
+    if problem.step.size == len(problem.step_names):
+        return _scatter_of_replicates(problem.measured[counted], problem.coordinates["rate"][counted])
+    if problem.disturbed:
+        return disturbance_beside(problem, chosen.after).white
+    resting = np.array([kind == "static" for kind in problem.step_kinds])[problem.step] & counted
+    at_rest = _about_lines(problem, resting)
+    return at_rest if at_rest is not None else between_rows(problem, chosen.after.residual) or None
+
+
+def _scatter_of_replicates(values: FloatArray, rate_dps: FloatArray) -> float | None:
+    """Of values (n,) about the mean of those of the same rate."""
+    _, group, count = np.unique(np.round(rate_dps, 6), return_inverse=True, return_counts=True)
+    freedom = values.size - count.size
+    if freedom < 1:
+        return None
+    about = values - (np.bincount(group, values) / count)[group]
+    return math.sqrt(float(about @ about) / freedom)
+
+
+def _about_lines(problem: Problem, rows: BoolArray) -> float | None:
+    """Of rows at rest, about a straight line through each second: the median, since a table stops in some."""
+    block = max(_FEWEST, round(_BLOCK_S / problem.interval_s))
+    place = np.arange(block) - 0.5 * (block - 1)
+    squares = []
+    for stretch in problem.stretches:
+        known, values = (column[stretch] for column in (rows, problem.measured))
+        shape = (known.size // block, block)
+        cut = known.size // block * block
+        values = values[:cut].reshape(shape)[known[:cut].reshape(shape).all(axis=1)]
+        values = values - values.mean(axis=1, keepdims=True)
+        slope = values @ place / float(place @ place)
+        squares.append(((values - slope[:, None] * place) ** 2).sum(axis=1))
+    all_of_them = np.concatenate(squares)
+    if not all_of_them.size:
+        return None
+    return math.sqrt(float(np.median(all_of_them)) / float(chi2.median(block - 2)))
+
+
+def _rms(values: FloatArray) -> float:
+    return math.sqrt(float(values @ values) / values.size) if values.size else math.nan

@@ -1,0 +1,34 @@
+"""The next run of what no procedure plays: a drive, a chamber, a table of points. What to do is said in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from benchctl.diagnosis.drive.problem import DriveProblem
+from benchctl.diagnosis.next_run.experiment import NOTHING_OPEN
+from benchctl.diagnosis.problem import Problem
+from benchctl.diagnosis.result import Finding, NextExperiment, Unexplained
+
+_TOGETHER = "and diagnose both together"
+
+
+def next_by_hand(problem: Problem, findings: Sequence[Finding], unexplained: Unexplained) -> NextExperiment:
+    """The run that parts the findings from their alternatives, or that shows more of what is unexplained."""
+    open_ones = [one for one in findings if one.alternatives]
+    names = tuple(dict.fromkeys(name for one in open_ones for name in (one.effect, one.alternatives[0].effect)))
+    if isinstance(problem, DriveProblem) and problem.turns_one_way and (names or unexplained.significant):
+        what = f"Open is {' or '.join(names)}" if names else "Something is unexplained"
+        return NextExperiment(
+            says=f"{what}, and the table turned one way only: run it in the other direction of rotation, {_TOGETHER}.",
+            separates=names,
+        )
+    if names:
+        wanted = "; ".join(dict.fromkeys(problem.effects[name].excited_by for name in names if name in problem.effects))
+        return NextExperiment(says=f"Open is {' or '.join(names)}: record {wanted}, {_TOGETHER}.", separates=names)
+    if unexplained.significant:
+        along = " and ".join(unexplained.coordinates) or "no one coordinate"
+        return NextExperiment(
+            says=f"What is unexplained lives along {along}: record it once more, over a wider range of that where there"
+            f" is one, {_TOGETHER}: what repeats belongs to the bench."
+        )
+    return NOTHING_OPEN

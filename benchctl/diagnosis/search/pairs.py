@@ -1,0 +1,73 @@
+"""Two effects at once, where neither passes alone: the residual that each is judged by holds the other.
+
+Dry friction and an offset of the torque explain a bench together; either alone leaves so much of the other that its
+gain is no larger than such a residual scatters. The promise of a pair is that of all its columns together, and its
+scatter that of what both leave.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from benchctl.diagnosis.fitting.fit import Fit, inverse
+from benchctl.diagnosis.fitting.noise import Whitener
+from benchctl.diagnosis.problem import Problem
+from benchctl.diagnosis.search.scatter import scatter
+from benchctl.diagnosis.search.screen import Scored
+from benchctl.diagnosis.signals.blocks import block_starts
+from benchctl_instruments.physics.effects.effect import DescribedEffect
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pair:
+    """Two effects where a fit of both begins, and what they promise together in twice the log likelihood.
+
+    `explains` is the share of the residual's power that they take away.
+    """
+
+    effects: tuple[DescribedEffect, DescribedEffect]
+    places: float
+    promise: float
+    explains: float
+
+
+def pairs_of(problem: Problem, whitener: Whitener, fitted: Fit, scored: Sequence[Scored]) -> list[Pair]:
+    """All pairs of effects of different kinds beside a fitted model, the most promising first."""
+    rows = fitted.fitted[problem.step]
+    white = fitted.white * rows
+    total = float(white @ white)
+    own = [own_columns(problem, whitener, fitted, one.probe.columns) * rows for one in scored]
+    pairs = []
+    for (first, its), (second, others) in itertools.combinations(zip(scored, own, strict=True), 2):
+        if first.probe.identifier == second.probe.identifier:
+            continue
+        columns = np.concatenate([its, others])
+        weights = inverse(columns @ columns.T) @ (columns @ white)
+        explained = weights @ columns
+        drop = min(max(float(explained @ white), 0.0), total * (1.0 - 1e-12))
+        gain = -fitted.rows * math.log1p(-drop / total)
+        places = first.probe.places * second.probe.places
+        pairs.append(
+            Pair(
+                effects=(first.probe.start(weights[: len(its)]), second.probe.start(weights[len(its) :])),
+                places=places,
+                promise=gain / scatter(explained, white, block_starts(white.size)) - 2.0 * math.log(places),
+                explains=drop / total,
+            )
+        )
+    return sorted(pairs, key=lambda one: -float(f"{one.promise:.6g}"))
+
+
+def own_columns(problem: Problem, whitener: Whitener, fitted: Fit, effects: Iterable[DescribedEffect]) -> FloatArray:
+    """What effects change in the prediction that the model does not follow, whitened, shape (k, n)."""
+    point = fitted.point
+    changed = [problem.predict(point.baseline, (*point.effects, one)) - fitted.predicted for one in effects]
+    return fitted.beyond(np.stack([whitener(one) for one in changed]), problem.step)

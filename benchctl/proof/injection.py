@@ -1,0 +1,227 @@
+"""An effect drawn for a real recording, and the recording with it: the motion, noise and stamps stay what they were.
+
+An effect is drawn from the vocabulary of the recording's part, without those that the untouched recording already shows
+and without their look-alikes. Its fair size is a share of what the diagnosis of the untouched recording leaves: so much
+rms of it that no change of the parameters found there takes up.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import brentq
+
+from benchctl.diagnosis.gyro.laid import laid_out
+from benchctl.diagnosis.gyro.problem import GyroProblem
+from benchctl.diagnosis.parts import problem_of
+from benchctl.diagnosis.problem import Problem
+from benchctl.diagnosis.result import Part
+from benchctl.proof.draw import alike
+from benchctl.recordings.model import Step, axis_of
+from benchctl.recordings.reader import Recording
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.effects.effect import DescribedEffect, PhysicalEffect
+
+FloatArray = npt.NDArray[np.float64]
+
+FAIR = (0.5, 2.0)
+"""A fair size, in rms of what the untouched recording's diagnosis leaves; drawn evenly in the logarithm."""
+
+_CHANNELS: Mapping[Part, tuple[str, ...]] = {
+    "gyro": ("gyro_v", "point_mean_v"),
+    "drive": ("torque_nm",),
+    "chamber": ("chamber_temp_c", "poll_chamber_temp_c"),
+}
+"""What an effect of a part changes: the first of these that a step has."""
+_TRIES = 60
+_RANGE = 1e8
+_NUDGE = 1e-4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Injection:
+    """What trial `index` adds; `share` is its rms beside what is left of the untouched recording."""
+
+    index: int
+    effect: str
+    parameters: Mapping[str, float]
+    share: float
+    nonce: str
+
+    def digest(self) -> str:
+        """SHA-256 of it as JSON."""
+        return hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode()).hexdigest()
+
+
+class Untouched:
+    """A recording as it is, and what its blind diagnosis, given as its JSON, says of it."""
+
+    def __init__(self, recording: Recording, said: Mapping[str, Any]) -> None:
+        self._recording, self._said = recording, said
+        self._part: Part = said["part"]
+
+    @property
+    def found(self) -> frozenset[str]:
+        """The effects that it shows by itself."""
+        return frozenset(one["effect"] for one in self._said["findings"])
+
+    @cached_property
+    def _problem(self) -> Problem:
+        return problem_of(self._recording, self._part)
+
+    @cached_property
+    def _baseline(self) -> FloatArray:
+        told = self._said["baseline"]["parameters"]
+        return np.array([told[name]["value"] for name in self._problem.baseline_names], dtype=np.float64)
+
+    @cached_property
+    def _own(self) -> tuple[DescribedEffect, ...]:
+        return tuple(
+            self._made(one["effect"], {name: value["value"] for name, value in one["parameters"].items()})
+            for one in self._said["findings"]
+            if one["effect"] in self._problem.effects
+        )
+
+    def drawn(self, seed: int, index: int) -> Injection:
+        """The same for the same seed and number.
+
+        Raises `UsageError` where the recording brings out no other effect.
+        """
+        rng = np.random.default_rng([seed, index])
+        nonce = np.random.default_rng([seed, index, 1]).bytes(16).hex()
+        names = [one for one in self._problem.effects if not alike(one, self.found)]
+        for name in rng.permutation(names * _TRIES)[:_TRIES].tolist() if names else ():
+            wanted = math.exp(rng.uniform(math.log(FAIR[0]), math.log(FAIR[1])))
+            values = self._of_size(name, _shaped(self._problem.effects[name], rng), wanted * self._said["fit"]["after"])
+            if values is not None:
+                return Injection(index=index, effect=name, parameters=values, share=_rounded(wanted), nonce=nonce)
+        raise UsageError(
+            f"{self._recording.path}: none of {', '.join(names) or 'the effects'} shows in this recording as much as"
+            " what its diagnosis leaves; take one with more motion, or of a wider range of temperatures"
+        )
+
+    def with_it(self, injection: Injection) -> Iterator[Step]:
+        """The steps of the recording with what was drawn."""
+        problem = self._problem
+        if isinstance(problem, GyroProblem):
+            every = np.ones(problem.frame.rows, np.bool_)
+            problem = replace(problem, band=None, usable=every)
+        change = self._change(problem, self._made(injection.effect, injection.parameters))
+        for step in self._recording.steps():
+            name = next((one for one in _CHANNELS[self._part] if one in step.channels), None)
+            if name is None:
+                yield step
+                continue
+            added = np.interp(step[axis_of(name)], problem.time_s, change)
+            yield Step(step.info, {**step.channels, name: step[name] + added})
+
+    def _made(self, name: str, values: Mapping[str, float]) -> DescribedEffect:
+        return self._problem.effects[name].make(values, self._problem.circumstances)
+
+    def _change(self, problem: Problem, one: DescribedEffect) -> FloatArray:
+        """What an effect changes of what is measured, shape (n,); of a converter, by the samples themselves."""
+        if isinstance(problem, GyroProblem) and isinstance(one, PhysicalEffect) and _acts_on_samples(one):
+            laid, signals = laid_out(problem.frame)
+            samples = slice(None) if laid.samples is None else laid.samples
+            output_v = np.zeros(signals.time_s.size)
+            output_v[samples] = problem.frame.volts
+            return one.apply(replace(signals, output_v=output_v)).output_v[samples] - problem.frame.volts
+        return problem.predict(self._baseline, (*self._own, one)) - problem.predict(self._baseline, self._own)
+
+    def _of_size(self, name: str, shaped: dict[str, float], rms: float) -> dict[str, float] | None:
+        """The parameters with which an effect shows so much; None where it cannot within its bounds."""
+        kind = self._problem.effects[name]
+        strong = _strength(kind)
+
+        def scaled(factor: float) -> dict[str, float]:
+            zeros = {one: kind.parameters[one].zero for one in strong}
+            grown = {one: shaped[one] * factor if zeros[one] == 0.0 else shaped[one] / factor for one in strong}
+            return {**shaped, **grown}
+
+        def excess(log_factor: float) -> float:
+            shown = self._shown(self._made(name, scaled(math.exp(log_factor))))
+            return math.log(max(shown, 1e-300) / rms)
+
+        inside = [factor for factor in np.geomspace(1.0 / _RANGE, _RANGE, 129) if _within(kind, scaled(float(factor)))]
+        if not strong or not inside:
+            return None
+        low, high = math.log(inside[0]), math.log(inside[-1])
+        if not excess(low) < 0.0 < excess(high):
+            return None
+        factor = math.exp(brentq(excess, low, high, xtol=0.01))
+        return {one: _rounded(value) for one, value in scaled(factor).items()}
+
+    def _shown(self, one: DescribedEffect) -> float:
+        """Rms of what an effect adds that no change of the parameters found takes up."""
+        rows = self._problem.usable
+        added = self._change(self._problem, one)[rows]
+        if not np.isfinite(added).all():
+            return 0.0
+        left = added - self._absorbing[rows] @ np.linalg.lstsq(self._absorbing[rows], added, rcond=None)[0]
+        return math.sqrt(float(left @ left) / max(left.size, 1))
+
+    @cached_property
+    def _absorbing(self) -> FloatArray:
+        """Derivatives of the prediction by all parameters that are found again, each of unit rms, shape (n, p)."""
+        here = self._problem.predict(self._baseline, self._own)
+        columns = []
+        for place, value in enumerate(self._baseline.tolist()):
+            moved = self._baseline.copy()
+            moved[place] += _NUDGE * (abs(value) or 1.0)
+            columns.append(self._problem.predict(moved, self._own) - here)
+        for place, one in enumerate(self._own):
+            for name, parameter in one.parameters.items():
+                if parameter.role == "choice":
+                    continue
+                value = one.values[name]
+                own = list(self._own)
+                own[place] = self._made(one.identifier, {**one.values, name: value + _NUDGE * (value or 1.0)})
+                columns.append(self._problem.predict(self._baseline, own) - here)
+        table = np.stack(columns, axis=1)
+        return np.asarray(table / np.maximum(np.sqrt(np.mean(table**2, axis=0)), 1e-300))
+
+
+def _acts_on_samples(one: PhysicalEffect) -> bool:
+    return one.pointwise and one.stage in ("electronics", "sampling")
+
+
+def _strength(kind: type[DescribedEffect]) -> Sequence[str]:
+    """The parameters that make an effect vanish: its sizes, or else a time constant, a cutoff, a limit."""
+    able = {name: one for name, one in kind.parameters.items() if one.zero in (0.0, math.inf) and one.role != "choice"}
+    sizes = [name for name, one in able.items() if one.role == "size"]
+    return sizes or list(able)[:1]
+
+
+def _shaped(kind: type[DescribedEffect], rng: np.random.Generator) -> dict[str, float]:
+    """Parameters of a believable shape, whose sizes are still those where a search begins."""
+    values = {}
+    for name, one in kind.parameters.items():
+        low, high = min(one.scan), max(one.scan)
+        if one.role == "phase":
+            values[name] = _rounded(rng.uniform(0.0, 360.0))
+        elif one.role == "choice":
+            values[name] = float(rng.choice(one.scan))
+        elif one.role == "size":
+            values[name] = one.scan[0] * (float(rng.choice((-1.0, 1.0))) if one.low < 0.0 else 1.0)
+        elif one.logarithmic:
+            values[name] = _rounded(math.exp(rng.uniform(math.log(low), math.log(high))))
+        else:
+            values[name] = _rounded(rng.uniform(low, high))
+    return values
+
+
+def _within(kind: type[DescribedEffect], values: Mapping[str, float]) -> bool:
+    return all(one.low <= values[name] <= one.high for name, one in kind.parameters.items())
+
+
+def _rounded(value: float) -> float:
+    """To four digits: what is sealed must not depend on the last bits of a sum."""
+    return float(f"{value:.4g}")

@@ -1,0 +1,230 @@
+"""Sealed trials on a real recording: effects added to it, told apart from what it shows by itself.
+
+What the untouched recording says, diagnosed blind, is the measure: an added effect is to be named beside it, nothing of
+it lost, and nothing else named. Finished trials are kept as files; an interrupted proof goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from benchctl.atomic import whole_file
+from benchctl.campaign.stop import StopRequest
+from benchctl.diagnosis.result import Part
+from benchctl.documents import read_json
+from benchctl.proof.injection import Injection, Untouched
+from benchctl.proof.processes import ProcessFailedError, run_module
+from benchctl.proof.running import claim, path_of
+from benchctl.recordings.reader import open_recording
+from benchctl_instruments.errors import UsageError
+
+UNTOUCHED = "untouched.json"
+
+_LONGEST_S = 3600.0
+
+Told = Callable[[int, str], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordingProof:
+    """What is to be proved: so many trials on a part of a recording, `jobs` of them at once."""
+
+    recording: Path
+    part: Part = "gyro"
+    seed: int = 1
+    trials: int = 20
+    jobs: int = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InjectedTrial:
+    """A trial after the unsealing.
+
+    `share` is the rms that was added beside what is left of the untouched recording; `lost` are the recording's own
+    findings that were not named again, `made_up` what neither it nor the drawn effect is; `error` says why there is no
+    answer.
+    """
+
+    index: int
+    digest: str
+    effect: str
+    parameters: Mapping[str, float]
+    share: float
+    named: bool = False
+    lost: Sequence[str] = ()
+    made_up: Sequence[str] = ()
+    stated: Mapping[str, float] | None = None
+    seconds: float | None = None
+    error: str = ""
+
+    @property
+    def right(self) -> bool:
+        """Whether just what is there was named."""
+        return self.named and not self.lost and not self.made_up
+
+
+def prove_on(proof: RecordingProof, folder: Path, *, told: Told, stop: StopRequest) -> Iterator[InjectedTrial]:
+    """The trials as they finish, those first that the folder already holds.
+
+    `told` is told, from any thread, the number of a trial and what becomes of it; a `stop` ends the processes and
+    raises `StoppedError`. Raises `UsageError` where the folder holds another proof, or the recording cannot be
+    diagnosed or brings out no effect.
+    """
+    with open_recording(proof.recording) as recording:
+        claim(folder, {"recording": recording.digest or str(recording.path), "part": proof.part, "seed": proof.seed})
+        run = _Run(proof, folder, told, stop, Untouched(recording, _untouched(proof, folder, stop)))
+        missing = []
+        for index in range(proof.trials):
+            path = path_of(folder, index)
+            if path.exists():
+                yield InjectedTrial(**read_json(path, "trial"))
+            else:
+                missing.append(index)
+        with ThreadPoolExecutor(proof.jobs) as pool:
+            runs = [pool.submit(run, index) for index in missing]
+            try:
+                for one in as_completed(runs):
+                    yield one.result()
+            finally:
+                for one in runs:
+                    one.cancel()
+
+
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """Runs one trial."""
+
+    proof: RecordingProof
+    folder: Path
+    told: Told
+    stop: StopRequest
+    untouched: Untouched
+
+    def __call__(self, index: int) -> InjectedTrial:
+        self.stop.heed()
+        with tempfile.TemporaryDirectory(prefix=f".{index:04d}-", dir=self.folder) as work:
+            trial = self._trial(index, Path(work))
+        with whole_file(path_of(self.folder, index)) as temporary:
+            temporary.write_text(json.dumps(asdict(trial), indent=1) + "\n", encoding="utf-8")
+        self.told(index, "right" if trial.right else "wrong")
+        return trial
+
+    def _trial(self, index: int, work: Path) -> InjectedTrial:
+        injected, answer = work / "recording.h5", work / "said.json"
+        given = {"--said": self.folder / UNTOUCHED, "--seed": self.proof.seed, "--index": index, "--out": injected}
+        sealed = self._run("inject", self.proof.recording, *(word for pair in given.items() for word in pair))
+        digest = json.loads(sealed)["digest"]
+        self.told(index, f"sealed, sha256 {digest}")
+        try:
+            self._run("blind", injected, "--part", self.proof.part, "--out", answer)
+        except ProcessFailedError as err:
+            return _unsealed(self._drawn(index, digest), digest, error=str(err))
+        found = read_json(answer, "diagnosis")
+        return _scored(self._drawn(index, digest), digest, self.untouched.found, found)
+
+    def _drawn(self, index: int, digest: str) -> Injection:
+        injection = self.untouched.drawn(self.proof.seed, index)
+        if injection.digest() != digest:
+            raise UsageError(
+                f"trial {index}: what was sealed as {digest} is not what is unsealed; begin anew with another --out"
+            )
+        return injection
+
+    def _run(self, module: str, *arguments: object) -> str:
+        words = [str(word) for word in arguments]
+        return run_module(f"benchctl.proof.{module}", *words, stop=self.stop, longest_s=_LONGEST_S)
+
+
+def _scored(injection: Injection, digest: str, own: frozenset[str], found: Mapping[str, Any]) -> InjectedTrial:
+    named = {one["effect"]: one for one in found["said"]["findings"]}
+    mine = named.get(injection.effect)
+    return _unsealed(
+        injection,
+        digest,
+        named=mine is not None,
+        lost=sorted(own - set(named)),
+        made_up=sorted(set(named) - own - {injection.effect}),
+        stated=None if mine is None else {name: value["value"] for name, value in mine["parameters"].items()},
+        seconds=found["seconds"],
+    )
+
+
+def _unsealed(injection: Injection, digest: str, **found: Any) -> InjectedTrial:
+    return InjectedTrial(
+        index=injection.index,
+        digest=digest,
+        effect=injection.effect,
+        parameters=injection.parameters,
+        share=injection.share,
+        **found,
+    )
+
+
+def _untouched(proof: RecordingProof, folder: Path, stop: StopRequest) -> dict[str, Any]:
+    """What the blind diagnosis says of the recording as it is, made once."""
+    path = folder / UNTOUCHED
+    if not path.exists():
+        with whole_file(path) as temporary:
+            arguments = (str(proof.recording), "--part", proof.part, "--out", str(temporary))
+            try:
+                run_module("benchctl.proof.blind", *arguments, stop=stop, longest_s=_LONGEST_S)
+            except ProcessFailedError as err:
+                raise UsageError(str(err)) from err
+    said: dict[str, Any] = read_json(path, "diagnosis")["said"]
+    return said
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EffectRow:
+    """The trials with one effect: how many named it, the smallest share with which it was, the largest without."""
+
+    effect: str
+    trials: int
+    named: int
+    smallest_named: float | None
+    largest_missed: float | None
+
+
+def by_effect(trials: Sequence[InjectedTrial]) -> list[EffectRow]:
+    """A row an effect, in alphabetical order."""
+    rows = []
+    for effect in sorted({one.effect for one in trials}):
+        own = [one for one in trials if one.effect == effect]
+        rows.append(
+            EffectRow(
+                effect=effect,
+                trials=len(own),
+                named=sum(one.named for one in own),
+                smallest_named=min((one.share for one in own if one.named), default=None),
+                largest_missed=max((one.share for one in own if not one.named), default=None),
+            )
+        )
+    return rows
+
+
+def as_json(proof: RecordingProof, own: Sequence[str], trials: Sequence[InjectedTrial]) -> dict[str, Any]:
+    """What `--json` gives; `own` are the untouched recording's findings."""
+    return {
+        "recording": str(proof.recording),
+        "part": proof.part,
+        "seed": proof.seed,
+        "trials": len(trials),
+        "untouched": list(own),
+        "named": sum(one.named for one in trials),
+        "lost": sum(bool(one.lost) for one in trials),
+        "made_up": sum(bool(one.made_up) for one in trials),
+        "right": sum(one.right for one in trials),
+        "effects": [asdict(row) for row in by_effect(trials)],
+        "digests": [one.digest for one in sorted(trials, key=lambda one: one.index)],
+    }
+
+
+def untouched_findings(folder: Path) -> list[str]:
+    """What the folder's proof holds the trials against."""
+    return sorted(one["effect"] for one in read_json(folder / UNTOUCHED, "diagnosis")["said"]["findings"])

@@ -1,0 +1,60 @@
+"""Spectra of evenly sampled signals over half-overlapping Hann windows, for cross-spectra and transfer functions.
+
+Source: Bendat & Piersol, Random data, 4th ed. 2010, ch. 9 and 11 (Welch's method for two signals).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import scipy.fft
+from scipy.signal.windows import hann
+
+FloatArray = npt.NDArray[np.float64]
+ComplexArray = npt.NDArray[np.complex128]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+INDEPENDENT = 0.5
+"""Share of half-overlapping Hann windows that count as independent averages."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Windows:
+    """Windows of `size` samples that begin at the rows `starts` (w,), in order."""
+
+    starts: IntArray
+    size: int
+    interval_s: float
+
+    @property
+    def frequency_hz(self) -> FloatArray:
+        """The bins' frequencies [Hz], shape (size // 2 + 1,)."""
+        return scipy.fft.rfftfreq(self.size, self.interval_s)
+
+    def spectra(self, values: FloatArray, bins: IntArray) -> ComplexArray:
+        """The spectrum of values (n,) in each window, at some bins (k,), shape (w, k); each window without its mean."""
+        cut = np.lib.stride_tricks.sliding_window_view(values, self.size)[self.starts]
+        cut = (cut - cut.mean(axis=1, keepdims=True)) * hann(self.size, sym=False)
+        return np.asarray(scipy.fft.rfft(cut, axis=1)[:, bins])
+
+
+def windows_of(usable: BoolArray, stretches: Sequence[slice], size: int, interval_s: float) -> Windows:
+    """The windows in stretches without gaps that hold none but usable rows, (n,)."""
+    starts = [
+        first + np.arange(0, last - first - size + 1, size // 2)
+        for part in stretches
+        for first, last in _runs(usable[part], part.start)
+    ]
+    return Windows(
+        starts=np.concatenate([np.zeros(0, np.int64), *starts]).astype(np.int64), size=size, interval_s=interval_s
+    )
+
+
+def _runs(usable: BoolArray, begin: int) -> list[tuple[int, int]]:
+    """First and one beyond the last row of each run of usable rows (n,) that begin at a row."""
+    edges = np.flatnonzero(np.diff(usable.astype(np.int8), prepend=0, append=0)) + begin
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

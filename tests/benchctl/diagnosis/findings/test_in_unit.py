@@ -1,0 +1,40 @@
+"""A gyro that states its rate has no volts: neither in sentences nor in the units of parameters."""
+
+import re
+
+import pytest
+
+from benchctl.diagnosis.findings.in_unit import estimates_in, text_in, unit_in
+from benchctl.diagnosis.result import Estimate
+from benchctl_instruments.physics.effects.registry import effects
+
+
+@pytest.mark.parametrize("name", effects())
+def test_no_effect_speaks_of_volts_of_a_digital_gyro_but_of_its_supply(name: str) -> None:
+    kind = effects()[name]
+    values = {each: parameter.scan[0] for each, parameter in kind.parameters.items()}
+    said = text_in(kind.make(values).says(), "°/s")
+    assert not re.search(r"\d ?(mV|µV|V)\b", re.sub(r"(volt|V) (of|more) .*supply", "", said)), said
+    for parameter in kind.parameters.values():
+        assert not unit_in(parameter.unit, "°/s").startswith("V ")
+
+
+@pytest.mark.parametrize(
+    ("said", "told"),
+    [
+        ("The bias rises by 780 mV an hour, steadily.", "The bias rises by 0.78 °/s an hour, steadily."),
+        ("by -3.2 µV and +0.5 V", "by -3.2e-06 °/s and +0.5 °/s"),
+        ("most at 1.2 to 3 V", "most at 1.2 to 3 °/s"),
+    ],
+)
+def test_sizes_keep_their_value(said: str, told: str) -> None:
+    # "to 3 V": of two numbers the last has the unit
+    assert text_in(said, "°/s") == told
+
+
+def test_values_stay_and_units_follow() -> None:
+    walk = Estimate(value=2.0, low=1.0, high=3.0, unit="V s-0.5")
+    assert estimates_in({"v_per_sqrt_s": walk}, "°/s") == {
+        "v_per_sqrt_s": Estimate(value=2.0, low=1.0, high=3.0, unit="°/s s-0.5")
+    }
+    assert unit_in("V-1", "°/s") == "V-1"

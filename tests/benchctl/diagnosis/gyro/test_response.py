@@ -1,0 +1,100 @@
+"""Delay, low-pass or neither: told by gain and phase above the band in which a stepped shaft is compared row by row."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from scipy.signal import butter, lfilter
+
+from benchctl.diagnosis.gyro.problem import GyroProblem, _compared, gyro_problem
+from benchctl.diagnosis.search.select import select
+from tests.benchctl.diagnosis.made_recording import recording_of
+
+FloatArray = npt.NDArray[np.float64]
+
+RATE_HZ, FINE, LASTS_S = 100.0, 20, 300.0
+STEP_DEG, SWEEP_DEG, SWEEP_DPS = 360.0 / 4096.0, 180.0, 46.0
+TEETH = 100
+DELAY_S, SLOW_HZ = 0.012, 13.0
+MODEL = {"K0_v_per_dps": 1.0, "U0_v": 0.0, "T0_c": 20.0, "k_T": [], "k_omega": []}
+
+
+def shaft() -> FloatArray:
+    """Angles of a shaft that a stepper sweeps to and fro [deg], so many times finer than the samples.
+
+    It shakes at every step, and at the eighth harmonic of that, which the samples fold back to 2.2 Hz.
+    """
+    time_s = np.arange(0.0, LASTS_S, 1.0 / (RATE_HZ * FINE))
+    phase = np.mod(time_s * SWEEP_DPS, 2.0 * SWEEP_DEG)
+    sharp = np.minimum(phase, 2.0 * SWEEP_DEG - phase)
+    width = int(0.15 * RATE_HZ * FINE)
+    swept = np.convolve(np.pad(sharp, width, mode="edge"), np.hanning(width) / np.hanning(width).sum(), mode="same")
+    swept = swept[width:-width]
+    turned = np.radians(TEETH * swept)
+    return np.asarray(swept + 0.5 * np.sin(turned) + 0.01 * np.sin(8.0 * turned))
+
+
+def stepped(*, delay_s: float = 0.0, low_pass_hz: float = 0.0) -> GyroProblem:
+    """What an encoder of 4096 counts and a digital gyro say of it."""
+    angle = shaft()
+    rate = np.gradient(angle, 1.0 / (RATE_HZ * FINE))
+    if low_pass_hz:
+        rate = lfilter(*butter(1, low_pass_hz, fs=RATE_HZ * FINE), rate)
+    felt = np.roll(rate, round(delay_s * RATE_HZ * FINE))[::FINE]
+    encoder = np.round(angle[::FINE] / STEP_DEG) * STEP_DEG
+    noise = 0.3 * np.random.default_rng(0).standard_normal(felt.size)
+    channels = {"time_s": np.arange(felt.size) / RATE_HZ, "encoder_deg": encoder, "gyro_v": felt + noise}
+    return gyro_problem(recording_of(channels), model=MODEL)
+
+
+def found(problem: GyroProblem) -> dict[str, dict[str, float]]:
+    chosen = select(problem, seed=0, progress=lambda _name, _share: None)
+    return {effect.identifier: effect.values for effect in chosen.after.point.effects}
+
+
+def test_a_delay_is_told_from_a_low_pass_above_the_band() -> None:
+    problem = stepped(delay_s=DELAY_S)
+    assert problem.band is not None
+    assert problem.band.stop_hz < 4.0
+    effects = found(problem)
+    assert effects["timing_offset"]["offset_s"] == pytest.approx(DELAY_S, abs=1e-4)
+    assert "sensor_bandwidth" not in effects
+
+
+def test_a_low_pass_is_told_from_a_delay_above_the_band() -> None:
+    effects = found(stepped(low_pass_hz=SLOW_HZ))
+    assert effects["sensor_bandwidth"]["cutoff_hz"] == pytest.approx(SLOW_HZ, rel=0.05)
+    assert "timing_offset" not in effects
+
+
+def test_only_what_both_see_is_compared() -> None:
+    problem = stepped()
+    response = problem.response
+    assert response is not None
+    assert problem.band is not None
+    assert response.frequency_hz.min() > problem.band.stop_hz
+    assert np.any(np.abs(response.frequency_hz - 12.8) < 0.5)  # the steps
+    assert response.frequency_hz.max() < 17.0  # beyond, the encoder's own steps drown the motion
+    assert "the gain is 1.0" in response.says(1.0)
+    off = problem.spectral_residual(problem.baseline_start, ()) / problem.band.noise
+    assert np.mean(off**2) < 0.2  # in deviations that hold more than noise
+    assert replace(problem, response=None).spectral_residual(problem.baseline_start, ()).size == 0
+
+
+def test_stretches_too_short_for_a_band_are_compared_whole() -> None:
+    problem = stepped()
+    frame = problem.frame
+    short = 160
+    bounds = range(0, frame.rows - short, short)
+    cut = replace(
+        frame,
+        stretches=tuple(slice(first, first + short) for first in bounds),
+        motions=tuple(frame.motions[0] for _ in bounds),
+    )
+    band, usable = _compared(cut, np.inf)
+    assert band is None
+    assert np.count_nonzero(usable) > 0.5 * frame.rows
+    assert _compared(frame, np.inf)[0] is not None

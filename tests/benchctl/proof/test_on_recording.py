@@ -1,0 +1,117 @@
+"""Sealed trials on a recording that is there: an effect is added to it, and is to be named beside what it shows."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchctl.cli.app import run_verb
+from benchctl.diagnosis import diagnose
+from benchctl.proof import inject
+from benchctl.proof.injection import FAIR, Injection, Untouched
+from benchctl.recordings.reader import open_recording
+from tests.benchctl.cli.processes import benchctl
+from tests.benchctl.diagnosis.moving import KINDS, NOISE_V, write_moving
+
+SQUARED = Injection(index=0, effect="rate_squared", parameters={"v_per_dps2": 2e-6}, share=1.0, nonce="")
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_moving(tmp_path_factory.mktemp("plain") / "plain.h5", kinds=KINDS * 2)
+
+
+@pytest.fixture(scope="module")
+def said(plain: Path) -> dict[str, object]:
+    with open_recording(plain) as recording:
+        return diagnose(recording).as_json()
+
+
+def test_only_the_output_is_changed_and_by_what_the_effect_does(plain: Path, said: dict[str, object]) -> None:
+    with open_recording(plain) as recording:
+        steps = list(recording.steps())
+        changed = list(Untouched(recording, said).with_it(SQUARED))
+    for step, other in zip(steps, changed, strict=True):
+        assert other.info == step.info
+        for name in set(step.channels) - {"gyro_v"}:
+            np.testing.assert_array_equal(other[name], step[name])
+    turning = next(step for step in range(len(steps)) if steps[step].info.kind == "constant_rate")
+    added = changed[turning]["gyro_v"] - steps[turning]["gyro_v"]
+    assert added[100:-100] == pytest.approx(2e-6 * 40.0**2, rel=0.01)
+
+
+def test_a_limit_cuts_the_samples_themselves(plain: Path, said: dict[str, object]) -> None:
+    limit = Injection(index=0, effect="saturation", parameters={"limit_v": 0.6}, share=1.0, nonce="")
+    with open_recording(plain) as recording:
+        changed = np.concatenate([step["gyro_v"] for step in Untouched(recording, said).with_it(limit)])
+    assert changed.max() == pytest.approx(0.6, abs=1e-12)
+    assert np.count_nonzero(changed > 0.6 - 1e-9) > 100
+
+
+def test_what_is_drawn_is_the_same_for_a_seed_shows_as_it_says_and_is_nothing_that_was_there(
+    plain: Path, said: dict[str, object]
+) -> None:
+    with open_recording(plain) as recording:
+        untouched = Untouched(recording, said)
+        drawn = [untouched.drawn(3, index) for index in range(8)]
+        assert Untouched(recording, said).drawn(3, 5) == drawn[5]
+        assert len({one.digest() for one in drawn}) == 8
+        assert len({one.effect for one in drawn}) > 3
+        for one in drawn:
+            assert FAIR[0] <= one.share <= FAIR[1]
+            added = [
+                other["gyro_v"] - step["gyro_v"]
+                for step, other in zip(recording.steps(), untouched.with_it(one), strict=True)
+            ]
+            # the baseline takes a part of it up, so that more is added than shows
+            assert np.sqrt(np.mean(np.concatenate(added) ** 2)) > 0.9 * one.share * NOISE_V
+        found = {**said, "findings": [{"effect": "rate_squared", "parameters": {"v_per_dps2": {"value": 1e-6}}}]}
+        again = Untouched(recording, found)
+        assert "rate_squared" not in {again.drawn(3, index).effect for index in range(8)}
+
+
+def test_the_digest_is_told_and_the_recording_says_nothing_of_it(
+    plain: Path, said: dict[str, object], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "said.json").write_text(json.dumps({"said": said}), encoding="utf-8")
+    asked = ["--said", tmp_path / "said.json", "--seed", 3, "--index", 2, "--out", tmp_path / "r.h5"]
+    assert inject.main([str(plain), *map(str, asked)]) == 0
+    with open_recording(plain) as recording, open_recording(tmp_path / "r.h5") as injected:
+        drawn = Untouched(recording, said).drawn(3, 2)
+        assert injected.meta == recording.meta
+    assert json.loads(capsys.readouterr().out) == {"digest": drawn.digest()}
+    assert drawn.effect.encode() not in (tmp_path / "r.h5").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("--part", "table"), "--part table: is no part of a bench; there are gyro, drive, chamber"),
+        (("--class", "single"), "--on: goes with --part, --trials, --seed, --jobs and --out; leave the others out"),
+    ],
+)
+def test_what_does_not_go_with_a_recording_is_refused(
+    words: tuple[str, ...], told: str, plain: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run_verb(["prove", "--on", str(plain), *words, "--out", str(tmp_path / "p")]) == 2
+    assert told in capsys.readouterr().err
+    assert not (tmp_path / "p").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_most_added_effects_are_named_beside_what_is_there(plain: Path, tmp_path: Path) -> None:
+    asked = ("--on", plain, "--trials", "4", "--seed", "3", "--out", tmp_path / "proof", "--json", tmp_path / "p.json")
+    ran = benchctl("prove", *asked, timeout_s=550.0)
+    assert ran.returncode == 0, ran.stderr
+    found = json.loads((tmp_path / "p.json").read_text())
+    assert (found["trials"], found["lost"]) == (4, 0)
+    assert found["right"] >= 3  # a rail that the output reaches on one side only looks like a symmetric limit
+    assert sum(row["trials"] for row in found["effects"]) == 4
+    for digest in found["digests"]:
+        assert f"sealed, sha256 {digest}" in ran.stdout
+    assert not list((tmp_path / "proof").glob("**/*.h5"))
+    assert benchctl("prove", *asked, timeout_s=60.0).returncode == 0  # nothing is left to run

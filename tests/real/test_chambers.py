@@ -1,0 +1,52 @@
+"""Real chambers, by others: what is in them, and how far the free-running temperature may miss on pieces held out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+
+from benchctl.diagnosis.diagnose import diagnose
+from benchctl.diagnosis.result import Diagnosis, Finding
+from benchctl.recordings.importing import import_recording
+from benchctl.recordings.reader import open_recording
+from tests.shared import SHARED, needs_shared
+
+MAPS = Path(__file__).parents[1] / "benchctl" / "recordings" / "maps"
+DATA = SHARED / "data" / "thermal"
+
+pytestmark = [needs_shared("data/thermal"), pytest.mark.slow, pytest.mark.timeout(600)]
+
+
+def _diagnosis(name: str, map_name: str, folder: Path) -> tuple[Diagnosis, Mapping[str, Finding]]:
+    import_recording(DATA / name, MAPS / f"{map_name}.toml", folder / "imported.h5")
+    with open_recording(folder / "imported.h5") as recording:
+        told = diagnose(recording, part="chamber")
+    return told, {one.effect: one for one in told.findings}
+
+
+def test_an_oven_at_full_power_answers_late_and_through_a_lag(tmp_path: Path) -> None:
+    told, found = _diagnosis("2024-08-03__signals_step_100_percent_door_closed.log", "oven_step", tmp_path)
+    assert set(found) == {"dead_time", "second_lag"}
+    assert found["dead_time"].parameters["delay_s"].value == pytest.approx(16.0, abs=4.0)
+    assert found["second_lag"].parameters["tau_s"].value == pytest.approx(28.0, abs=7.0)
+    assert told.fit.heldout_after <= 3.5
+
+
+def test_the_spikes_of_an_oven_are_faults_of_its_data_and_its_door_opens_at_the_peak(tmp_path: Path) -> None:
+    told, found = _diagnosis("2024-12-08__signals_controlled_adjusted_profile.log", "oven_profile", tmp_path)
+    assert "1536 °C" in found["outliers"].says
+    door = found["loss_step"]
+    assert door.parameters["fraction"].value < -0.5  # until then a fraction of the loss
+    assert 720.0 * door.parameters["moment"].value == pytest.approx(600.0, abs=30.0)
+    assert told.fit.heldout_after <= 6.5
+
+
+@pytest.mark.parametrize(
+    ("name", "effect"), [("cooldown_20130419_13.24.44", "heat_store"), ("warmup_20130419_13.58.50", "exchange")]
+)
+def test_a_cold_finger_shares_its_heat_with_another_body(name: str, effect: str, tmp_path: Path) -> None:
+    told, found = _diagnosis(f"{name}.csv", "cold_finger", tmp_path)
+    assert effect in found
+    assert told.fit.heldout_after <= 0.25

@@ -1,0 +1,39 @@
+"""Gyros on shafts that move as motors do: a stepper's shaft (UIUC) and a servo's mount, by who measured them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from benchctl.diagnosis.diagnose import diagnose
+from benchctl.diagnosis.result import Diagnosis
+from benchctl.recordings.importing import import_recording
+from benchctl.recordings.reader import open_recording
+from tests.shared import SHARED, needs_shared
+
+MAPS = Path(__file__).parents[1] / "benchctl" / "recordings" / "maps"
+AXES = {"pitch": "y", "roll": "x", "yaw": "z"}
+
+
+def uiuc(name: str, folder: Path) -> Diagnosis:
+    """The diagnosis of a recording of the stepper-driven shaft, of the axis that it turned about."""
+    text = (MAPS / "uiuc.toml").read_text()
+    text = text.replace("all_gyro_2_z", f"all_gyro_2_{AXES[name.split('_')[0]]}")
+    mapping, recorded = folder / "map.toml", folder / f"{name}.h5"
+    mapping.write_text(text)
+    import_recording(SHARED / "data" / "uiuc_encoder_imu" / f"raw_{name}.mat", mapping, recorded)
+    with open_recording(recorded) as recording:
+        return diagnose(recording)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+@needs_shared("data/uiuc_encoder_imu")
+@pytest.mark.parametrize("name", ["pitch_slow", "roll_slow", "yaw_slow", "yaw_medium"])
+def test_one_board_has_one_delay_and_no_low_pass_on_every_axis(name: str, tmp_path: Path) -> None:
+    diagnosis = uiuc(name, tmp_path)
+    findings = {one.effect: one for one in diagnosis.findings}
+    assert findings["timing_offset"].parameters["offset_s"].value == pytest.approx(12.1e-3, abs=0.3e-3)
+    assert not {"sensor_bandwidth", "mains_pickup"} & set(findings)
+    assert diagnosis.fit.heldout_after < diagnosis.fit.heldout_before
