@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from instruments.errors import UsageError, in_line
+from benchctl_instruments.errors import UsageError, in_line
 
 _RESERVE = 32 << 20
 """Bytes that are always left on the disk: for HDF5's own records, the journal, and other programs."""
@@ -31,10 +31,12 @@ def disk_errors(path: Path) -> Iterator[None]:
 def whole_file(path: Path) -> Iterator[Path]:
     """A temporary name to write to; on success synced and renamed to `path`, replacing it, on any error removed.
 
-    Raises `UsageError` where the disk refuses.
+    Raises `UsageError` where the disk refuses, or `path` is a folder, a device or a pipe.
     """
     temporary = beside(path)
     with disk_errors(path):
+        if path.exists() and not path.is_file():
+            raise UsageError(f"{path}: cannot be written: it is there already and no file; name a file")
         try:
             yield temporary
             sync_file(temporary)
@@ -88,10 +90,15 @@ def require_room(path: Path, size: int) -> None:
 
 
 def free_bytes(folder: Path) -> int:
-    """What may still be written at a folder, which need not be there yet: without the reserve."""
+    """What may still be written at a folder, which need not be there yet, without the reserve.
+
+    Raises `UsageError` where a file is in the way.
+    """
     place = folder.absolute()
     while not place.exists():
         place = place.parent
+    if not place.is_dir():
+        raise UsageError(f"{folder}: cannot be created, {place} is a file; name another folder")
     return max(0, shutil.disk_usage(place).free - _RESERVE)
 
 

@@ -14,12 +14,12 @@ from benchctl.limits import HIGHEST_RATE_HZ, MOST_COUNTS_PER_REV
 from benchctl.model_file import Model
 from benchctl.quantities import quantity, unit_stated
 from benchctl.tables import Table
-from benchctl.toml_file import line_of, parse_toml, read_text
-from instruments.catalog import find_profile, is_profile
-from instruments.chambers.profile_file import parse_profile, profile_name
-from instruments.errors import UsageError
-from instruments.interfaces import FloatArray
-from instruments.simulated.faults.bench import AnyFault
+from benchctl.toml_file import line_of, named_place, parse_toml, read_text
+from benchctl_instruments.catalog import find_profile, is_profile
+from benchctl_instruments.chambers.profile_file import parse_profile, profile_name
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.simulated.faults.bench import AnyFault
 
 Volts = TypeVar("Volts", float, FloatArray)
 
@@ -54,7 +54,11 @@ class UnitUnderTest(Table):
 
 
 class Limits(Table):
-    """What no step may exceed and no measured value may pass."""
+    """What no step may exceed and no measured value may pass.
+
+    While a step is recorded the rate by the encoder may differ from the demand by `motion_error_dps` or by
+    `motion_error_percent` of it, whichever is larger.
+    """
 
     rate_dps: float = Field(gt=0)
     acceleration_dps2: float = Field(gt=0)
@@ -62,6 +66,8 @@ class Limits(Table):
     hottest_c: float
     ramp_c_per_min: float = Field(gt=0)
     silence_s: float = Field(default=10.0, gt=0)
+    motion_error_dps: float = Field(default=0.5, gt=0)
+    motion_error_percent: float = Field(default=2.0, ge=0)
 
     @model_validator(mode="after")
     def _in_order(self) -> Limits:
@@ -240,11 +246,8 @@ class Bench(Table):
                 "for which a silent instrument is waited for"
             )
         if not self.simulated:
-            for name in ("rate_table", "chamber", "digitizer"):
-                if getattr(self, name).address is None:
-                    raise ValueError(f"{name}.address is needed where simulated is not true")
-            if self.gyro is not None and self.gyro.address is None:
-                raise ValueError("gyro.address is needed where simulated is not true")
+            if missing := [f"{name}.address" for name, entry in self.entries.items() if entry.address is None]:
+                raise ValueError(f"{', '.join(missing)} must be given where simulated is not true")
             if self.effects:
                 raise ValueError("[effects] is played by simulated instruments only, and simulated is not true")
             if self.faults:
@@ -316,8 +319,8 @@ def load_bench(source: str) -> Bench:
     bench = bench_of_text(text, name)
     if is_profile(bench.chamber.model):
         bench = _with_profile(bench, path.parent, name)
-    if bench.effects:
-        _check_effects(bench.effects, name)
+    if bench.simulated:
+        _check_simulation(bench, name)
     return bench
 
 
@@ -336,10 +339,12 @@ def _with_profile(bench: Bench, folder: Path, name: str) -> Bench:
     return bench.model_copy(update={"chamber": chamber}).read_from(bench.text, text)
 
 
-def _check_effects(tables: dict[str, Any], name: str) -> None:
-    from instruments.physics.effects.making import make_effects
+def _check_simulation(bench: Bench, name: str) -> None:
+    from benchctl_instruments.physics.effects.making import make_effects
+    from benchctl_instruments.simulated.settings import WorldSettings
 
     try:
-        make_effects(tables)
+        WorldSettings.from_mapping(bench.physics, where="physics")
+        make_effects(bench.effects)
     except UsageError as err:
-        raise UsageError(f"{name}, {err}") from err
+        raise UsageError(f"{name}, line {line_of(bench.text, named_place(str(err)))}: {err}") from err

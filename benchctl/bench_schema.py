@@ -18,10 +18,10 @@ from benchctl.bench_words import FIELD_WORDS
 from benchctl.metrology.limit_file import LimitFile
 from benchctl.metrology.names import UNITS
 from benchctl.quantities import unit_stated
-from instruments.catalog import Kind, models
-from instruments.physics.effects.effect import Parameter, PhysicalEffect
-from instruments.physics.effects.registry import effects
-from instruments.simulated.faults.bench import AnyFault
+from benchctl_instruments.catalog import Kind, models
+from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffect
+from benchctl_instruments.physics.effects.registry import effects
+from benchctl_instruments.simulated.faults.bench import AnyFault
 
 Schema = dict[str, Any]
 

@@ -43,6 +43,17 @@ FIELD_WORDS: dict[str, Words] = {
     "Limits.hottest_c": ("Hottest air", "No set point lies above; above coldest_c.", 85.0),
     "Limits.ramp_c_per_min": ("Ramp", "How fast the chamber's air follows; durations are reckoned with it.", 2.0),
     "Limits.silence_s": ("Silence", "An instrument that says nothing for so long stops the run.", 10.0),
+    "Limits.motion_error_dps": (
+        "Motion",
+        "How far the rate by the encoder may be off the demand while a step is recorded; beyond it the step is "
+        "repeated once, then the run stops. The encoder's resolution is added.",
+        0.5,
+    ),
+    "Limits.motion_error_percent": (
+        "Motion, relative",
+        "The same as a share of the rate that is demanded; the larger of the two counts.",
+        2.0,
+    ),
     "Safe.chamber_c": ("Safe set point", "Between limits.coldest_c and limits.hottest_c.", 23.0),
     "Safe.hang_s": (
         "Hang",

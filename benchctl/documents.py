@@ -13,9 +13,10 @@ from benchctl.limits import (
     MOST_DEPTH,
     MOST_DESCRIPTION_BYTES,
     MOST_KEY_PARTS,
+    MOST_TOML_BYTES,
     read_whole,
 )
-from instruments.errors import UsageError, in_line
+from benchctl_instruments.errors import UsageError, in_line
 
 _PART = r"""(?:[A-Za-z0-9_-]+|"[^"\n]*"|'[^'\n]*')"""
 _LONG_KEY = re.compile(rf"(?<![A-Za-z0-9_-]){_PART}(?:[ \t]*\.[ \t]*{_PART}){{{MOST_KEY_PARTS}}}")
@@ -41,7 +42,7 @@ def json_document(text: bytes | str, name: str) -> Any:
     UsageError
         Not UTF-8, not JSON (names the line), nested too deep, or with whole numbers beyond 64 bits.
     """
-    _refuse_large(text, name)
+    _refuse_large(text, name, MOST_DESCRIPTION_BYTES)
     try:
         found = json.loads(text)
     except UnicodeDecodeError as err:
@@ -60,9 +61,9 @@ def toml_document(text: str, name: str) -> dict[str, Any]:
     Raises
     ------
     UsageError
-        Not TOML (names the line), nested too deep, keys of too many parts, or with whole numbers beyond 64 bits.
+        Not TOML (names the line), too large, nested too deep, keys of too many parts, whole numbers beyond 64 bits.
     """
-    _refuse_large(text, name)
+    _refuse_large(text, name, MOST_TOML_BYTES)
     if found := _LONG_KEY.search(text):
         line = text.count("\n", 0, found.start()) + 1
         raise UsageError(f"{name}, line {line}: a key of more than {MOST_KEY_PARTS} parts; nest tables less deep")
@@ -76,9 +77,9 @@ def toml_document(text: str, name: str) -> dict[str, Any]:
     return document
 
 
-def _refuse_large(text: bytes | str, name: str) -> None:
-    if len(text) > MOST_DESCRIPTION_BYTES:
-        raise UsageError(f"{name}: {len(text)} bytes, expected at most {MOST_DESCRIPTION_BYTES}")
+def _refuse_large(text: bytes | str, name: str, most: int) -> None:
+    if len(text) > most:
+        raise UsageError(f"{name}: {len(text)} bytes, expected at most {most}")
 
 
 def _too_much(err: Exception) -> str:

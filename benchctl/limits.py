@@ -4,12 +4,10 @@ Files come by mail, from archives and from other benches, and some lie. A reader
 nothing that costs memory or time: sizes are held against the bytes that are really there, and against these limits.
 They are generous: 60 hours at 100 kHz, or a recording of 10 GB, stay far below all of them.
 
-What no limit in this process can mend: HDF5 is decoded by a library in C. A file made for one of its faults can keep
-it busy, make it allocate gigabytes (a text's length stands where Python cannot see it) or end the program. What random
-damage has brought about in thousands of recordings (HDF5 2.0.0; `tests/fuzz`) is refused beforehand: see
-`benchctl.recordings.hdf5_heaps`. To read each file in a process of its own first would cost a third of a second, as
-long as most verbs take, and reading all samples twice; so whoever opens files from nowhere does so where the program
-may die: `(ulimit -v 8000000 -t 60; benchctl verify FILE)`.
+What no limit in this process can mend: HDF5 is decoded by a library in C. A damaged file can keep it busy, make it
+allocate gigabytes (a text's length stands where Python cannot see it) or end the program. So a child process, whose
+memory and time are limited, opens a file from elsewhere first: see `benchctl.recordings.hdf5_trial`. A campaign's
+folder is taken for one of this suite's own. Whoever gets one from a stranger copies its `recording.h5` out of it first.
 """
 
 from __future__ import annotations
@@ -18,10 +16,17 @@ import os
 import stat
 from pathlib import Path
 
-from instruments.errors import UsageError, reason
+from benchctl.confined import open_file, stat_of
+from benchctl_instruments.errors import UsageError, reason
 
 MOST_DESCRIPTION_BYTES = 16 << 20
-"""JSON and TOML: 50 000 steps at 300 bytes. In memory they are thirty times as large."""
+"""JSON: 50 000 steps at 300 bytes. In memory they are thirty times as large."""
+
+MOST_TOML_BYTES = 250_000
+"""TOML is written by hand: a bench.toml has 6000 bytes. Parsing and checking this many takes 0.3 s."""
+
+MOST_STEPS = 50_000
+"""Steps of a plan: the description of a recording holds no more (`MOST_DESCRIPTION_BYTES`)."""
 
 MOST_DEPTH = 64
 """Tables in tables, lists in lists; ours are five deep. Python's own limit counts the caller's frames, too."""
@@ -99,30 +104,31 @@ def read_whole(path: Path, most_bytes: int, what: str) -> bytes:
     Raises
     ------
     UsageError
-        Where it cannot be read, or goes on beyond that.
+        Where it cannot be read, is no file (a pipe might never end), or goes on beyond that.
     """
+    require_file(path, what)
     try:
-        with path.open("rb") as file:
+        with open_file(path) as file:
             content = file.read(most_bytes + 1)
     except OSError as err:
         raise UsageError(f"{what}{path}: cannot be read: {reason(err)}") from err
     except ValueError as err:  # a NUL in the name
         raise UsageError(f"{what}{str(path)!r}: cannot be read: {err}") from err
     if len(content) > most_bytes:
-        raise UsageError(f"{what}{path}: is larger than {most_bytes / 1e6:.0f} MB, which no such file needs")
+        raise UsageError(f"{what}{path}: is larger than {most_bytes / 1e6:.2g} MB, which no such file needs")
     return content
 
 
 def require_file(path: Path, what: str = "") -> None:
     """Raise `UsageError` where there is something of that name that is no file, such as a pipe, which might never end.
 
-    Links are followed: a folder of recordings may lie anywhere.
+    Links are followed unless the program is confined to a folder (`benchctl.confined`).
     """
     try:
-        mode = path.stat().st_mode
+        mode = stat_of(path).st_mode
     except (OSError, ValueError):  # who opens it says what is wrong
         return
-    if not stat.S_ISREG(mode):
+    if not stat.S_ISREG(mode) and not stat.S_ISLNK(mode):  # a link is refused where it is opened
         raise UsageError(f"{what}{path}: cannot be read: it is no file; name one")
 
 

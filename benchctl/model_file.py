@@ -23,7 +23,7 @@ from benchctl.atomic import whole_file
 from benchctl.limits import cut, shown
 from benchctl.part_models import check_parts
 from benchctl.toml_file import read_text, toml_in_units
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 FORMAT = "benchctl-model/1"
 
@@ -52,9 +52,9 @@ class Model:
 
     def check(self) -> None:
         """Raise a `UsageError` that names the table and field at fault, where there is one."""
-        from instruments.physics.effects.making import make_effects
-        from instruments.physics.response_gyro import ResponseParameters
-        from instruments.simulated.settings import WorldSettings, built
+        from benchctl_instruments.physics.effects.making import make_effects
+        from benchctl_instruments.physics.response_gyro import ResponseParameters
+        from benchctl_instruments.simulated.settings import WorldSettings, built
 
         WorldSettings.from_mapping(self.physics, where="physics")
         if self.simulation is not None:

@@ -1,4 +1,8 @@
-"""Starts a module of ours as a process of its own, which finds what this one finds and hears no signal meant for it."""
+"""Starts a module of ours as a process of its own, which finds what this one finds and hears no signal meant for it.
+
+A damaged or hostile file may crash the library in C that decodes it, keep it busy for ever, or make it allocate
+gigabytes. Such a file is opened in a process with limits, which `run_limited` starts and which calls `limit_itself`.
+"""
 
 from __future__ import annotations
 
@@ -6,19 +10,29 @@ import os
 import subprocess
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
 
 from benchctl.processors import set_free
 
 if sys.platform == "win32":  # neither Ctrl-C nor the console's end reaches it; elsewhere it has a session of its own
     _OF_ITS_OWN = subprocess.CREATE_NEW_PROCESS_GROUP | subprocess.CREATE_NO_WINDOW
 else:
+    import resource
+
     _OF_ITS_OWN = 0
 
+_SLOWER = 20
+"""Of a busy machine, by wall time."""
 
-def own_process(module: str, arguments: Sequence[str] = (), *, stderr: int | None = None) -> subprocess.Popen[bytes]:
+
+def own_process(
+    module: str, arguments: Sequence[str] = (), *, stderr: int | None = None, pass_fds: Sequence[int] = ()
+) -> subprocess.Popen[bytes]:
     """`python -m MODULE ARGUMENTS`, with pipes without buffers to and from it. Not tried on Windows.
 
-    `stderr` is as of `subprocess.Popen`. Raises `OSError` where the system has no room for another process.
+    `stderr` and `pass_fds` are as of `subprocess.Popen`. Raises `OSError` where the system has no room for another
+    process.
     """
     process = subprocess.Popen(  # noqa: S603 - this Python, a module of ours
         [sys.executable, "-P", "-m", module, *arguments],
@@ -28,7 +42,52 @@ def own_process(module: str, arguments: Sequence[str] = (), *, stderr: int | Non
         bufsize=0,
         env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
         start_new_session=True,
+        pass_fds=pass_fds,
         creationflags=_OF_ITS_OWN,
     )
     set_free(process.pid)
     return process
+
+
+def run_limited(
+    module: str, arguments: Sequence[str], limit_s: float, *, pass_fds: Sequence[int] = ()
+) -> tuple[int, bytes]:
+    """Run a module that calls `limit_itself(limit_s, …)` to its end; its exit status, negative for a death, and stdout.
+
+    Where it takes far longer than `limit_s` by the wall clock, waiting for the disk, it is ended.
+    """
+    child = own_process(module, arguments, stderr=subprocess.DEVNULL, pass_fds=pass_fds)
+    try:
+        written = child.communicate(timeout=_SLOWER * limit_s)[0]
+    except subprocess.TimeoutExpired:
+        child.kill()
+        written = child.communicate()[0]
+    return child.returncode, written
+
+
+def limit_itself(limit_s: float, most_bytes: int) -> None:
+    """Limit this process to so much more processor time, and to so much more memory.
+
+    Memory is limited on Linux only, where the size of the process is known; Windows knows no such limits.
+    """
+    if sys.platform == "win32":
+        return
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    seconds = round(sum(resource.getrusage(resource.RUSAGE_SELF)[:2]) + limit_s)
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
+    with suppress(OSError):
+        most_bytes += int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (most_bytes, most_bytes))
+
+
+def peak_bytes() -> int:
+    """The most memory that this process has had in use; 0 on Windows.
+
+    Linux counts what the parent had in use towards a child's `ru_maxrss`, but not towards its VmHWM.
+    """
+    if sys.platform == "win32":
+        return 0
+    with suppress(OSError):
+        fields = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
+        return int(fields["VmHWM"].split()[0]) * 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)

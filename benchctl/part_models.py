@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from benchctl.limits import shown
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 EFFECTS = "effects"
 
@@ -42,10 +42,10 @@ def check_parts(parts: Mapping[str, Any]) -> None:
 
     Which numbers a part itself needs depends on what was recorded of it: a diagnosis says so.
     """
-    from instruments.physics.chamber_effects.registry import chamber_effects
-    from instruments.physics.drive_effects.registry import drive_effects
-    from instruments.physics.effects.effect import DescribedEffect
-    from instruments.physics.effects.numbered import identifier_in
+    from benchctl_instruments.physics.chamber_effects.registry import chamber_effects
+    from benchctl_instruments.physics.drive_effects.registry import drive_effects
+    from benchctl_instruments.physics.effects.effect import DescribedEffect
+    from benchctl_instruments.physics.effects.numbered import identifier_in
 
     known: dict[str, Mapping[str, type[DescribedEffect]]] = {"drive": drive_effects(), "chamber": chamber_effects()}
     for part, table in parts.items():

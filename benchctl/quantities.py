@@ -13,7 +13,7 @@ import re
 from fractions import Fraction
 
 from benchctl.limits import shown
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 ENDINGS: dict[str, str] = {
     "_c_per_min": "K/min",

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import inspect
 import re
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
+from benchctl.closeness import nearest
 from benchctl.documents import toml_document
-from benchctl.limits import MOST_DESCRIPTION_BYTES, cut, read_whole, shown
+from benchctl.limits import MOST_TOML_BYTES, cut, listed, read_whole, shown
 from benchctl.quantities import quantity, unit_stated
-from instruments.errors import UsageError
-from instruments.field_faults import field_fault
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.field_faults import field_fault
 
 Model = TypeVar("Model", bound=BaseModel)
 Place = tuple[str | int, ...]
@@ -21,6 +24,9 @@ Place = tuple[str | int, ...]
 
 _HEADER = re.compile(r"\s*(\[\[?)([^\[\]]+)\]\]?\s*(?:#|$)")
 _KEY = re.compile(r"\s*([A-Za-z0-9_.\-\"']+)\s*=")
+_NAMED = re.compile(r"\[*([\w.]+)\]*(?: (\w+))?")
+_MOST_COMPARED = 10
+"""Unknown keys that are compared with the known ones; comparing thousands would take seconds."""
 
 
 def read_text(path: Path, what: str) -> str:
@@ -32,7 +38,7 @@ def read_text(path: Path, what: str) -> str:
         Where it is not there, not UTF-8, or too large to have been meant.
     """
     try:
-        text = read_whole(path, MOST_DESCRIPTION_BYTES, f"{what} ").decode("utf-8")
+        text = read_whole(path, MOST_TOML_BYTES, f"{what} ").decode("utf-8")
     except UnicodeDecodeError as err:
         raise UsageError(f"{what} {path}: expected UTF-8 text, byte {err.start} is not") from err
     return text.replace("\r\n", "\n").replace("\r", "\n")
@@ -44,13 +50,13 @@ def parse_toml(text: str, model: type[Model], name: str) -> Model:
     Raises
     ------
     UsageError
-        One line that names the file, the line and the first field that is wrong, and how many more there are.
+        One line that names the file, the line of the first wrong field, all missing ones, and how many more are wrong.
     """
     document = toml_in_units(text, name)
     try:
         return model.model_validate(document)
     except ValidationError as err:
-        raise UsageError(f"{name}, {_first_fault(err, text, document)}") from err
+        raise UsageError(f"{name}, {_faults(err, model, text, document)}") from err
 
 
 def toml_in_units(text: str, name: str) -> dict[str, Any]:
@@ -88,6 +94,12 @@ def line_of(text: str, place: Place) -> int:
             if full == place[: len(full)] and len(full) > len(table):
                 return number
     return best
+
+
+def named_place(says: str) -> Place:
+    """The field that a message begins with: `safe.chamber_c (99) lies …`, or `[effects.warm_up] tau_s: …`."""
+    found = _NAMED.match(says)
+    return (*_parts(found[1]), *([found[2]] if found[2] else [])) if found else ()
 
 
 def _table(parts: tuple[str, ...], latest: dict[Place, int], place: Place, *, is_new: bool) -> Place:
@@ -135,9 +147,45 @@ def _in_document(loc: Place, document: Any) -> Place:
     return found
 
 
-def _first_fault(err: ValidationError, text: str, document: dict[str, Any]) -> str:
-    first, *more = err.errors(include_url=False, include_context=False)
-    line = line_of(text, _in_document(first["loc"], document))
-    field = cut(".".join(str(part) for part in first["loc"]))
-    rest = f" (and {len(more)} more)" if more else ""
-    return f"line {line}: {field}{': ' if field else ''}{cut(field_fault(first, shown))}{rest}"
+def _faults(err: ValidationError, model: type[BaseModel], text: str, document: dict[str, Any]) -> str:
+    """The line and the words of the first fault, or of a misspelt key of a missing field; then all missing fields."""
+    found = err.errors(include_url=False, include_context=False)
+    missing = [each["loc"] for each in found if each["type"] == "missing"]
+    unknown = [each for each in found if each["type"] == "extra_forbidden"][:_MOST_COMPARED]
+    meant = {each["loc"]: nearest(str(each["loc"][-1]), _fields(model, each["loc"][:-1])) for each in unknown}
+    misspelt = [each for each in unknown if (*each["loc"][:-1], meant[each["loc"]]) in missing]
+    missing = [loc for loc in missing if loc not in {(*each["loc"][:-1], meant[each["loc"]]) for each in misspelt}]
+    head = misspelt[0] if misspelt else found[0]
+    place, says, names = head["loc"], field_fault(head, shown), listed([_dotted(loc) for loc in missing])
+    if head["type"] == "missing":
+        others = len(found) - len(missing)
+        words = f"{names}: {says if len(missing) == 1 else 'these fields are needed and are not there'}"
+    else:
+        others = len(found) - len(missing) - len(misspelt) - 1
+        if head["type"] == "value_error":  # of a table, whose validator names the field first
+            place += named_place(says)
+        if near := meant.get(head["loc"]):
+            says += f": did you mean {near}?"
+        field = _dotted(head["loc"])
+        words = f"{field}{': ' if field else ''}{cut(says)}{f'; needed and not there: {names}' if names else ''}"
+    more = f" (and {others} more)" if others else ""
+    return f"line {line_of(text, _in_document(place, document))}: {words}{more}"
+
+
+def _dotted(loc: Place) -> str:
+    return cut(".".join(str(part) for part in loc))
+
+
+def _fields(kind: Any, loc: Place) -> Iterator[str]:
+    """The names of the fields of the table at a place; `kind` is what the model has at its beginning."""
+    loc = loc[1:] if loc and (isinstance(loc[0], int) or get_origin(kind) is dict) else loc
+    if not inspect.isclass(kind):
+        for part in get_args(kind):
+            yield from _fields(part, loc)
+    elif issubclass(kind, BaseModel):
+        if not loc:
+            yield from kind.model_fields
+        elif loc[0] in kind.model_fields:
+            yield from _fields(kind.model_fields[str(loc[0])].annotation, loc[1:])
+        elif any(loc[0] in get_args(field.annotation) for field in kind.model_fields.values()):  # one of several kinds
+            yield from _fields(kind, loc[1:])

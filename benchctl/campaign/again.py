@@ -13,7 +13,7 @@ from benchctl.plan import Plan
 from benchctl.plan.find import find_procedure, procedure_names
 from benchctl.plan.procedure import Procedure
 from benchctl.recordings.model import Meta
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 CHOSEN_HERE = (
     "physics.seed",

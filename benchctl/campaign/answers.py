@@ -22,8 +22,8 @@ from benchctl.closeness import nearest
 from benchctl.documents import toml_document
 from benchctl.limits import cut, shown
 from benchctl.toml_file import read_text
-from instruments.errors import UsageError
-from instruments.mounting import Position
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.mounting import Position
 
 DONE, REFUSE = "done", "refuse"
 

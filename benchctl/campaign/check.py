@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,26 +14,37 @@ from benchctl.campaign.timing import disk_bytes, step_that_fills, timeline
 from benchctl.plan import Plan, Soak, Step, ThermalRamp
 from benchctl.plan.steps import Polled, faults
 from benchctl.recordings.schema import CAMPAIGN, RECORDING
-from instruments.catalog import oscillates
-from instruments.errors import UsageError
+from benchctl_instruments.catalog import oscillates
+from benchctl_instruments.errors import UsageError
+
+_NUMBER = re.compile(r"[+-]?\d[\d.e+-]*")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Problem:
-    """What is wrong with a step; `step` counts from 1."""
+    """What is wrong with a step, the first of those that have this problem; `step` counts from 1."""
 
     step: int
     says: str
 
 
 def problems(plan: Plan, bench: Bench) -> list[Problem]:
-    """Everything in a plan that this bench cannot or may not do."""
+    """Everything in a plan that this bench cannot or may not do; what differs in numbers only is one problem."""
     swings = any(step.peak_acceleration_dps2 for step in plan.steps)
     sinusoids = not swings or oscillates(bench.rate_table.model)
+    first: dict[str, Problem] = {}
+    count = Counter[str]()
+    for number, step in enumerate(plan.steps, 1):
+        for says in tuple(faults(step)) or tuple(_beyond(step, bench, sinusoids)):
+            kind = _NUMBER.sub("", says)
+            count[kind] += 1
+            first.setdefault(kind, Problem(step=number, says=f"{step.label}: {says}"))
     return [
-        Problem(step=number, says=f"{step.label}: {says}")
-        for number, step in enumerate(plan.steps, 1)
-        for says in tuple(faults(step)) or tuple(_beyond(step, bench, sinusoids))
+        Problem(
+            step=each.step,
+            says=f"{each.says}{f'; {more} more steps have this problem' if (more := count[kind] - 1) else ''}",
+        )
+        for kind, each in first.items()
     ]
 
 
@@ -59,8 +72,13 @@ def refuse_problems(plan: Plan, bench: Bench, folder: Path) -> None:
     """
     found = problems(plan, bench) or room_problems(plan, bench, folder)
     if found:
-        more = f" (and {len(found) - 1} more: benchctl check names them)" if len(found) > 1 else ""
-        raise UsageError(f"procedure {plan.procedure}, step {found[0].step}: {found[0].says}{more}")
+        raise UsageError(refusal(plan, found))
+
+
+def refusal(plan: Plan, found: Sequence[Problem]) -> str:
+    """Why a plan cannot be run, in a line: the first problem, and how many more there are."""
+    more = f"; {len(found) - 1} more problems, which benchctl check lists" if len(found) > 1 else ""
+    return f"procedure {plan.procedure}, step {found[0].step}: {found[0].says}{more}"
 
 
 def bench_time_s(plan: Plan, bench: Bench) -> float:

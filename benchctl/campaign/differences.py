@@ -12,7 +12,7 @@ from benchctl.campaign.provenance import table_of
 from benchctl.documents import toml_document
 from benchctl.limits import cut
 from benchctl.recordings.model import Meta
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 _MOST_LINES = 20
 _MOST_COMPARED = 2000

@@ -1,19 +1,60 @@
-"""The table's rate and acceleration by the digitizer's count, whatever its controller says of them."""
+"""The table's motion by the digitizer's count, whatever its controller says, held against what a step demands."""
 
 from __future__ import annotations
 
 import math
+from collections import deque
+from dataclasses import dataclass
 
 import numpy as np
 
 from benchctl.bench import Bench
-from instruments.interfaces import FloatArray, IntArray
+from benchctl.plan import ConstantRate, Sine, Step, ThermalRamp
+from benchctl_instruments.interfaces import FloatArray, IntArray
 
 LOOK_S = 0.05
 """A rate is taken over this time: a count of a coarse encoder is then no great rate."""
 
 ERROR_SHARE = 0.025
 """What the encoder's errors may add to an acceleration, as a share of the bench's limit: half of what is granted."""
+
+HELD_S = 0.5
+"""A rate is held against the demand as its mean over so long, or over a quarter of a sine's period."""
+
+SETTLED_S = 1.0
+"""After its demand a table may take so long to keep a rate; `RISE_CYCLES` periods longer to keep a sine."""
+
+RISE_CYCLES = 3.0
+"""Two periods in which our drivers let an amplitude rise, and up to one until a controller ends that at a zero."""
+
+AMPLITUDE_SHARE = 0.5
+"""A sine's amplitude may differ from the demand by this share: a servo has a bandwidth, and overshoots below it."""
+
+
+class MeanRates:
+    """Mean rates [deg/s] over consecutive windows of `window_scans`, which need be no whole number.
+
+    Fed with counts block by block, however they are cut. A rate across a gap is not a number.
+    """
+
+    def __init__(self, bench: Bench, rate_hz: float, window_scans: float) -> None:
+        self._per_s = _degrees_per_count(bench) * rate_hz
+        self._window = window_scans
+        self._windows = self._next_index = 0
+        self._edge, self._edge_count = -1, math.nan  # where the last window ended
+
+    def feed(self, first_index: int, count: IntArray) -> list[tuple[int, float]]:
+        """For each window that ends in this block, the index of the scan that ends it and its rate."""
+        if first_index != self._next_index:
+            self._edge_count = math.nan
+        self._next_index = first_index + len(count)
+        found = []
+        while (edge := int(self._windows * self._window)) < self._next_index:
+            here = float(count[edge - first_index]) if edge >= first_index else math.nan
+            found.append((edge, (here - self._edge_count) * self._per_s / (edge - self._edge)))
+            self._edge, self._edge_count = edge, here
+            self._windows += 1
+        return found
 
 
 class EncoderMotion:
@@ -33,19 +74,16 @@ class EncoderMotion:
     """
 
     def __init__(self, bench: Bench, rate_hz: float) -> None:
-        entry = bench.digitizer
-        self._degrees_per_count = entry.encoder_sign * 360.0 / entry.encoder_counts_per_rev
-        self._rate_hz = rate_hz
-        error_deg = max(0.5 * abs(self._degrees_per_count), entry.encoder_accuracy_arcsec / 3600.0)
-        longer_s = math.sqrt(4.0 * error_deg / (ERROR_SHARE * bench.limits.acceleration_dps2))
-        self._rate_stride = max(1, round(LOOK_S * rate_hz))
+        self._degrees_per_count, self._rate_hz = _degrees_per_count(bench), rate_hz
+        longer_s = math.sqrt(4.0 * _error_deg(bench) / (ERROR_SHARE * bench.limits.acceleration_dps2))
+        self._rates = MeanRates(bench, rate_hz, max(1, round(LOOK_S * rate_hz)))
         self._stride = max(1, math.ceil(max(LOOK_S, longer_s) * rate_hz))
         self._tail = np.empty(0, dtype=np.int64)
         self._next_index = 0
 
-    def rates_dps(self, count: IntArray) -> FloatArray:
-        """Mean rates over `LOOK_S` each, of scans without a gap; none of fewer scans than that."""
-        return np.diff(count[:: self._rate_stride]) * (self._degrees_per_count * self._rate_hz / self._rate_stride)
+    def rates_dps(self, first_index: int, count: IntArray) -> FloatArray:
+        """Mean rates over `LOOK_S` each, none across a gap."""
+        return np.array([rate for _, rate in self._rates.feed(first_index, count) if not math.isnan(rate)])
 
     def accelerations_dps2(self, first_index: int, count: IntArray) -> FloatArray:
         """The accelerations up to each of these scans, from those before where there is no gap between."""
@@ -57,3 +95,88 @@ class EncoderMotion:
         bends = known[2 * stride :] - 2 * known[stride:-stride] + known[: -2 * stride]
         per_s = self._rate_hz / stride
         return bends.astype(np.float64) * (self._degrees_per_count * per_s * per_s)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Deviation:
+    """What differs from the demand at the scan of number `index`: a rate, or the `amplitude` of a sine."""
+
+    index: int
+    quantity: str
+    demanded_dps: float
+    measured_dps: float
+    tolerance_dps: float
+
+
+class HeldMotion:
+    """Holds the encoder's rate against what a step demands, within `limits.motion_error_dps` and `_percent` of a bench.
+
+    A constant rate, or rest, is held window by window. A sine's phase is not known, so its windows are held against
+    each other: half a period later the rate must be the opposite one, and with the rate a quarter of a period before it
+    must make up the amplitude. What the encoder's errors may add to a rate is added to the tolerance.
+    """
+
+    def __init__(self, bench: Bench, step: Step, rate_hz: float) -> None:
+        self._rate_dps, self._amplitude_dps, frequency_hz = demand_of(step)
+        settle_s = float(getattr(step, "settle_s", 0.0))
+        if self._amplitude_dps:
+            period_s = 1.0 / frequency_hz
+            parts = 4 * max(1, math.ceil(period_s / (4.0 * HELD_S)))
+            window = period_s * rate_hz / parts
+            half = parts // 2
+            self._seen_share = float(np.sinc(1.0 / parts))  # of the amplitude, in means over a window
+            settle_s += getattr(step, "settle_cycles", 0) * period_s
+            settled_s = SETTLED_S + RISE_CYCLES * period_s
+            between_edges = 2.0 * math.pi * frequency_hz / rate_hz  # windows end at scans: a phase, in rad
+        else:
+            window = min(HELD_S, 0.5 * step.streamed_s) * rate_hz
+            half, self._seen_share, settled_s, between_edges = 0, 1.0, SETTLED_S, 0.0
+        self._windows = MeanRates(bench, rate_hz, window) if window >= 2.0 else None
+        self._from_index = max(0.0, settled_s - settle_s) * rate_hz + window
+        self._before = deque([math.nan] * half, maxlen=half)  # the rates of half a period
+        limits, demand_dps = bench.limits, abs(self._rate_dps) + self._amplitude_dps
+        share = limits.motion_error_percent / 100.0
+        self._tolerance_dps = max(limits.motion_error_dps, share * demand_dps) + between_edges * self._amplitude_dps
+        self._tolerance_dps += 2.0 * _error_deg(bench) * rate_hz / window
+        self._amplitude_tolerance_dps = max(self._tolerance_dps, max(AMPLITUDE_SHARE, share) * self._amplitude_dps)
+
+    def look(self, first_index: int, count: IntArray) -> Deviation | None:
+        """The first deviation in this block, or None."""
+        found = self._windows.feed(first_index, count) if self._windows is not None else ()
+        deviations = (self._held(index, rate) for index, rate in found if index >= self._from_index)
+        return next(filter(None, deviations), None)
+
+    def _held(self, index: int, rate_dps: float) -> Deviation | None:
+        if not self._before.maxlen:
+            return _deviation(index, "rate", self._rate_dps, rate_dps, self._tolerance_dps)
+        opposite, quarter = self._before[0], self._before[self._before.maxlen // 2]
+        self._before.append(rate_dps)
+        amplitude_dps = math.hypot(rate_dps, quarter) / self._seen_share
+        return _deviation(
+            index, "amplitude", self._amplitude_dps, amplitude_dps, self._amplitude_tolerance_dps
+        ) or _deviation(index, "rate", -opposite, rate_dps, 2.0 * self._tolerance_dps)
+
+
+def _deviation(index: int, quantity: str, demanded: float, measured: float, tolerance: float) -> Deviation | None:
+    if not abs(measured - demanded) > tolerance:  # what is no number is none either
+        return None
+    return Deviation(
+        index=index, quantity=quantity, demanded_dps=demanded, measured_dps=measured, tolerance_dps=tolerance
+    )
+
+
+def demand_of(step: Step) -> tuple[float, float, float]:
+    """Rate [deg/s], or a sine's peak rate [deg/s] and frequency [Hz], that a step demands of the table; else 0."""
+    if isinstance(step, Sine):
+        return 0.0, abs(step.amplitude_dps), step.frequency_hz
+    if isinstance(step, ThermalRamp) and step.swing_dps:
+        return 0.0, abs(step.swing_dps), step.swing_hz
+    return (step.rate_dps if isinstance(step, ConstantRate | ThermalRamp) else 0.0), 0.0, 0.0
+
+
+def _degrees_per_count(bench: Bench) -> float:
+    return bench.digitizer.encoder_sign * 360.0 / bench.digitizer.encoder_counts_per_rev
+
+
+def _error_deg(bench: Bench) -> float:
+    return max(0.5 * abs(_degrees_per_count(bench)), bench.digitizer.encoder_accuracy_arcsec / 3600.0)

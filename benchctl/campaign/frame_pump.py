@@ -6,8 +6,8 @@ import queue
 import threading
 from dataclasses import dataclass
 
-from instruments.errors import LinkError
-from instruments.interfaces import Clock, Gyro, GyroBlock
+from benchctl_instruments.errors import LinkError
+from benchctl_instruments.interfaces import Clock, Gyro, GyroBlock
 
 LOOK_S = 0.1
 """Wall time for which one read waits, and within which the thread ends."""

@@ -13,8 +13,8 @@ from benchctl.campaign.safety import Supervisor
 from benchctl.campaign.stream import StreamRecorder
 from benchctl.recordings.campaign_folder import StepWriter
 from benchctl.recordings.model import FRAME_CHANNELS, StepInfo
-from instruments.errors import BenchError, LinkError
-from instruments.interfaces import FloatArray, Gyro, GyroCounts, IntArray
+from benchctl_instruments.errors import BenchError, LinkError
+from benchctl_instruments.interfaces import FloatArray, Gyro, GyroCounts, IntArray
 
 PATIENCE_S = 0.25
 """Wall time to wait for frames that should have come: the digitizer buffers its scans for longer."""

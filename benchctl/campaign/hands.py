@@ -14,9 +14,9 @@ from benchctl.campaign.questions import mount_question, power_question
 from benchctl.campaign.stop import StoppedError
 from benchctl.plan import Step
 from benchctl.plan.steps import ByHand
-from instruments.errors import SafetyError, UsageError
-from instruments.mounting import Position
-from instruments.simulated.world import World
+from benchctl_instruments.errors import SafetyError, UsageError
+from benchctl_instruments.mounting import Position
+from benchctl_instruments.simulated.world import World
 
 Meanwhile = Callable[[], None]
 """Called over and over until somebody says that it is done; what it raises ends the waiting."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from benchctl.campaign.interlocks import Change
 from benchctl.campaign.play import StepPlayer
-from instruments.errors import SafetyError
+from benchctl_instruments.errors import SafetyError
 
 
 def hold_if_asked(player: StepPlayer) -> None:

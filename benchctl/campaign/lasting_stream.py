@@ -19,9 +19,9 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TypeVar
 
-from instruments.errors import LinkError
-from instruments.interfaces import Clock, Digitizer, FloatArray, ScanBlock
-from instruments.links.recovered import note_recovered
+from benchctl_instruments.errors import LinkError
+from benchctl_instruments.interfaces import Clock, Digitizer, FloatArray, ScanBlock
+from benchctl_instruments.links.recovered import note_recovered
 
 Instant = TypeVar("Instant", float, FloatArray)
 

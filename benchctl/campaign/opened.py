@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
@@ -11,18 +12,19 @@ from benchctl.bench import Bench, InstrumentEntry
 from benchctl.campaign.hands import Hands, NoHands, SimulatedHands, hands_at_the_terminal
 from benchctl.campaign.one_processor import on_one_processor
 from benchctl.campaign.reserved import reserved
-from instruments.catalog import Kind, driver
-from instruments.errors import BenchError, BenchNotReadyError, UsageError
-from instruments.interfaces import Chamber, Clock, Digitizer, Gyro, Identity, Instrument, RateTable
-from instruments.physics.effects.effect import PhysicalEffect
-from instruments.physics.effects.making import make_effects
-from instruments.simulated.bench import SimulatedBench
-from instruments.simulated.clock import ScaledClock, VirtualClock
-from instruments.simulated.direct import DirectChamber, DirectDigitizer, DirectRateTable
-from instruments.simulated.sensor import sensor_of
-from instruments.simulated.settings import WorldSettings
-from instruments.simulated.wiring import twin_keywords
-from instruments.simulated.world import World
+from benchctl.closeness import meant
+from benchctl_instruments.catalog import Kind, driver
+from benchctl_instruments.errors import BenchError, BenchNotReadyError, UsageError
+from benchctl_instruments.interfaces import Chamber, Clock, Digitizer, Gyro, Identity, Instrument, RateTable
+from benchctl_instruments.physics.effects.effect import PhysicalEffect
+from benchctl_instruments.physics.effects.making import make_effects
+from benchctl_instruments.simulated.bench import SimulatedBench
+from benchctl_instruments.simulated.clock import ScaledClock, VirtualClock
+from benchctl_instruments.simulated.direct import DirectChamber, DirectDigitizer, DirectRateTable
+from benchctl_instruments.simulated.sensor import sensor_of
+from benchctl_instruments.simulated.settings import WorldSettings
+from benchctl_instruments.simulated.wiring import twin_keywords
+from benchctl_instruments.simulated.world import World
 
 FASTEST = 2.0
 """What changes an encoder's count faster than this multiple of the bench's rate limit is no motion."""
@@ -61,21 +63,22 @@ def open_bench(
 
     `wires=False` takes the simulated instruments without their protocols: the same physics, for simulations in a hurry.
     With wires they take turns with this thread, which is kept on one processor meanwhile, where Linux lets it.
-    `elapsed_s` is the bench time since the start of the recording that is gone on with. Instruments at addresses are
-    this process' alone meanwhile; `purpose` is what others are told.
+    `elapsed_s` is the bench time since the start of the recording that is gone on with. Instruments at addresses belong
+    to this process alone meanwhile; `purpose` is shown to others. To open them commands none of them.
 
     Raises
     ------
-    UsageError
+    BenchInUseError
         Where another process has an instrument: nothing has been sent to any then.
     BenchNotReadyError
         Names every instrument that did not answer, and why.
     """
     with ExitStack() as stack:
         simulated: SimulatedBench | None = None
+        abandoned: frozenset[str] = frozenset()
         if not bench.simulated:
             reached = "at their addresses"
-            stack.enter_context(reserved(bench, purpose))
+            abandoned = stack.enter_context(reserved(bench, purpose))
             clock: Clock = ScaledClock(bench.time_factor)
             hands = hands_at_the_terminal(bench)
             instruments = drivers_at(bench, clock, {})
@@ -102,6 +105,8 @@ def open_bench(
                 "digitizer": DirectDigitizer(world, adc_range_v=bench.digitizer.adc_range_v),
             }
         identities = _open_all(stack, instruments, bench)
+        if "digitizer" in abandoned:
+            instruments["digitizer"].stop_stream()  # which a run on this machine that was killed left behind
         yield OpenBench(
             bench=bench,
             table=instruments["rate_table"],
@@ -214,6 +219,12 @@ def driver_at(bench: Bench, kind: Kind, clock: Clock, addresses: Mapping[str, st
         if stream is not None:
             more["stream_address"] = stream
     profile = bench.chamber_profile if kind == "chamber" else ""
+    if kind == "gyro" and bench.gyro is not None:
+        model, asked_hz = bench.gyro.model, bench.gyro.frame_rate_hz
+        rates_hz: tuple[float, ...] = getattr(driver(kind, model), "RATES_HZ", ())
+        if rates_hz and asked_hz not in rates_hz:
+            known = ", ".join(f"{rate_hz:g}" for rate_hz in rates_hz)
+            raise UsageError(f"gyro.frame_rate_hz = {asked_hz:g}: expected a rate of a {model}, {known} Hz")
     return _driver(kind, getattr(bench, kind), clock, addresses, more, profile)
 
 
@@ -226,8 +237,17 @@ def _driver(
     profile: str = "",
 ) -> Any:
     make: Callable[..., Any] = driver(kind, entry.model, profile)
+    takes = inspect.signature(make).parameters
+    if not any(each.kind is each.VAR_KEYWORD for each in takes.values()):
+        known = [
+            name for name, each in takes.items() if each.kind is each.KEYWORD_ONLY and name not in ("clock", *more)
+        ]
+        for name in entry.options.keys() - takes.keys():
+            raise UsageError(f"{kind}.options: {entry.model} has no option {name!r}: {meant(name, known)}")
     try:
         return make(addresses.get(kind, entry.address), clock=clock, **more, **entry.options)
+    except UsageError as err:
+        raise UsageError(f"{kind}: {err}") from err
     except (AttributeError, TypeError, ValueError) as err:
         raise UsageError(f"{kind}.options: {entry.model} cannot be made with them: {err}") from err
 

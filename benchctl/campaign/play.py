@@ -19,8 +19,8 @@ from benchctl.plan.steps import Polled
 from benchctl.recordings.campaign_folder import CampaignWriter, StepWriter
 from benchctl.recordings.model import FRAME_CHANNELS, StepInfo
 from benchctl.recordings.step_writer import CLOSING_S_PER_SCAN
-from instruments.errors import InstrumentError
-from instruments.interfaces import Position
+from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.interfaces import Position
 
 Notify = Callable[[str], None]
 
@@ -40,6 +40,7 @@ class StepPlayer:
 
     `setpoint_c`, `gyro_c`, `streamed` and `gaps` are where it is: set point, thermistor, scans of this step so far and
     gaps in them; `frames` are those of the step's digital gyro. `position` is how the unit is mounted.
+    `sample_rate_hz` is the scan rate that the digitizer stated last, before its first stream the bench's.
     """
 
     opened: OpenBench
@@ -53,7 +54,11 @@ class StepPlayer:
     gaps: int = 0
     position: Position = "along"
     frames: StepFrames = field(default_factory=NoFrames)
+    sample_rate_hz: float = field(init=False)
     _torn: tuple[StepWriter, StepInfo] | None = None
+
+    def __post_init__(self) -> None:
+        self.sample_rate_hz = self.opened.bench.digitizer.sample_rate_hz
 
     def play(self, index: int, step: Step) -> StepInfo:
         """Play a step and return what became of it; one that is torn stays open until `close_torn`."""
@@ -79,16 +84,31 @@ class StepPlayer:
         channels = (*STREAM_CHANNELS, *(FRAME_CHANNELS if self.opened.gyro else ()))
         return self._record(index, step, channels, lambda into: self._stream(step, into))
 
-    def close_torn(self) -> int:
+    def close_torn(self, aside: int | None = None) -> int:
         """Close the step that was torn, if one was, marked as cut; returns the samples in it.
 
-        That takes a while, for its file is written once more: the bench comes to rest before.
+        That takes a while, for its file is written once more: the bench comes to rest before. `aside` is the index
+        under which it is filed as an attempt that no fit sees, so that the step can be played again.
         """
         if self._torn is None:
             return 0
         into, info = self._torn
         self.frames.close()
-        return into.cut(self.frames.counted(info)).samples
+        info = self.frames.counted(info)
+        if aside is not None:
+            info = replace(info, index=aside, name=f"cut attempt of step {info.index}: {info.name}", role="none")
+        self.supervisor.guard.beat(more_s=(self.streamed + self.frames.written) * CLOSING_S_PER_SCAN)
+        cut = into.cut(info)
+        self._torn, self.streamed = None, 0
+        if aside is not None:
+            self.supervisor.event("cut", index=cut.index, name=cut.name, samples=cut.samples)
+        return cut.samples
+
+    def leave(self) -> None:
+        """Bring the table to rest and end the stream of a step that is not played to its end."""
+        self.supervisor.check_state()
+        self.rest(0.0)
+        self.opened.digitizer.stop_stream()
 
     def wait(self, seconds: float) -> None:
         """Let bench time pass, looking at the table and heeding a wish to stop at least every chunk."""
@@ -106,12 +126,16 @@ class StepPlayer:
         try:
             span = act(into)
         except BaseException:
-            self._torn = into, replace(info, t_end=self.now_s(), gaps=self.gaps)
+            self._torn = into, replace(self._with_rate(info), t_end=self.now_s(), gaps=self.gaps)
             raise
         self.supervisor.guard.beat(more_s=(self.streamed + self.frames.written) * CLOSING_S_PER_SCAN)
         self.streamed = 0
-        info = self.frames.counted(info)
+        info = self.frames.counted(self._with_rate(info))
         return into.close(replace(info, t_start=span.t_start, t_end=span.t_end, gaps=span.gaps, whole=True))
+
+    def _with_rate(self, info: StepInfo) -> StepInfo:
+        """The description of a streamed step with the scan rate that the digitizer stated."""
+        return replace(info, sample_rate_hz=self.sample_rate_hz) if info.sample_rate_hz else info
 
     def _describe(self, index: int, step: Step) -> StepInfo:
         now_s = self.now_s()
@@ -134,7 +158,7 @@ class StepPlayer:
             amplitude_dps=amplitude_dps,
             frequency_hz=frequency_hz,
             mounting=mounting,
-            sample_rate_hz=self.opened.bench.digitizer.sample_rate_hz if streams else None,
+            sample_rate_hz=self.sample_rate_hz if streams else None,
             frame_rate_hz=gyro.frame_rate_hz if streams and (gyro := self.opened.bench.gyro) else None,
         )
 
@@ -144,7 +168,7 @@ class StepPlayer:
 
     def _soak(self, step: Soak, into: StepWriter) -> Span:
         self.rest(0.0)
-        self.notify("going there")
+        self.notify("going to the set point")
         self.opened.chamber.go_to(step.setpoint_c)
         watch = SoakWatch(step, from_c=self.setpoint_c, begin_s=self.now_s(), limits=self.opened.bench.limits)
         self.setpoint_c = step.setpoint_c
@@ -164,8 +188,9 @@ class StepPlayer:
     def _stream(self, step: Step, into: StepWriter) -> Span:
         self.notify("recording")
         self.frames = frames_of(self.opened, self.supervisor, into)
-        recorder = StreamRecorder(self.opened, self.supervisor, into, step.streamed_s)
+        recorder = StreamRecorder(self.opened, self.supervisor, into, step)
         begin_s = self.opened.clock.now()
+        self.sample_rate_hz = recorder.rate_hz
         while recorder.wants_more:
             if isinstance(step, ThermalRamp):
                 self._ramp(step, self.opened.clock.now() - begin_s)

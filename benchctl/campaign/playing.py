@@ -24,7 +24,7 @@ from benchctl.campaign.stop_file import forget_stale_stop, forget_stop, heed_fil
 from benchctl.plan import Plan
 from benchctl.recordings.campaign_manifest import write_manifest
 from benchctl.recordings.schema import JOURNAL, RECORDING
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 _UNWATCHED: AbstractContextManager[Progress] = nullcontext(nobody)
 

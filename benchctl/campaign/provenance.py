@@ -18,7 +18,7 @@ from benchctl.documents import json_document
 from benchctl.limits import shown
 from benchctl.plan import Plan
 from benchctl.recordings.model import BenchFacts, Meta, Status, Unit
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 if TYPE_CHECKING:  # reports read provenance, and need no bench with all its physics for it
     from benchctl.campaign.opened import OpenBench

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from benchctl.plan import Ask, Mount, PowerCycle, Step
-from instruments.mounting import Position
+from benchctl_instruments.mounting import Position
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from instruments.links.recovered import logger
+from benchctl_instruments.links.recovered import logger
 
 
 class _Teller(logging.Handler):

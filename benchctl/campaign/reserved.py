@@ -1,77 +1,125 @@
-"""One run a bench: the instruments at addresses belong to one process at a time, whichever bench file names them.
+"""One run on a bench: an instrument belongs to one process of this machine at a time, whichever bench file names it.
 
-The locks lie in a folder of the user's own on this machine: two machines, or two users, that share an instrument must
-keep out of each other's way themselves.
+An instrument is known by where it is, not by how its address is spelt: a serial port by its real path, a network
+address by port and IP addresses. All names of this machine are one. The locks lie in a folder that depends on neither
+environment nor user. They do not reach other machines; `refuse_bench_in_use` finds what shows of a run there.
 """
 
 from __future__ import annotations
 
-import getpass
 import hashlib
+import ipaddress
 import os
 import re
-import tempfile
+import socket
+import stat
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from benchctl.atomic import disk_errors
 from benchctl.bench import Bench
-from benchctl.locks import Lock
-from instruments.links.address import parse_address
+from benchctl.locks import held
+from benchctl_instruments.errors import UsageError, reason
+from benchctl_instruments.links.address import parse_address
+
+LOCK_PLACES = tuple(map(Path, ("C:/ProgramData",) if os.name == "nt" else ("/run/lock", "/var/lock", "/tmp")))  # noqa: S108
+"""Where the folder of the locks is made: the first one in which every user may make one. Not tried on Windows."""
+
+
+class BenchInUseError(UsageError):
+    """Another process has an instrument of the bench; nothing was sent to any."""
+
+    exit_status = 3
 
 
 @contextmanager
-def reserved(bench: Bench, purpose: str) -> Iterator[None]:
-    """Have the instruments of a real bench to oneself while the block runs; `purpose` is what others are told.
+def reserved(bench: Bench, purpose: str) -> Iterator[frozenset[str]]:
+    """Have the instruments of a real bench to oneself while the block runs; `purpose` is shown to others.
 
-    Raises `UsageError` that names the instrument, and the process that has it.
+    Yields the names of those whose last holder ended without releasing them, as a killed run does. Raises
+    `BenchInUseError` that names the instrument, and the process that has it.
     """
-    folder = lock_folder()
-    with disk_errors(folder):
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    abandoned = set()
+    make_lock_folder()
     with ExitStack() as stack:
-        for place, (name, address) in _places(bench).items():
-            lock = Lock(folder / f"{place}.lock", f"{name} at {address}")
-            lock.acquire(purpose)
-            stack.callback(lock.release)
-        yield
+        seen: set[Path] = set()  # two instruments on one bus or gateway share a lock
+        for name, entry in bench.entries.items():
+            paths = [path for path in lock_files(entry.address or "") if path not in seen]
+            seen.update(paths)
+            try:
+                was_abandoned = stack.enter_context(held(paths, f"{name} at {entry.address}", purpose))
+            except UsageError as err:
+                raise BenchInUseError(str(err)) from err
+            if was_abandoned:
+                abandoned.add(name)
+        yield frozenset(abandoned)
 
 
 def lock_folder() -> Path:
-    """Where the locks of this user's instruments lie."""
-    runtime = os.environ.get("XDG_RUNTIME_DIR", "")
-    if runtime and Path(runtime).is_dir():
-        return Path(runtime) / "benchctl"
-    user = re.sub(r"[^A-Za-z0-9._-]+", "_", _user())
-    return Path(tempfile.gettempdir()) / f"benchctl-{user}"
+    """Where the locks of this machine's instruments lie."""
+    return next((place for place in LOCK_PLACES if _is_for_all(place)), LOCK_PLACES[-1]) / "benchctl"
 
 
-def lock_name(address: str) -> str:
-    """One name for the ways in which an address can be written.
+def make_lock_folder() -> Path:
+    """The folder of the locks, made where it is not there; `UsageError` where that is impossible."""
+    folder = lock_folder()
+    try:
+        folder.mkdir(exist_ok=True)
+        if folder.is_symlink():
+            raise UsageError(f"{folder}: expected a folder for the locks of instruments, this is a link; remove it")
+        with suppress(PermissionError):  # another user made it
+            # not sticky: what a killed run of one user left, the next run of another one must be able to remove
+            folder.chmod(0o777)
+    except OSError as err:
+        raise UsageError(f"{folder}: the locks of instruments cannot lie there: {reason(err)}; remove it") from err
+    return folder
 
-    >>> lock_name("tcp://LAB-7:702") == lock_name("tcp://lab-7:702")
+
+def lock_files(address: str) -> tuple[Path, ...]:
+    """The files of an instrument's locks, sorted: one for each place that its address stands for.
+
+    >>> lock_files("tcp://LOCALHOST:702") == lock_files("socket://127.0.0.1:0702")
     True
-    >>> lock_name("serial:///dev/ttyS1?baud=9600") == lock_name("serial:///dev/ttyS1?baud=19200")
+    >>> lock_files("serial:///dev/ttyS1?baud=9600") == lock_files("serial:///dev/ttyS1?baud=19200")
     True
     """
     where = parse_address(address)
-    place = os.path.realpath(where.device) if where.scheme == "serial" else f"{where.host.lower()}:{where.port}"
+    if where.scheme == "serial":
+        places = {os.path.normcase(os.path.realpath(where.device))}
+    else:
+        places = {f"{host}:{where.port}" for host in _hosts(where.host)}
+    return tuple(sorted(lock_folder() / f"{_file_name(place)}.lock" for place in places))
+
+
+def _file_name(place: str) -> str:
     readable = re.sub(r"[^A-Za-z0-9]+", "-", place).strip("-")[-40:]
     return f"{readable}-{hashlib.sha256(place.encode()).hexdigest()[:12]}"
 
 
-def _places(bench: Bench) -> dict[str, tuple[str, str]]:
-    """Name of the lock -> instrument and address; two instruments on one bus or gateway share a lock."""
-    found: dict[str, tuple[str, str]] = {}
-    for name in ("rate_table", "chamber", "digitizer", *(["gyro"] if bench.gyro else [])):
-        address = getattr(bench, name).address
-        found.setdefault(lock_name(address), (name, address))
-    return found
-
-
-def _user() -> str:
+def _hosts(host: str) -> set[str]:
+    """The IP addresses of a host, "localhost" for each that is this machine's; the name itself where it has none."""
     try:
-        return getpass.getuser()
-    except (OSError, KeyError):  # no such user is known here, as in many containers
-        return "somebody"
+        found = {str(info[4][0]) for info in socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)}
+    except (OSError, UnicodeError):
+        return {host.lower()}
+    return {_host(text) for text in found}
+
+
+def _host(text: str) -> str:
+    ip = ipaddress.ip_address(text)
+    ip = getattr(ip, "ipv4_mapped", None) or ip
+    if ip.is_loopback:
+        return "localhost"
+    family = socket.AF_INET6 if ip.version == 6 else socket.AF_INET
+    with suppress(OSError), socket.socket(family, socket.SOCK_DGRAM) as own:
+        own.bind((str(ip), 0))  # only an address of this machine can be bound
+        return "localhost"
+    return str(ip)
+
+
+def _is_for_all(place: Path) -> bool:
+    """Whether every user may make files there; the same for each of them, whatever else they may."""
+    with suppress(OSError):
+        mode = place.stat().st_mode
+        return stat.S_ISDIR(mode) and (os.name == "nt" or mode & 0o1777 == 0o1777)
+    return False

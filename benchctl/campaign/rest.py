@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from instruments.errors import InstrumentError, SafetyError
-from instruments.interfaces import Chamber, Clock, RateTable, TableState
+from benchctl_instruments.errors import InstrumentError, SafetyError
+from benchctl_instruments.interfaces import Chamber, Clock, RateTable, TableState
 
 AT_REST_DPS = 0.05
 """A table slower than this is at rest: its controller's reading has noise."""

@@ -20,11 +20,10 @@ from benchctl.recordings.campaign_folder import CampaignWriter, campaign_lock
 from benchctl.recordings.campaign_state import described, require_campaign
 from benchctl.recordings.journal import Events, events_in, journal_text
 from benchctl.recordings.model import Meta, StepInfo
-from benchctl.recordings.reader import open_recording
-from benchctl.recordings.reopen import free_index, reopen
+from benchctl.recordings.reopen import free_index, reopen, sound_steps
 from benchctl.recordings.schema import JOURNAL
-from instruments.errors import UsageError
-from instruments.interfaces import Position
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.interfaces import Position
 
 PLAIN_SOAK_S = 600.0
 """How long a set point is held again that the plan had reached without a soak; the gyro's drift may make it longer."""
@@ -154,8 +153,7 @@ def soak_before(plan: Plan, number: int, safe_c: float) -> SoakAgain:
 
 def _look_back(folder: Path, lock: Lock, plan: Plan, bench: Bench, seeded: bool) -> Past:
     meta = described(folder)
-    with open_recording(folder) as recording:
-        infos = recording.infos
+    infos = sound_steps(folder)
     whole = whole_steps(plan, infos)
     if bench.simulated and not seeded and "bench_physics" in meta.provenance:
         bench = as_drawn(bench, recorded_bench(meta, "the campaign").physics)

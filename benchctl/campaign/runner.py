@@ -19,16 +19,17 @@ from benchctl.campaign.play import StepPlayer
 from benchctl.campaign.progress import Moment, Progress, nobody
 from benchctl.campaign.provenance import describe, software
 from benchctl.campaign.recoveries import recoveries_told
-from benchctl.campaign.resume import Past, steps_to_play, whole_steps
-from benchctl.campaign.safety import SafeState, Supervisor, bring_to_rest
+from benchctl.campaign.resume import Past, soak_before, steps_to_play, whole_steps
+from benchctl.campaign.safety import SafeState, Supervisor, bring_to_rest, refuse_bench_in_use
 from benchctl.campaign.sameness import refuse_other_instruments
 from benchctl.campaign.stop import StoppedError, StopRequest
+from benchctl.campaign.stream import MotionError
 from benchctl.campaign.timing import timeline
-from benchctl.plan import Plan
+from benchctl.plan import Plan, Step, ThermalRamp
 from benchctl.recordings.campaign_folder import CampaignWriter
 from benchctl.recordings.model import Status
-from instruments.errors import BenchError, SafetyError, UsageError
-from instruments.interfaces import TableLimits
+from benchctl_instruments.errors import BenchError, SafetyError, UsageError
+from benchctl_instruments.interfaces import TableLimits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,21 +64,25 @@ def run_campaign(
 ) -> Outcome:
     """Run a plan on an open bench and record it in `folder`, or go on with a campaign whose `past` is there.
 
-    Whatever ends it, the table is brought to rest and the chamber sent to its safe set point, each read back, before
-    the recording is closed; the outcome says what ended it. Errors that are no `BenchError` are faults of this program:
-    the bench is brought to rest and the recording closed all the same, then they go on up.
+    Once it has begun to command the bench, whatever ends it, the table is brought to rest and the chamber sent to its
+    safe set point, each read back, before the recording is closed; the outcome says what ended it. A step in which the
+    encoder shows another motion than was demanded is played once more. Errors that are no `BenchError` are faults of
+    this program: the bench is brought to rest and the recording closed all the same, then they go on up.
 
     Raises
     ------
     UsageError
         Before anything moves: the plan goes beyond the bench's limits, needs somebody and nobody is there, the disk has
         no room for it, the folder cannot be written, or the instruments are not those of the `past`.
+    InstrumentError
+        Before anything is commanded: the table turns or the digitizer streams already, for another program.
     """
     refuse_problems(plan, opened.bench, folder)
     to_play = steps_to_play(plan, past.infos if past else (), opened.bench.safe.chamber_c)
     refuse_without_hands(plan.procedure, ((number, step) for _, number, step in to_play), opened.hands)
     if past is not None:
         refuse_other_instruments(past.meta, opened.identities)
+    refuse_bench_in_use(opened)
     wall_s = time.monotonic()
     run = _Run(plan, opened, folder, stop or StopRequest(), progress, guard or NoGuard(), past)
     run.play()
@@ -115,12 +120,14 @@ class _Run:
         self.plan, self.opened, self.stop, self.progress, self.guard = plan, opened, stop, progress, guard
         self._to_play = [(number, number, step) for number, step in enumerate(plan.steps, 1)]
         self.whole = self.samples = 0
+        filed: list[int] = []
         if past is None:
             self.writer = CampaignWriter(folder, describe(opened, plan, "running"))
         else:
             self.writer, infos = past.reopen()
             self._to_play = list(steps_to_play(plan, infos, self._start_c()))
             self.whole, self.samples = len(whole_steps(plan, infos)), sum(info.samples for info in infos)
+            filed = [info.index for info in infos]
             self.event("resume", elapsed_s=opened.elapsed_s, day=past.day, whole=self.whole, software=software())
         for piece in plan_events(plan, opened.bench.limits, self._start_c()):
             self.event("plan", **piece)
@@ -129,11 +136,13 @@ class _Run:
         self.recording = folder
         self.status: Status = "aborted"
         self.error: BenchError | None = None
-        self.safe = SafeState(rate_dps=None, chamber_setpoint_c=None, problems=("not brought to rest yet",))
+        self.safe = SafeState(rate_dps=None, chamber_setpoint_c=None, problems=())
+        self._commands = False  # a bench that this run has not commanded is not this run's to bring to rest
         self._supervisor = Supervisor(opened, self.event, guard)
         self._player = StepPlayer(opened, self.writer, self._supervisor, stop, self._notify, self._start_c())
         self._index, self._ends_s = 0, [end_s for _, end_s, _ in timeline(plan, opened.bench.limits, self._start_c())]
         self._step_began_s = opened.clock.now()
+        self._last_index = max((len(plan.steps), *(index for index, _, _ in self._to_play), *filed))
         self._may_be_off = past is not None and past.may_be_off
 
     def event(self, kind: str, **data: object) -> None:
@@ -152,22 +161,25 @@ class _Run:
         except BenchError as err:
             self.status, self.error, reason = "aborted", err, str(err)
         finally:
-            self.safe = bring_to_rest(self.opened, self.guard.beat)
-            if self.safe.confirmed:
+            if self._commands:
+                self.safe = bring_to_rest(self.opened, self.guard.beat)
+            if self.safe.confirmed or not self._commands:
                 self.guard.done()
             self._close(reason)
             self._conclude()
 
     def _close(self, reason: str) -> None:
         try:
-            self.event("safe", status=self.status, reason=reason, **asdict(self.safe))
+            if self._commands:
+                self.event("safe", status=self.status, reason=reason, **asdict(self.safe))
             self.samples += self._player.close_torn()
             self.recording = self.writer.finish(self.status, reason)
         except BenchError as err:
             with suppress(BenchError):
                 self.writer.release()  # the steps stay readable in the folder
             self.status = "aborted" if self.status == "complete" else self.status
-            self.error = AbortedError(f"{self.error}; {err}" if self.error else str(err))
+            ended = str(self.error or err)
+            self.error = AbortedError(ended if str(err) in ended else f"{ended}; {err}")
 
     def _conclude(self) -> None:
         if self.safe.problems:
@@ -188,17 +200,34 @@ class _Run:
         for index, number, step in self._to_play:
             self._index = number
             hold_if_asked(self._player)
-            self._step_began_s = self.opened.clock.now()
-            self.event("step", index=index, number=number, name=step.label)
-            info = self._player.play(index, step)
-            self.writer.step_over(info)
-            self.whole += index == number
-            self.samples += info.samples
+            try:
+                self._play_step(index, number, step)
+            except MotionError:
+                self._player.leave()
+                self.samples += self._player.close_torn(self._free_index())
+                if isinstance(step, ThermalRamp):
+                    soak = soak_before(self.plan, number, self._start_c())
+                    self._play_step(self._free_index(), number, soak)
+                self._play_step(index, number, step)
         self._notify("coming to rest")
+
+    def _play_step(self, index: int, number: int, step: Step) -> None:
+        self._step_began_s = self.opened.clock.now()
+        self.event("step", index=index, number=number, name=step.label)
+        info = self._player.play(index, step)
+        self.writer.step_over(info)
+        self.whole += index == number
+        self.samples += info.samples
+
+    def _free_index(self) -> int:
+        """The next index behind all that are played or were filed."""
+        self._last_index += 1
+        return self._last_index
 
     def _prepare(self) -> None:
         limits, opened = self.opened.bench.limits, self.opened
         self.guard.arm(self.event)
+        self._commands = True
         opened.table.set_limits(TableLimits(rate_dps=limits.rate_dps, acceleration_dps2=limits.acceleration_dps2))
         opened.chamber.set_limits(limits.coldest_c, limits.hottest_c)
         opened.table.enable()

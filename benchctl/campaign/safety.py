@@ -9,9 +9,9 @@ from typing import TypeVar
 from benchctl.campaign.guard.keeper import Guard, NoGuard
 from benchctl.campaign.interlocks import Interlocks, Range
 from benchctl.campaign.opened import OpenBench
-from benchctl.campaign.rest import rest_within_s, send_home, stop_table
-from instruments.errors import BenchError, LinkError, SafetyError
-from instruments.interfaces import ChamberReading, TableReading, TableState
+from benchctl.campaign.rest import rest_within_s, send_home, stop_table, wait_for_rest
+from benchctl_instruments.errors import BenchError, InstrumentError, LinkError, SafetyError
+from benchctl_instruments.interfaces import ChamberReading, TableReading, TableState
 
 FIND_OUT = "find out why before the next run"
 """What to do about a limit that was passed."""
@@ -21,6 +21,9 @@ RATE_MARGIN = 1.05
 
 AIR_MARGIN_C = 3.0
 """The air may pass the limits by this much: a chamber overshoots when it arrives."""
+
+_LOOK_FOR_MOTION_S = 1.0
+"""Bench time in which a table that is free shows that it rests."""
 
 Event = Callable[..., None]
 Answer = TypeVar("Answer")
@@ -148,6 +151,26 @@ class SafeState:
     def confirmed(self) -> bool:
         """Whether table and chamber were read back; a stream that could not be stopped moves nothing."""
         return self.rate_dps is not None and self.chamber_setpoint_c is not None
+
+
+def refuse_bench_in_use(opened: OpenBench) -> None:
+    """Raise an error where a real bench shows that another program uses it; nothing is commanded.
+
+    Another program is one on another machine, which no lock reaches: a table whose servo is on and that moves, or a
+    digitizer that streams, is its doing, or was left so. A simulated bench in this process is nobody else's.
+    """
+    if opened.bench.simulated:
+        return
+    if opened.table.state() not in (TableState.DISABLED, TableState.FAULT):
+        try:
+            wait_for_rest(opened.table, opened.clock, _LOOK_FOR_MOTION_S, lambda: None)
+        except SafetyError as err:
+            raise InstrumentError(
+                f"rate_table: turns at {opened.table.read().rate_dps:+.3f} deg/s before this run has commanded "
+                "anything: another program uses it, or it was left in motion; wait for its end, or stop it at its "
+                "controller, then run again"
+            ) from err
+    opened.digitizer.read_once()  # refused while it streams
 
 
 def bring_to_rest(opened: OpenBench, beat: Callable[[], None] = lambda: None) -> SafeState:

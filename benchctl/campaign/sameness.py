@@ -13,15 +13,22 @@ from benchctl.campaign.provenance import recorded_bench, table_of
 from benchctl.limits import shown
 from benchctl.plan import Plan
 from benchctl.recordings.model import Meta, StepInfo
-from instruments.chambers.profile_file import parse_profile
-from instruments.errors import UsageError
-from instruments.interfaces import Identity
+from benchctl_instruments.chambers.profile_file import parse_profile
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.interfaces import Identity
 
 _MAY_CHANGE = {"name", "operator", "time_factor", "interlocks", "faults"}
 """Tables of bench.toml that say who runs it, how fast and how it is watched: nothing of what is measured."""
 
-_MAY_CHANGE_IN_A_TABLE = {"address", "stream_address", "silence_s", "hang_s"}
-"""Fields of its tables that say how an instrument is reached and waited for."""
+_MAY_CHANGE_IN_A_TABLE = {
+    "address",
+    "stream_address",
+    "silence_s",
+    "hang_s",
+    "motion_error_dps",
+    "motion_error_percent",
+}
+"""Fields of its tables that say how an instrument is reached, waited for and watched."""
 
 _MAY_CHANGE_OF_PROFILE: dict[str, Any] = {
     "name": True,

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 from benchctl.bench import Limits
 from benchctl.plan import Soak
-from instruments.errors import SafetyError
-from instruments.interfaces import ChamberReading
+from benchctl_instruments.errors import SafetyError
+from benchctl_instruments.interfaces import ChamberReading
 
 SOAK_CHANNELS = ("poll_time_s", "poll_chamber_temp_c", "poll_chamber_setpoint_c", "poll_gyro_temp_c", "poll_gyro_v")
 
@@ -28,14 +28,19 @@ def one_poll(time_s: float, air: ChamberReading, more: dict[str, float]) -> dict
 
 @dataclass(slots=True)
 class SoakWatch:
-    """Follows a soak poll by poll; times in seconds since the start of the recording."""
+    """Follows a soak poll by poll; times in seconds since the start of the recording.
+
+    `held_s` is how long the air has been within the tolerance, None while it is not.
+    """
 
     step: Soak
     from_c: float
     begin_s: float
     limits: Limits
-    says: str = "going there"
+    says: str = "going to the set point"
     done: bool = False
+    held_s: float | None = None
+    drift_c_per_min: float = 0.0
     _within_since_s: float | None = None
     _gyro: deque[tuple[float, float]] = field(default_factory=deque)
 
@@ -53,14 +58,15 @@ class SoakWatch:
             self._gyro.popleft()
         if abs(air_c - step.setpoint_c) > step.tolerance_c:
             self._within_since_s = None
-            self.says = "going there"
+            self.says = "going to the set point"
         elif self._within_since_s is None:
             self._within_since_s = now_s
             self.says = "soaking"
-        held_s = 0.0 if self._within_since_s is None else now_s - self._within_since_s
-        drift = self._drift_c_per_min()
-        self.done = held_s >= step.hold_s and abs(drift) <= step.drift_c_per_min
-        if held_s >= step.hold_s and not self.done:
+        self.held_s = None if self._within_since_s is None else now_s - self._within_since_s
+        self.drift_c_per_min = drift = self._drift()
+        has_held = self.held_s is not None and self.held_s >= step.hold_s
+        self.done = has_held and abs(drift) <= step.drift_c_per_min
+        if has_held and not self.done:
             self.says = f"waiting for the gyro, {drift:+.3f} °C/min"
         travel_s = abs(step.setpoint_c - self.from_c) / self.limits.ramp_c_per_min * 60.0
         if not self.done and now_s - self.begin_s > travel_s + step.hold_s + step.timeout_s:
@@ -70,6 +76,6 @@ class SoakWatch:
                 f"(limit {step.drift_c_per_min:g}); look at the chamber"
             )
 
-    def _drift_c_per_min(self) -> float:
+    def _drift(self) -> float:
         (first_s, first_c), (last_s, last_c) = self._gyro[0], self._gyro[-1]
         return (last_c - first_c) / (last_s - first_s) * 60.0 if last_s > first_s else 0.0

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-from instruments.errors import BenchError
+from benchctl_instruments.errors import BenchError
 
 _LOOK_EVERY_S = 0.2
 """Wall time between two looks at what may ask for a stop beside the signals: `heed` is called thousands of times."""

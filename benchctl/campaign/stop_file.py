@@ -22,7 +22,7 @@ from benchctl.documents import read_json
 from benchctl.limits import cut
 from benchctl.locks import is_held
 from benchctl.recordings.schema import LOCK, STOP
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 _LONGEST_WHO = 60
 

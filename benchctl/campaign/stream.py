@@ -6,14 +6,15 @@ import math
 
 import numpy as np
 
-from benchctl.campaign.encoder_motion import EncoderMotion
+from benchctl.campaign.encoder_motion import EncoderMotion, HeldMotion
 from benchctl.campaign.interlocks import Range
 from benchctl.campaign.lasting_stream import LastingStream
 from benchctl.campaign.opened import OpenBench
 from benchctl.campaign.safety import FIND_OUT, RATE_MARGIN, Supervisor
+from benchctl.plan import Step
 from benchctl.recordings.campaign_folder import StepWriter
-from instruments.errors import SafetyError
-from instruments.interfaces import FloatArray, ScanBlock
+from benchctl_instruments.errors import SafetyError
+from benchctl_instruments.interfaces import FloatArray, IntArray, ScanBlock
 
 POLL_CHANNELS = ("poll_time_s", "poll_chamber_temp_c", "poll_chamber_setpoint_c")
 STREAM_CHANNELS = ("time_s", "encoder_deg", "gyro_v", "gyro_temp_c", *POLL_CHANNELS)
@@ -25,13 +26,17 @@ PATIENCE = 0.5
 """Scans are waited for so much of `silence_s`, then the table and the chamber are looked at again."""
 
 
+class MotionError(SafetyError):
+    """The table does not do what the step demands."""
+
+
 class StreamRecorder:
-    """Records `duration_s` of the stream, which begins at once; the supervisor sees what is recorded.
+    """Records the stream of a step, which begins at once; the supervisor sees what is recorded.
 
     `t_start` is the first scan's instant, seconds since the start of the recording.
     """
 
-    def __init__(self, opened: OpenBench, supervisor: Supervisor, into: StepWriter, duration_s: float) -> None:
+    def __init__(self, opened: OpenBench, supervisor: Supervisor, into: StepWriter, step: Step) -> None:
         self._opened, self._supervisor, self._into = opened, supervisor, into
         entry = opened.bench.digitizer
         self._stream = LastingStream(
@@ -43,12 +48,13 @@ class StreamRecorder:
             beat=supervisor.guard.beat,
         )
         self._begin_s = opened.clock.now()
-        self._wanted = round(duration_s * self._stream.rate_hz)
+        self._wanted = round(step.streamed_s * self._stream.rate_hz)
         self._next_index = 0
         self._silent = False
         self.t_start = self.t_end
         self._degrees_per_count = entry.encoder_sign * 360.0 / entry.encoder_counts_per_rev
         self._motion = EncoderMotion(opened.bench, self._stream.rate_hz)
+        self._held = HeldMotion(opened.bench, step, self._stream.rate_hz)
         self._gyro_celsius = entry.gyro_celsius
         self.gaps = self.samples = 0
         self.last_gyro_c = math.nan
@@ -57,6 +63,11 @@ class StreamRecorder:
     def began_s(self) -> float:
         """The host's clock when the stream had been started."""
         return self._begin_s
+
+    @property
+    def rate_hz(self) -> float:
+        """Scans a second, as the digitizer states it."""
+        return self._stream.rate_hz
 
     @property
     def t_end(self) -> float:
@@ -78,7 +89,10 @@ class StreamRecorder:
         return max(1 / self._stream.rate_hz, min(self._opened.clock.chunk_s, needed_s - elapsed_s))
 
     def take(self) -> None:
-        """Take what is due by now and write it; less while the digitizer is silent for a moment."""
+        """Take what is due by now and write it; less while the digitizer is silent for a moment.
+
+        Raises `MotionError` where the encoder shows another motion than the step demands.
+        """
         elapsed_s = self._opened.clock.now() - self._begin_s
         due = min(self._wanted, int(elapsed_s * self._stream.rate_hz) - IN_FLIGHT_SCANS)
         while self._next_index < due:
@@ -115,10 +129,30 @@ class StreamRecorder:
         looks = {
             "gyro_v": gyro_v,
             "gyro_c": gyro_c,
-            "encoder_dps": self._motion.rates_dps(count),
+            "encoder_dps": self._motion.rates_dps(block.first_index, count),
             "encoder_dps2": accelerations_dps2,
         }
         self._supervisor.see(**{name: _range(samples) for name, samples in looks.items() if samples.size})
+        self._refuse_other_motion(block.first_index, count)
+
+    def _refuse_other_motion(self, first_index: int, count: IntArray) -> None:
+        seen = self._held.look(first_index, count)
+        if seen is None:
+            return
+        time_s = self._opened.elapsed_s + self._stream.instant_s(float(seen.index))
+        says = (
+            f"the encoder shows a {seen.quantity} of {seen.measured_dps:+.3f} deg/s at {time_s:.3f} s, "
+            f"expected {seen.demanded_dps:+.3f} ± {seen.tolerance_dps:.3f}"
+        )
+        self._supervisor.event(
+            "motion",
+            says=says,
+            time_s=round(time_s, 6),
+            demanded_dps=round(seen.demanded_dps, 6),
+            measured_dps=round(seen.measured_dps, 6),
+            tolerance_dps=round(seen.tolerance_dps, 6),
+        )
+        raise MotionError(f"rate_table: {says}; look whether another program commands it, and {FIND_OUT}")
 
     def _refuse_beyond(self, accelerations_dps2: FloatArray) -> None:
         limit_dps2 = self._opened.bench.limits.acceleration_dps2

@@ -28,7 +28,7 @@ from benchctl.recordings.model import Meta, Status, StepInfo
 from benchctl.recordings.schema import CAMPAIGN, JOURNAL, LOCK, STEPS
 from benchctl.recordings.step_writer import StepWriter
 from benchctl.recordings.writer import write_recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 __all__ = ["CampaignWriter", "StepWriter"]
 

@@ -21,16 +21,17 @@ import json
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from benchctl.atomic import disk_errors, whole_file
+from benchctl.confined import open_file, stat_of
 from benchctl.documents import read_json
 from benchctl.limits import cut, require_file, shown
 from benchctl.locks import Lock
 from benchctl.recordings.digests import Problem
 from benchctl.recordings.hdf5_files import RecordingFile
 from benchctl.recordings.schema import LOCK, RECORDING, STOP
-from instruments.errors import UsageError, reason
+from benchctl_instruments.errors import UsageError, reason
 
 MANIFEST = "manifest.json"
 SCHEMA = "benchctl-campaign-manifest/1"
@@ -40,6 +41,8 @@ _TURN = ".manifest.lock"
 _LEFT_OUT = {MANIFEST, LOCK, str(Path(LOCK).with_suffix(".json")), STOP}
 
 Entry = Mapping[str, Any]
+Integrity = Literal["verified", "not verified", "altered"]
+"""How a file agrees with its campaign's manifest; `not verified`: there is none, or it does not name the file."""
 
 
 def write_manifest(folder: Path) -> None:
@@ -79,6 +82,26 @@ def manifest_digest(folder: Path) -> str | None:
     return None if sealed is None else _digest(sealed)
 
 
+def entries_of(folder: Path) -> Mapping[str, Entry]:
+    """The entries of a campaign's manifest by the paths of the files; empty where there is none.
+
+    Raises `UsageError` where it cannot be used: it was changed, or is of a later version.
+    """
+    return _read(folder) if (folder / MANIFEST).exists() else {}
+
+
+def integrity(entry: Entry | None, path: Path, digest: str | None = None) -> Integrity:
+    """Check a file against its entry in the manifest.
+
+    Of a recording with this `digest` of its root only that and the size are compared, without reading its samples.
+    Raises OSError where the file cannot be read.
+    """
+    if entry is None:
+        return "not verified"
+    found = content_of(path) if digest is None else {"bytes": stat_of(path).st_size, "digest": digest}
+    return "verified" if all(entry.get(key) == found[key] for key in found) else "altered"
+
+
 def problems_of_folder(folder: Path) -> Iterator[Problem]:
     """Every file of a campaign's folder that is not as its manifest, which must be there, has it; reads them all."""
     try:
@@ -100,7 +123,7 @@ def problems_of_folder(folder: Path) -> Iterator[Problem]:
 def _difference(sealed: Entry, path: Path) -> str:
     """How a file differs from its entry, in words; empty where it does not."""
     try:
-        found = _content(path)
+        found = content_of(path)
     except OSError as err:
         return f"cannot be read: {reason(err)}"
     if all(found[key] == sealed.get(key) for key in found):
@@ -122,7 +145,7 @@ def _files(folder: Path) -> Iterator[tuple[str, Path]]:
 
 
 def _entry(name: str, path: Path) -> Entry:
-    return _content(path) if name != RECORDING else {**_content(path), "digest": _root_digest(path)}
+    return content_of(path) if name != RECORDING else {**content_of(path), "digest": _root_digest(path)}
 
 
 def _root_digest(path: Path) -> str:
@@ -134,8 +157,9 @@ def _root_digest(path: Path) -> str:
         return ""
 
 
-def _content(path: Path) -> Entry:
-    with path.open("rb") as file:
+def content_of(path: Path) -> Entry:
+    """SHA-256 and size of a file; raises OSError where it cannot be read."""
+    with open_file(path) as file:
         sha256 = hashlib.file_digest(file, "sha256").hexdigest()
         return {"sha256": sha256, "bytes": file.tell()}
 

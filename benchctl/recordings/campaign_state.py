@@ -11,16 +11,26 @@ from benchctl.recordings.hdf5_files import RecordingFile
 from benchctl.recordings.journal import events_in, journal_text, last_word
 from benchctl.recordings.model import Meta
 from benchctl.recordings.schema import CAMPAIGN, JOURNAL, LOCK, RECORDING, STEPS
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 def described(folder: Path) -> Meta:
-    """The description of a campaign as it was begun: without an end, a reason and a journal."""
-    file = folder / RECORDING if (folder / RECORDING).exists() else folder / CAMPAIGN
-    with closing(RecordingFile(file)) as opened:
-        meta = opened.meta
-    begun = {name: text for name, text in meta.provenance.items() if name not in ("journal", "reason")}
-    return replace(meta, status="running", provenance=begun)
+    """The description of a campaign as it was begun: without an end, a reason and a journal.
+
+    It is that of the first file which can be read; each file of a step has it, too. Raises `UsageError` where none can.
+    """
+    unreadable: UsageError | None = None
+    candidates = (folder / RECORDING, folder / CAMPAIGN, *sorted((folder / STEPS).glob("[0-9]*")))
+    for file in filter(Path.exists, candidates):
+        try:
+            with closing(RecordingFile(file)) as opened:
+                meta = opened.meta
+        except UsageError as err:
+            unreadable = unreadable or err
+        else:
+            begun = {name: text for name, text in meta.provenance.items() if name not in ("journal", "reason")}
+            return replace(meta, status="running", provenance=begun)
+    raise unreadable or UsageError(f"{folder}: is no campaign: expected {RECORDING} or {CAMPAIGN} in this folder")
 
 
 def state_of(folder: Path) -> tuple[Meta, tuple[str, ...]]:
@@ -43,7 +53,7 @@ def state_of(folder: Path) -> tuple[Meta, tuple[str, ...]]:
 
 def require_campaign(folder: Path) -> None:
     """Raise `UsageError` where a folder holds no campaign, or one that died before anything was described."""
-    if (folder / RECORDING).exists() or (folder / CAMPAIGN).exists():
+    if (folder / RECORDING).exists() or (folder / CAMPAIGN).exists() or any((folder / STEPS).glob("[0-9]*")):
         return
     if (folder / STEPS).is_dir():
         raise UsageError(f"{folder}: its program died before anything was recorded; remove the folder and run anew")

@@ -188,13 +188,19 @@ class BenchEntry(_Table):
 
 
 class FileEntry(_Table):
-    """How the file is laid out; lines and rows count from 1."""
+    """How the file is laid out; lines and rows count from 1. A blank as delimiter is any run of blanks and tabs.
+
+    `table` names the table of an SQLite database, or the place of the table in a JSON document (keys joined by dots);
+    `query` is a SELECT in its stead.
+    """
 
     delimiter: str = Field(default=",", min_length=1, max_length=1)
     decimal: Literal[".", ","] = "."
     header_line: int = Field(default=1, ge=0, le=MOST_HEADER_LINES)
     first_line: int | None = Field(default=None, ge=1, le=1 << 40)
     first_row_variable: str | None = None
+    table: str = ""
+    query: str = ""
 
     @model_validator(mode="after")
     def _marks_differ(self) -> FileEntry:

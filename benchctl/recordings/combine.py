@@ -12,11 +12,11 @@ from pathlib import Path
 
 import h5py
 
-from benchctl.atomic import require_room, whole_file
+from benchctl.atomic import whole_file
 from benchctl.recordings.digests import Problem, problems_of_member, problems_of_recording, seal_recording
 from benchctl.recordings.hdf5_files import RecordingFile, open_ours
 from benchctl.recordings.model import Meta
-from benchctl.recordings.opening import FINISHED_LIBVER, create_hdf5
+from benchctl.recordings.opening import FINISHED_LIBVER, create_hdf5, reserve
 from benchctl.recordings.schema import (
     FINISHED_SUFFIX,
     STEPS,
@@ -26,8 +26,8 @@ from benchctl.recordings.schema import (
     write_attributes,
 )
 from benchctl.recordings.step_writer import file_stem
-from benchctl.recordings.writer import new_file
-from instruments.errors import UsageError
+from benchctl.recordings.writer import new_file, require_intact
+from benchctl_instruments.errors import UsageError
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,6 @@ def begin(path: Path) -> None:
 
 def add(path: Path, files: Sequence[Path]) -> None:
     """Add the steps of sealed files to what was begun; see `combine` for what is checked and raised."""
-    require_room(path, _size(files))
     with h5py.File(path, "r+", libver=FINISHED_LIBVER) as target:
         names = [name for file in files for name in _copied(file, target)]
     with h5py.File(path, "r") as written:
@@ -62,7 +61,6 @@ def combine(files: Sequence[Path], path: Path, meta: Meta, begun: Begun | None =
     Raises `UsageError` where one does not agree or the disk refuses; nothing is left behind.
     """
     rest = files[len(begun.files) :] if begun else files
-    require_room(path, _size(rest))
     with whole_file(path) as temporary:
         if begun is None:
             begin(temporary)
@@ -82,18 +80,20 @@ def combine(files: Sequence[Path], path: Path, meta: Meta, begun: Begun | None =
             _refuse(path, problems_of_recording(written, proven=proven))
 
 
-def _size(files: Iterable[Path]) -> int:
-    return sum(file.stat().st_size for file in files)
-
-
 def _copied(file: Path, target: h5py.File) -> list[str]:
     """Copy the step of a file, in fact all that it has; returns the names of their groups."""
     with open_ours(file) as source:
         names = list(source[STEPS])
         for name in names:
-            source[STEPS].copy(name, target[STEPS])
-            _renew_references(target[STEPS][name])
+            _copy(source, f"{STEPS}/{name}", target)
     return names
+
+
+def _copy(source: h5py.File, step: str, target: h5py.File) -> None:
+    """Copy a step's group, compressed chunks as they are."""
+    reserve(target, sum(dataset.id.get_storage_size() for dataset in source[step].values()))
+    source.copy(step, target, step)
+    _renew_references(target[step])
 
 
 def _refuse(path: Path, problems: Iterable[Problem]) -> None:
@@ -107,30 +107,20 @@ def _refuse(path: Path, problems: Iterable[Problem]) -> None:
 def take_apart(recording: Path, folder: Path, meta: Meta) -> None:
     """Write each step of a recording to a file of its own, as a campaign's `steps/` has them; the reverse of `combine`.
 
-    `folder` is where those files go; it exists. Every sample is read back and held against its digest. Raises
-    `UsageError` where one does not agree or the disk refuses; the recording is left as it is.
+    `folder` is where those files go; it exists. Every sample is read back and compared with its digest. Raises
+    `UsageError` where one does not agree or the disk refuses; the recording, whose digests the caller has checked, is
+    left as it is.
     """
-    require_room(folder, recording.stat().st_size)
     with closing(RecordingFile(recording)) as described:
         infos = described.infos
     with open_ours(recording) as source:
-        for problem in problems_of_recording(source):
-            raise UsageError(
-                f"{recording}: changed since it was written, and so not gone on with: {problem}; "
-                "take it from where it was copied"
-            )
         for info in infos:
             name = group_name(info.index)
             with whole_file(folder / f"{file_stem(info)}{FINISHED_SUFFIX}") as temporary:
                 with new_file(temporary, meta) as target:
-                    source.copy(name, target, name)
-                    _renew_references(target[name])
+                    _copy(source, name, target)
                     seal_recording(target)
-                with h5py.File(temporary, "r") as written:
-                    for problem in problems_of_recording(written):
-                        raise UsageError(
-                            f"{recording}: cannot be taken apart: {problem}; take it from where it was copied"
-                        )
+                require_intact(temporary)
 
 
 def _renew_references(step: h5py.Group) -> None:

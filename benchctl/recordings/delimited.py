@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from benchctl.limits import cut, shown
 from benchctl.recordings.model import FloatArray
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 IntArray = npt.NDArray[np.int64]
 
@@ -23,12 +23,20 @@ _COMMA, _NEWLINE, _DOT, _MINUS, _ZERO = b",\n.-0"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """Where the numbers are: `header_line` (from 1; 0: no header) holds the names, samples begin at `first_line`."""
+    """Where the numbers are: `header_line` (from 1; 0: no header) holds the names, samples begin at `first_line`.
+
+    A blank as delimiter is any run of blanks and tabs, and those before the first cell do not count.
+    """
 
     delimiter: str = ","
     decimal: str = "."
     header_line: int = 1
     first_line: int = 2
+
+    @property
+    def separator(self) -> str | None:
+        """What `str.split` takes; None splits at blanks."""
+        return None if self.delimiter == " " else self.delimiter
 
 
 def header_names(path: Path, text: bytes, layout: Layout) -> tuple[str, ...]:
@@ -49,9 +57,9 @@ def header_names(path: Path, text: bytes, layout: Layout) -> tuple[str, ...]:
         )
     line = lines[layout.header_line - 1]
     try:
-        names = [name.strip().strip('"') for name in line.decode("utf-8").split(layout.delimiter)]
+        names = [name.strip().strip('"') for name in line.decode("utf-8").split(layout.separator)]
     except UnicodeDecodeError:
-        names = [name.strip().strip('"') for name in line.decode("latin-1").split(layout.delimiter)]
+        names = [name.strip().strip('"') for name in line.decode("latin-1").split(layout.separator)]
     for name, times in Counter(names).items():
         if name and times > 1:
             raise UsageError(f"{path}, line {layout.header_line}: the column {shown(name)} is there twice; rename one")
@@ -82,7 +90,7 @@ def read_columns(
     try:
         table = np.loadtxt(
             io.BytesIO(body),
-            delimiter=layout.delimiter,
+            delimiter=layout.separator,
             comments=None,
             ndmin=2,
             usecols=None if width is not None else use,
@@ -119,7 +127,7 @@ def _fault(path: Path, body: bytes, layout: Layout, columns: Mapping[str, int], 
     """The first fault, in words; None where a second look finds none."""
     needed = max(columns.values()) + 1
     for number, line in enumerate(io.BytesIO(body), layout.first_line):
-        cells = line.decode("latin-1").removesuffix("\n").split(layout.delimiter)
+        cells = line.decode("latin-1").removesuffix("\n").split(layout.separator)
         if (width is not None and len(cells) != width) or len(cells) < needed:
             expected = width if width is not None else f"at least {needed}"
             missing = next((name for name, k in columns.items() if k == len(cells)), None)

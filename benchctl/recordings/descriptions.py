@@ -19,7 +19,7 @@ from benchctl.documents import json_document
 from benchctl.limits import LARGEST_WHOLE_NUMBER, cut, shown
 from benchctl.recordings.hdf5_guard import attribute, attribute_names, attributes
 from benchctl.recordings.model import BenchFacts, Meta, Status, StepInfo, Unit
-from instruments.field_faults import field_fault
+from benchctl_instruments.field_faults import field_fault
 
 _Description = TypeVar("_Description", StepInfo, Unit, BenchFacts)
 
@@ -32,9 +32,10 @@ _MOST_DECIMALS = 17
 _MAY_BE_UNKNOWN = ("chamber_setpoint_c",)
 """Numbers that may be NaN."""
 
-_OWN = {"CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "DIMENSION_LABELS"}
-"""HDF5's own bookkeeping."""
+_OWN = {"CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "digest"}
+"""What a channel has beside what is said of it: HDF5's own bookkeeping of axes, and its digest."""
 _SEALS = {"digest", "manifest"}
+"""What the root and a step have beside what is said of them."""
 
 
 class _Simulation(BaseModel):
@@ -94,8 +95,9 @@ def attributes_of(thing: h5py.Group | h5py.Dataset) -> dict[str, Any]:
     Of one that is no text and no numbers, which none of ours is, it says so.
     """
     found = {}
+    beside = _OWN if isinstance(thing, h5py.Dataset) else _SEALS
     for name in sorted(attribute_names(thing)):
-        if name not in _OWN and name not in _SEALS:
+        if name not in beside:
             try:
                 found[name] = attribute(thing, name)
             except ValueError as err:

@@ -36,7 +36,7 @@ from benchctl.recordings.model import FloatArray
 from benchctl.recordings.schema import STEPS
 from benchctl.recordings.unpacking import read_samples
 from benchctl.side_by_side import cores, in_order
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 BLOCK = 1 << 17
 """Samples that are held in memory at once, 1 MiB."""
@@ -133,7 +133,11 @@ def problems_of_recording(
     """
     try:
         yield from _compare(root, _root_manifest(root), "recording", "step")
-        names = names_in(child_group(root, STEPS))
+        steps = child_group(root, STEPS)
+        yield from (Problem("recording", f"{cut(name)} was added") for name in names_in(root) if name != STEPS)
+        for name in attribute_names(steps):
+            yield Problem("recording", f"attribute {cut(name)} of the group {STEPS} was added")
+        names = names_in(steps)
     except ValueError as err:
         yield Problem("recording", f"cannot be read: {err}")
         return
@@ -162,6 +166,10 @@ def problems_of_step(
         digests = in_order(lambda name: _digest_or_reason(items[name], known(name)), items, workers)
         found = dict(zip(items, digests, strict=True))
         yield from _compare(group, _step_manifest(group, items, found), where, "channel")
+        sealed = str(attribute(group, "manifest", ""))
+        for name, item in items.items():
+            if isinstance(item, h5py.Dataset) and str(attribute(item, "digest", "none")) not in sealed:
+                yield Problem(f"{where}, channel {cut(name)}", "its digest was changed")
     except ValueError as err:
         yield Problem(where, f"cannot be read: {err}")
 

@@ -15,7 +15,7 @@ from benchctl.atomic import whole_file
 from benchctl.recordings.model import Step
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.schema import unit_of
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 _LARGEST = 2**31 - 1
 """Bytes that one variable of this file format may have."""

@@ -25,7 +25,7 @@ from benchctl.atomic import whole_folder
 from benchctl.recordings.model import FloatArray, Meta, Step, StepInfo
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.text_rows import csv_rows
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 COLUMNS = ("time_s", "encoder_deg", "gyro_v", "gyro_temp_c", "chamber_temp_c")
 KINDS = ("static", "constant_rate", "sine", "thermal_ramp", "motion")

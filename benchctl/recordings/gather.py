@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from benchctl.recordings.combine import Begun, combine
 from benchctl.recordings.journal import journal_text, sync_journal
 from benchctl.recordings.model import Meta, Status
 from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, JOURNAL, RECORDING, STEPS
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 def finished_steps(folder: Path) -> list[Path]:
@@ -29,15 +30,15 @@ def gather(folder: Path, meta: Meta, status: Status, reason: str, begun: Begun |
     provenance = {**meta.provenance, "reason": reason, "journal": journal_text(folder / JOURNAL)}
     recording = folder / RECORDING
     told = replace(meta, status=status, provenance=provenance)
-    if begun is None or not _completed(folder, recording, told, begun):
-        combine(finished_steps(folder), recording, told)
-    remove_gathered(folder)
+    files = finished_steps(folder)
+    if begun is None or not _completed(files, recording, told, begun):
+        combine(files, recording, told)
+    remove_gathered(folder, files)
     return recording
 
 
-def _completed(folder: Path, recording: Path, meta: Meta, begun: Begun) -> bool:
+def _completed(files: list[Path], recording: Path, meta: Meta, begun: Begun) -> bool:
     """Whether what was begun could become the recording; where it could not, for any reason, there is none."""
-    files = finished_steps(folder)
     try:
         if tuple(file.name for file in files[: len(begun.files)]) != begun.files:
             return False
@@ -49,10 +50,12 @@ def _completed(folder: Path, recording: Path, meta: Meta, begun: Begun) -> bool:
     return True
 
 
-def remove_gathered(folder: Path) -> None:
-    """Remove what `recording.h5`, which must be there, has made superfluous."""
+def remove_gathered(folder: Path, files: Iterable[Path]) -> None:
+    """Remove the files of steps that `recording.h5` holds, all of whose digests were checked, and `campaign.h5`."""
     with disk_errors(folder):
-        if (folder / STEPS).exists():
-            shutil.rmtree(folder / STEPS)
+        for file in files:
+            file.unlink()
+        with suppress(OSError):  # it holds something else, or is not there
+            (folder / STEPS).rmdir()
         (folder / CAMPAIGN).unlink(missing_ok=True)
         sync_folder(folder)

@@ -21,7 +21,7 @@ from benchctl.atomic import beside
 from benchctl.own_process import own_process
 from benchctl.recordings.combine import Begun, add, begin
 from benchctl.recordings.gather import finished_steps
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 MANY = 32
 """Steps after which a campaign is long: to start the process costs as much as to gather so many."""

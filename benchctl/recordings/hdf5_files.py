@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import math
 import os
 import re
@@ -14,6 +15,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from benchctl.confined import hdf5_name, stat_of
 from benchctl.limits import cut, require_file, require_memory, shown
 from benchctl.recordings.descriptions import read_info, read_meta
 from benchctl.recordings.hdf5_guard import (
@@ -25,15 +27,15 @@ from benchctl.recordings.hdf5_guard import (
     names_in,
     plain_errors,
 )
-from benchctl.recordings.hdf5_heaps import check_heaps
-from benchctl.recordings.model import AXES, Axis, FloatArray, Meta, Step, StepInfo, axis_of
-from benchctl.recordings.opening import open_growing
+from benchctl.recordings.hdf5_trial import is_own, require_harmless
+from benchctl.recordings.model import Axis, FloatArray, Meta, Step, StepInfo, axis_of
+from benchctl.recordings.opening import open_closed, open_growing
 from benchctl.recordings.read_digests import ReadDigests
 from benchctl.recordings.schema import FORMAT, PART_SUFFIX, STEPS, group_name
 from benchctl.recordings.stored import SCANS_AT_ONCE, StoredStep
 from benchctl.recordings.unpacking import fill
 from benchctl.side_by_side import cores, in_order
-from instruments.errors import UsageError, in_line
+from benchctl_instruments.errors import UsageError, in_line, reason
 
 _FAMILY, _VERSION = FORMAT.split("/")
 
@@ -48,16 +50,19 @@ class RecordingFile:
     def __init__(self, path: Path, digests: ReadDigests | None = None) -> None:
         self.path = path
         self._digests = digests
+        self._seen: dict[int, tuple[dict[str, h5py.Dataset], dict[Axis, int]]] = {}
         self._file = open_ours(path)
         try:
             self.meta: Meta = read_meta(self._file)
             steps = child_group(self._file, STEPS)
             infos = [self._info(steps, name) for name in names_in(steps)]
+            if path.name.endswith(PART_SUFFIX):
+                infos = [self._so_far(info) for info in infos]
             self.infos = tuple(sorted(infos, key=lambda info: info.index))
             self.digest = str(attribute(self._file, "digest", ""))
         except UsageError as err:
             self._file.close()
-            raise UsageError(f"{path}: {err}") from err
+            raise UsageError(f"{path}: {str(err).removeprefix(f'{path}: ')}") from err
         except ValueError as err:
             self._file.close()
             raise UsageError(f"{path}: its description is damaged ({err}); benchctl verify names what changed") from err
@@ -69,8 +74,9 @@ class RecordingFile:
     def load(self, info: StepInfo, names: Collection[str] | None = None) -> Step:
         """A step with its samples, of these channels where given.
 
-        Of a step being written: those samples that all channels of an axis have. Raises `UsageError` where a channel is
-        damaged, lies outside the file, claims more samples than its bytes can hold, or is more than memory holds.
+        Of a step being written: those samples that all channels of an axis had when the file was opened. Raises
+        `UsageError` where a channel is damaged, lies outside the file, claims more samples than its bytes can hold, or
+        is more than memory holds.
         """
         found, lengths = self._checked(info)
         wanted = {name: lengths[axis_of(name)] for name in found if names is None or name in names}
@@ -95,7 +101,8 @@ class RecordingFile:
     def stored(self, info: StepInfo) -> StoredStep:
         """A step whose samples are read a stretch at a time; what `load` raises of them is raised then."""
         found, lengths = self._checked(info)
-        return StoredStep(info, tuple(found), lengths.get("time_s", 0), partial(self._fill, info, found))
+        fill = partial(self._fill, info, found)
+        return StoredStep(info, tuple(found), lengths.get("time_s", 0), fill, lengths.get("poll_time_s", 0))
 
     def _fill(self, info: StepInfo, found: dict[str, h5py.Dataset], name: str, start: int, samples: FloatArray) -> None:
         with self._reading(info, name):
@@ -104,7 +111,9 @@ class RecordingFile:
             self._digests.take(info.index, name, len(found[name]), start, samples)
 
     def _checked(self, info: StepInfo) -> tuple[dict[str, h5py.Dataset], dict[Axis, int]]:
-        """The channels of a step and how many samples all of an axis have."""
+        """The channels of a step and how many samples all of an axis had when this was first asked."""
+        if info.index in self._seen:
+            return self._seen[info.index]
         found = self._channels(info.index)
         lengths: dict[Axis, int] = {}
         for name, dataset in found.items():
@@ -112,6 +121,7 @@ class RecordingFile:
             with self._reading(info, name):
                 length = length_of(dataset)
                 lengths[axis] = min(lengths.get(axis, length), length)
+        self._seen[info.index] = found, lengths
         return found, lengths
 
     def close(self) -> None:
@@ -119,15 +129,23 @@ class RecordingFile:
         self._file.close()
 
     def _info(self, steps: h5py.Group, name: str) -> StepInfo:
-        """A step's description; of a step being written, as far as it has come."""
+        """A step's description."""
         try:
             group = child_group(steps, name)
             info = read_info(group)
             if f"{STEPS}/{name}" != group_name(info.index):
                 raise ValueError(f"the group /{STEPS}/{name} says that its index is {info.index}")
-            return _so_far(info, group) if self.path.name.endswith(PART_SUFFIX) else info
+            return info
         except ValueError as err:
             raise ValueError(f"step {shown(name)}: {err}") from err
+
+    def _so_far(self, info: StepInfo) -> StepInfo:
+        """The description of a step being written, as far as it has come."""
+        channels, lengths = self._checked(info)
+        with plain_errors():
+            ends = [float(channels[axis][length - 1]) for axis, length in lengths.items() if length]
+        t_end = max([info.t_start, *(end for end in ends if math.isfinite(end))])
+        return replace(info, t_end=t_end, samples=lengths.get("time_s", 0))
 
     def _channels(self, index: int) -> dict[str, h5py.Dataset]:
         """The channels of a step, in the order in which they are stored."""
@@ -157,21 +175,18 @@ def _channels(group: h5py.Group) -> dict[str, h5py.Dataset]:
     return {name: item for name, item in items.items() if is_channel(item)}
 
 
-def _so_far(info: StepInfo, group: h5py.Group) -> StepInfo:
-    """The description of a step being written, as far as it has come."""
-    channels = _channels(group)
-    lengths = {name: length_of(dataset) for name, dataset in channels.items()}
-    with plain_errors():
-        ends = [float(channels[axis][-1]) for axis in AXES if lengths.get(axis)]
-    samples = min((length for name, length in lengths.items() if axis_of(name) == "time_s"), default=0)
-    return replace(info, t_end=max([info.t_start, *(end for end in ends if math.isfinite(end))]), samples=samples)
-
-
 def open_ours(path: Path) -> h5py.File:
     """The HDF5 file itself, open for reading, whatever its description says; `UsageError` as for `RecordingFile`."""
     require_file(path)
     try:
-        file = open_growing(path) if path.name.endswith(PART_SUFFIX) else h5py.File(path, "r")
+        if not is_own(path):
+            require_harmless(path)
+    except OSError:  # which is explained below
+        pass
+    except ValueError as err:
+        raise UsageError(f"{str(path)!r}: cannot be opened: {err}; copy it again from where it came") from err
+    try:
+        file = open_growing(path) if path.name.endswith(PART_SUFFIX) else open_closed(path)
     except FileNotFoundError as err:
         raise UsageError(f"{path}: there is no such file; expected a recording (*.h5) or a campaign's folder") from err
     except OSError as err:
@@ -179,7 +194,6 @@ def open_ours(path: Path) -> h5py.File:
     except (ValueError, RuntimeError, MemoryError) as err:  # a NUL in the name; a header that HDF5 gives up on
         raise UsageError(f"{str(path)!r}: cannot be opened: {cut(in_line(str(err)))}") from err
     try:
-        check_heaps(path)
         problem = _not_ours(attribute(file, "format", "")) or _no_steps(file)
     except ValueError as err:
         problem = f"is damaged: {err}; copy it again from where it came"
@@ -201,11 +215,15 @@ def _why(path: Path, err: OSError) -> str:
     """What HDF5 says of a file that it cannot open, said to a person."""
     if isinstance(err, PermissionError):
         return "may not be read by you; ask for the permission"
-    size = path.stat().st_size
+    if err.errno == errno.ELOOP:
+        return f"cannot be opened: {reason(err)}"
+    size = stat_of(path).st_size
     short = re.search(r"truncated file.*stored_eof = (\d+)", str(err))
     if short:
         return f"was cut short: {size} of {short[1]} bytes are there; copy it again from where it came"
-    if not h5py.is_hdf5(path):
+    with hdf5_name(path) as name:
+        is_hdf5 = h5py.is_hdf5(name)
+    if not is_hdf5:
         return f"is not an HDF5 file ({size} bytes); expected a recording; import other files (benchctl import)"
     if "already open for write" in str(err):
         return "is being written, or was when its program died; open its campaign's folder instead"

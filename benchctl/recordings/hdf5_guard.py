@@ -4,8 +4,7 @@ HDF5 lets a file say: this group is in another file, these samples are in /etc/p
 and needs no byte, this chunk is compressed twice, this attribute is a thousand times the same text. A recording needs
 none of it. Everything here raises `ValueError` in a few words, for its callers to say where.
 
-Only what Python sees is checked. A file that is damaged below that (its B-trees, its heaps) is HDF5's own business,
-which has been known to crash on one: see `benchctl.limits`.
+Only what Python sees is checked. What is damaged below that (its B-trees, its heaps) is found by `hdf5_trial`.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ import h5py
 import numpy as np
 
 from benchctl.limits import FREE_BYTES, MOST_CHUNK_BYTES, MOST_INFLATION, MOST_JOURNAL_BYTES, cut
-from instruments.errors import BenchError
+from benchctl_instruments.errors import BenchError
 
 _FILTERS = {h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_FLETCHER32}
 _MOST_ARRAY_BYTES = 1 << 16
@@ -105,9 +104,14 @@ def attribute(thing: h5py.Group | h5py.Dataset, name: str, default: Any = None) 
 
 
 def is_channel(item: object) -> bool:
-    """Whether something in a step is a channel: a dataset of one dimension; anything else is its owner's."""
+    """Whether something in a step is a channel: a dataset of one dimension; anything else is its owner's.
+
+    A virtual dataset counts as one, for `check_samples` to refuse: HDF5 opens its sources for no more than its shape.
+    """
     with plain_errors():
-        return isinstance(item, h5py.Dataset) and len(item.shape or ()) == 1
+        if not isinstance(item, h5py.Dataset):
+            return False
+        return item.id.get_create_plist().get_layout() == h5py.h5d.VIRTUAL or len(item.shape or ()) == 1
 
 
 def length_of(dataset: h5py.Dataset) -> int:

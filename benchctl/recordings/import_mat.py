@@ -1,24 +1,37 @@
-"""Reads the variables that a map asks for from a MATLAB file, versions 5 to 7."""
+"""Reads the variables that a map asks for from a MATLAB file, versions 5 to 7.
+
+scipy believes the sizes in the file's headers, and follows cells as deep as they go: a child process with limits reads
+the variables, and writes them to its stdout as numpy does.
+"""
 
 from __future__ import annotations
 
+import io
+import sys
 import warnings
 import zlib
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
-from scipy.io import loadmat
+from scipy.io import loadmat, whosmat
 from scipy.io.matlab import MatReadError, MatReadWarning, matfile_version
 
-from benchctl.limits import cut, listed, require_file, require_memory
+from benchctl.limits import cut, listed, memory_bytes, require_file
+from benchctl.own_process import limit_itself, run_limited
 from benchctl.recordings.column_map import ColumnMap
-from benchctl.recordings.mat_headers import variables_in
 from benchctl.recordings.model import FloatArray
 from benchctl.recordings.raw_columns import RawColumns, Wanted, wanted_columns
-from instruments.errors import UsageError, reason
+from benchctl_instruments.errors import UsageError, reason
 
 _MOST_ROWS = 1 << 53
+_NUMERIC = ("double", "single", "logical", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))
+_REFUSED = 2
+"""The child's exit status where it says why."""
+_LEAST_S, _BYTES_PER_S = 20.0, 1e6
+"""Processor time for a file."""
+_MEMORY_SHARE, _UNKNOWN_BYTES = 0.9, 4 << 30
+"""Of the machine's memory; where that is not known (Windows), nothing is limited."""
 
 
 def read_mat(path: Path, mapping: ColumnMap) -> RawColumns:
@@ -54,20 +67,52 @@ def read_mat(path: Path, mapping: ColumnMap) -> RawColumns:
 def _load(path: Path, names: set[str]) -> dict[str, Any]:
     require_file(path)
     try:
-        with path.open("rb") as file:
-            version, _ = matfile_version(file)  # type: ignore[arg-type]  # its stubs know no open files
-            if version == 2:
-                raise UsageError(f"{path}: a MAT file of version 7.3; save it with MATLAB's option -v7")
-            if version != 1:
-                raise UsageError(f"{path}: a MAT file of version 4; save it with MATLAB's option -v7")
-            _check_variables(path, file, names)
-            file.seek(0)
-            with warnings.catch_warnings():
-                warnings.simplefilter("error", MatReadWarning)
-                loaded: dict[str, Any] = loadmat(  # its stubs know no open files
-                    file,  # type: ignore[arg-type]
-                    variable_names=sorted(names),
-                )
+        limit_s = _LEAST_S + path.stat().st_size / _BYTES_PER_S
+    except OSError as err:
+        raise UsageError(f"{path}: cannot be read: {reason(err)}") from err
+    status, written = run_limited(__name__, [str(path), str(limit_s), *sorted(names)], limit_s)
+    if status == _REFUSED:
+        raise UsageError(written.decode("utf-8"))
+    if status:
+        raise UsageError(
+            f"{path}: cannot be read in {limit_s:.0f} s and {_most_bytes() / 1e9:.3g} GB of memory; "
+            "save it anew, or in parts"
+        )
+    stream = io.BytesIO(written)
+    return {name: np.load(stream, allow_pickle=False) for name in sorted(names)}
+
+
+def main(path: Path, limit_s: float, names: list[str]) -> int:
+    """Write variables to stdout, each as `numpy.save` does, or why they cannot be read; returns the exit status."""
+    limit_itself(limit_s, _most_bytes())
+    try:
+        found = _variables(path, names)
+    except UsageError as err:
+        sys.stdout.buffer.write(str(err).encode("utf-8", "replace"))
+        return _REFUSED
+    for name in names:
+        np.save(sys.stdout.buffer, found[name], allow_pickle=False)
+    return 0
+
+
+def _most_bytes() -> int:
+    return round((memory_bytes() or _UNKNOWN_BYTES) * _MEMORY_SHARE)
+
+
+def _variables(path: Path, names: list[str]) -> dict[str, Any]:
+    file = str(path)
+    try:
+        version, _ = matfile_version(file, appendmat=False)
+        if version != 1:
+            raise UsageError(
+                f"{path}: a MAT file of version {'7.3' if version else '4'}; save it with MATLAB's option -v7"
+            )
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", MatReadWarning)
+            there = [(name, str(kind)) for name, _, kind in whosmat(file, appendmat=False)]
+            for name in names:
+                _check_variable(path, name, there)
+            loaded: dict[str, Any] = loadmat(file, appendmat=False, variable_names=names)
     except OSError as err:
         raise UsageError(f"{path}: cannot be read: {reason(err)}") from err
     except (MatReadError, MatReadWarning, ValueError, TypeError, LookupError, EOFError, MemoryError, zlib.error) as err:
@@ -75,24 +120,15 @@ def _load(path: Path, names: set[str]) -> dict[str, Any]:
     return loaded
 
 
-def _check_variables(path: Path, file: BinaryIO, names: set[str]) -> None:
-    """Raise `UsageError` where a wanted variable is not there, is no matrix of numbers, or more than memory holds.
-
-    scipy is asked for these variables only after all headers were found to be sound.
-    """
-    there = list(variables_in(file))
-    by_name = {variable.name: variable for variable in there}
-    for name in sorted(names):
-        if name not in by_name:
-            raise UsageError(f"{path}: the variable {name!r} of the map is missing among {listed(list(by_name))}")
-        if not by_name[name].numeric:
-            raise UsageError(
-                f"{path}: {name} is not a column of numbers but text, a cell, a structure or complex; name another"
-            )
-        if sum(variable.name == name for variable in there) > 1:
-            raise UsageError(f"{path}: the variable {name!r} is there twice; save the file again")
-    # scipy holds what it unpacked, the matrix, and it is made float64 here.
-    require_memory(path, sum(3 * 8 * by_name[name].size for name in names), "what the map asks for")
+def _check_variable(path: Path, name: str, there: list[tuple[str, str]]) -> None:
+    """Raise `UsageError` where a variable is not there once, or is no matrix of numbers."""
+    kinds = [kind for other, kind in there if other == name]
+    if not kinds:
+        raise UsageError(f"{path}: the variable {name!r} of the map is missing among {listed([n for n, _ in there])}")
+    if len(kinds) > 1:
+        raise UsageError(f"{path}: the variable {name!r} is there twice; save the file again")
+    if kinds[0] not in _NUMERIC:
+        raise UsageError(f"{path}: {name} is not a column of numbers but of class {kinds[0]}; name another")
 
 
 def _first_row(path: Path, name: str, value: Any) -> int:
@@ -122,3 +158,7 @@ def _column(path: Path, wanted: Wanted, value: Any) -> FloatArray:
 def _as_float64(column: np.ndarray[Any, Any]) -> FloatArray:
     with np.errstate(invalid="ignore"):  # of a signalling NaN, which is refused later like any other
         return np.ascontiguousarray(column, dtype=np.float64)
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1]), float(sys.argv[2]), sys.argv[3:]))

@@ -24,8 +24,8 @@ from benchctl.recordings.stamps import StampError, require_uniform
 from benchctl.recordings.step_entries import Rate, StepEntry, cut_into_steps
 from benchctl.recordings.text_file import read_bytes, read_json_text, sources_json
 from benchctl.recordings.units import unit_of_column
-from instruments.errors import UsageError
-from instruments.field_faults import field_fault
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.field_faults import field_fault
 
 COLUMNS = ("time_s", "encoder_deg", "gyro_v", "gyro_temp_c", "chamber_temp_c")
 """The columns that every open recording has."""

@@ -9,7 +9,7 @@ from benchctl.recordings.column_map import ColumnMap
 from benchctl.recordings.delimited import Layout, header_names, read_columns
 from benchctl.recordings.raw_columns import RawColumns, Wanted, wanted_columns
 from benchctl.recordings.text_file import read_bytes
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 def read_table(path: Path, mapping: ColumnMap) -> RawColumns:

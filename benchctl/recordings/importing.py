@@ -14,14 +14,16 @@ from benchctl.recordings.import_open import (
     read_open_recording,
     samples_of,
 )
+from benchctl.recordings.import_records import read_json, read_sqlite
 from benchctl.recordings.import_table import read_table
 from benchctl.recordings.mapped import build_recording
 from benchctl.recordings.model import Meta, Step
 from benchctl.recordings.static_points import build_points, map_by_header
 from benchctl.recordings.text_file import sources_json
 from benchctl.recordings.writer import write_recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
+_READERS = {".mat": read_mat, ".json": read_json, **dict.fromkeys((".db", ".sqlite", ".sqlite3"), read_sqlite)}
 _TEXTS = (".csv", ".txt", ".log", ".tsv", ".dat", ".asc")
 _OURS = (".h5", ".hdf5")
 
@@ -43,7 +45,7 @@ def import_recording(source: Path, map_file: Path | None, output: Path) -> Impor
     Parameters
     ----------
     source
-        An open recording's folder, delimited text (`.gz` or not), or a MAT file.
+        An open recording's folder, delimited text (`.gz` or not), a MAT file, JSON or an SQLite database.
     map_file
         Which column is which (`map_examples`); an open recording and a table of static points with our names need none.
     output
@@ -78,7 +80,7 @@ def read_foreign(source: Path, map_file: Path | None = None) -> tuple[Meta, list
         sources = [source / "recording.json", samples_of(source)]
         meta, steps = build_recording(read_table(sources[1], mapping), mapping, str(map_file), beside)
     else:
-        raw = read_mat(source, mapping) if source.suffix.lower() == ".mat" else read_table(source, mapping)
+        raw = _READERS.get(source.suffix.lower(), read_table)(source, mapping)
         build = build_points if mapping.points is not None else build_recording
         meta, steps = build(raw, mapping, str(map_file))
     return _with_sources(meta, sources, map=text), steps

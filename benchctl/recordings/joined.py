@@ -8,7 +8,7 @@ from dataclasses import replace
 from benchctl.recordings.model import AXES, Step, StepInfo
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.stored import StoredStep
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 APART_S = 86400.0
 """Recordings that are read as one are put a day apart: the bias has walked freely in between."""

@@ -17,7 +17,7 @@ from benchctl.atomic import disk_errors, sync_file, whole_file
 from benchctl.documents import json_document
 from benchctl.limits import MOST_JOURNAL_BYTES, MOST_JOURNAL_LINES, MOST_LINE_BYTES, cut, read_whole, require_file
 from benchctl.recordings.model import Status
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 Events = Iterable[dict[str, Any]]
 

@@ -15,7 +15,7 @@ encoder_counts_per_rev = 65536
 latitude_deg = 58.5
 
 [file]
-delimiter = ";"
+delimiter = ";"                     # " ": any run of blanks and tabs
 decimal = ","                       # the decimal comma of some countries
 header_line = 3                     # the line that holds the names; 0: none, columns are then numbers from 1
 first_line = 5                      # the first line of samples
@@ -83,6 +83,28 @@ column = "all_gyro_2_z"
 unit = "deg/s"
 """
 
+MAP_EXAMPLE_RECORDS = """\
+# An SQLite database (.db, .sqlite) or a JSON document. `benchctl import bench.db --map map.toml -o run7.h5`
+[unit]
+serial = "IMU 2"
+
+[file]
+query = "SELECT t, angle, rate FROM samples WHERE run = 7 ORDER BY t"   # of a database; or its table = "samples"
+# table = "run7.data"               # of a JSON document: where in it the rows, or the columns by name, are
+
+[time]
+column = "t"
+stamps = "repair"
+
+[channels.encoder_deg]
+column = "angle"
+unit = "rad"
+
+[channels.gyro_v]
+column = "rate"
+unit = "rad/s"
+"""
+
 MAP_EXAMPLE_POINTS = """\
 # A table of static points: one row a rate, mean and standard deviation of the output at rest on that rate.
 # A CSV with the columns rate_dps, gyro_v_mean (and gyro_v_std, run, temperature_c, duration_s) needs no map.
@@ -137,6 +159,7 @@ viscous_nm_s = 0.0031
 MAP_EXAMPLES: Mapping[str, str] = {
     "a table of samples": MAP_EXAMPLE_CSV,
     "a MATLAB file": MAP_EXAMPLE_MAT,
+    "a database, or JSON": MAP_EXAMPLE_RECORDS,
     "a table of static points": MAP_EXAMPLE_POINTS,
     "a table's drive, or a chamber": MAP_EXAMPLE_DRIVE,
 }

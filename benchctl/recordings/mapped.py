@@ -25,7 +25,7 @@ from benchctl.recordings.stamps import (
 )
 from benchctl.recordings.step_entries import StepEntry, cut_into_steps
 from benchctl.recordings.treatment import tell, told_as_json
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 FILLED = "filled"
 """The channel that is 1 where a sample was never measured but filled in, and 0 elsewhere."""

@@ -86,7 +86,8 @@ class StepInfo:
 
     `kind` is `soak`, `static`, `constant_rate`, `sine`, `thermal_ramp`, `power_cycle`, `mount` or `ask`; of imports
     also `motion` (any movement), `static_points` or `unassigned`. `role` is `fit`, `verify` (kept aside: no fit may see
-    it) or `none` (polled steps, and those of a unit mounted across). `mounting` is `across` while the unit's input axis
+    it) or `none` (polled steps, and those of a unit mounted across). `sample_rate_hz` is what the digitizer did, which
+    may differ from what the bench asks for. `mounting` is `across` while the unit's input axis
     lies across the table's axis, else empty. `t_start` and `t_end` are seconds since the start of the recording; of a
     power cycle, when the supply went off and came on again. `gaps` counts the gaps in the stream. `digest`
     is empty until the step is closed. `frame_rate_hz` is how often the digital gyro samples, `frames_lost` how many of
@@ -135,7 +136,7 @@ class Unit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchFacts:
-    """What fits must know of the bench. Zero or None: not known."""
+    """What fits must know of the bench; zero or None: not known. `sample_rate_hz` is what bench.toml asks for."""
 
     sample_rate_hz: float
     encoder_counts_per_rev: int = 0

@@ -10,7 +10,7 @@ import numpy as np
 
 from benchctl.recordings.column_map import Column, ColumnMap
 from benchctl.recordings.model import FloatArray
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 TIME = "time_s"
 """The name under which the column of stamps is kept among the channels."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
-from contextlib import closing
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Protocol, Self
 
+from benchctl.confined import entries_in
 from benchctl.recordings.campaign_state import state_of
 from benchctl.recordings.hdf5_files import RecordingFile
 from benchctl.recordings.import_open import read_open_recording
@@ -15,9 +16,12 @@ from benchctl.recordings.model import FloatArray, Meta, Step, StepInfo
 from benchctl.recordings.read_digests import ReadDigests
 from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, PART_SUFFIX, RECORDING, STEPS
 from benchctl.recordings.stored import StoredStep, stored_of
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError, reason
 
 OPEN_DESCRIPTION = "recording.json"
+
+_OPEN_AT_ONCE = 128
+"""Files of an unfinished campaign's steps: far fewer than a process may have open."""
 
 
 class StepSource(Protocol):
@@ -148,25 +152,32 @@ def _open_campaign(folder: Path) -> Recording:
     infos: list[StepInfo] = []
     meta, said = state_of(folder)
     notes = [*said]
+    opened = lru_cache(_OPEN_AT_ONCE)(_open_step)
     for path in campaign_files(folder):
         try:
-            with closing(_open_step(path)) as file:
-                infos += file.infos
-                files |= {info.index: path for info in file.infos}
+            infos += (found := opened(path).infos)
+            files |= {info.index: path for info in found}
         except UsageError as err:
             if not path.name.endswith(PART_SUFFIX):
-                raise
+                raise UsageError(f"{err}; benchctl recover {folder} puts it aside and keeps the others") from err
             notes.append(f"left out: its writing had only begun ({err})")
-    return Recording(folder, meta, infos, _CampaignFiles(files), notes=tuple(notes))
+    return Recording(folder, meta, infos, _CampaignFiles(files, opened, opened.cache_clear), notes=tuple(notes))
 
 
 def campaign_files(folder: Path) -> list[Path]:
-    """The files of an unfinished campaign's steps, in order; a `.part` only where its step is not finished."""
-    finished = {
-        path.name.removesuffix(FINISHED_SUFFIX): path for path in (folder / STEPS).glob(f"[0-9]*{FINISHED_SUFFIX}")
-    }
-    begun = {path.name.removesuffix(PART_SUFFIX): path for path in (folder / STEPS).glob(f"[0-9]*{PART_SUFFIX}")}
-    return [path for _, path in sorted({**begun, **finished}.items())]
+    """The files of an unfinished campaign's steps, in order; a `.part` only where its step is not finished.
+
+    None where there is no folder of steps; raises `UsageError` where it cannot be read.
+    """
+    try:
+        names = [name for name in entries_in(folder / STEPS) if name[:1].isdecimal()]
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+    except OSError as err:
+        raise UsageError(f"{folder / STEPS}: cannot be read: {reason(err)}") from err
+    finished = {name.removesuffix(FINISHED_SUFFIX): name for name in names if name.endswith(FINISHED_SUFFIX)}
+    begun = {name.removesuffix(PART_SUFFIX): name for name in names if name.endswith(PART_SUFFIX)}
+    return [folder / STEPS / name for _, name in sorted({**begun, **finished}.items())]
 
 
 def _open_step(path: Path) -> RecordingFile:
@@ -178,31 +189,31 @@ def _open_step(path: Path) -> RecordingFile:
 
 
 class _CampaignFiles:
-    """The steps of a campaign that is not finished, each file opened when it is asked for."""
+    """The steps of a campaign that is not finished; files stay open, those that were used last.
 
-    def __init__(self, files: Mapping[int, Path]) -> None:
-        self._files = files
+    A file that is in use is closed once it no longer is: when nothing refers to it any more.
+    """
+
+    def __init__(
+        self, files: Mapping[int, Path], opened: Callable[[Path], RecordingFile], close: Callable[[], None]
+    ) -> None:
+        self._files, self._opened, self._close = files, opened, close
 
     def channels(self, index: int) -> tuple[str, ...]:
-        with closing(_open_step(self._files[index])) as file:
-            return file.channels(index)
+        return self._opened(self._files[index]).channels(index)
 
     def load(self, info: StepInfo, names: Collection[str] | None = None) -> Step:
-        with closing(_open_step(self._files[info.index])) as file:
-            return file.load(file.infos[0], names)
+        return self._opened(self._files[info.index]).load(info, names)
 
     def stored(self, info: StepInfo) -> StoredStep:
-        path = self._files[info.index]
-
         def fill(name: str, start: int, samples: FloatArray) -> None:
-            with closing(_open_step(path)) as file:
-                file.stored(info).fill(name, start, samples)
+            self._opened(self._files[info.index]).stored(info).fill(name, start, samples)
 
-        with closing(_open_step(path)) as file:
-            return replace(file.stored(info), fill=fill)
+        return replace(self._opened(self._files[info.index]).stored(info), fill=fill)
 
     def close(self) -> None:
-        """Nothing stays open."""
+        """See `StepSource`."""
+        self._close()
 
 
 class StepsInMemory:

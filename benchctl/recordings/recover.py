@@ -16,12 +16,11 @@ from benchctl.recordings.journal import (
     events_in,
     journal_text,
     last_word,
-    mend_journal,
     planned_steps,
 )
-from benchctl.recordings.model import Meta, Status, StepInfo
+from benchctl.recordings.model import Status, StepInfo
 from benchctl.recordings.schema import CAMPAIGN, JOURNAL, LOCK, RECORDING, STEPS, UNREADABLE
-from benchctl.recordings.torn import described_step, put_in_order, remove_leftovers
+from benchctl.recordings.torn import described_step, gathered_files, put_in_order, put_recording_aside, remove_leftovers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,12 +43,12 @@ class Recovered:
 def recover(folder: Path) -> Recovered:
     """Gather what a campaign whose program died has recorded in `recording.h5`, and write the folder's manifest.
 
-    Does nothing where that was done. The step that was being written becomes a cut one. Nothing is removed before its
-    successor is on the disk, so that it may die itself and be called again. Raises `UsageError` where the campaign is
-    being written, the folder holds none, or the disk refuses.
+    Does nothing where that was done. The step that was being written becomes a cut one. Where `recording.h5` is damaged
+    and there are steps, they are gathered again. Nothing is removed before every digest of what replaces it was
+    checked, so that it may die itself and be called again. Raises `UsageError` where the campaign is being written, the
+    folder holds none, a damaged recording is all there is, or the disk refuses.
     """
     require_campaign(folder)
-    meta = described(folder)
     was_closed = (folder / RECORDING).exists()
     begun = (folder / STEPS).exists() or (folder / CAMPAIGN).exists()
     unfinished = begun or not was_closed or not (folder / MANIFEST).exists()
@@ -59,7 +58,7 @@ def recover(folder: Path) -> Recovered:
         try:
             remove_leftovers(folder)
             if unfinished:
-                _finish(folder, meta)
+                was_closed = _finish(folder)
         finally:
             lock.release()
     file = RecordingFile(folder / RECORDING)
@@ -74,16 +73,20 @@ def recover(folder: Path) -> Recovered:
     )
 
 
-def _finish(folder: Path, meta: Meta) -> None:
-    if (folder / RECORDING).exists():
-        remove_gathered(folder)
+def _finish(folder: Path) -> bool:
+    """Whether the recording was there."""
+    gathered = gathered_files(folder)
+    if gathered is None:
+        _close(folder)
     else:
-        _close(folder, meta)
+        remove_gathered(folder, gathered)
     write_manifest(folder)
+    return gathered is not None
 
 
-def _close(folder: Path, meta: Meta) -> None:
-    mend_journal(folder / JOURNAL)
+def _close(folder: Path) -> None:
+    put_recording_aside(folder)
+    meta = described(folder)
     journal = journal_text(folder / JOURNAL)
     put_in_order(folder, meta)
     status, reason = _how_it_ended(journal, folder)

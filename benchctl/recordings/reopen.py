@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Sequence
+from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,9 +16,36 @@ from benchctl.recordings.combine import take_apart
 from benchctl.recordings.gather import finished_steps
 from benchctl.recordings.hdf5_files import RecordingFile
 from benchctl.recordings.model import Meta, Step, StepInfo
-from benchctl.recordings.schema import CAMPAIGN, JOURNAL, RECORDING, STEPS
-from benchctl.recordings.torn import described_step, put_in_order, read_step, remove_leftovers, write_step_file
+from benchctl.recordings.reader import campaign_files
+from benchctl.recordings.schema import CAMPAIGN, JOURNAL, PART_SUFFIX, RECORDING, STEPS
+from benchctl.recordings.torn import (
+    damage,
+    described_step,
+    gathered_files,
+    put_in_order,
+    put_recording_aside,
+    read_step,
+    remove_leftovers,
+    write_step_file,
+)
 from benchctl.recordings.writer import write_recording
+from benchctl_instruments.errors import UsageError
+
+
+def sound_steps(folder: Path) -> tuple[StepInfo, ...]:
+    """The steps that `reopen` finds in a campaign: those whose digests hold, and what can be read of a cut one.
+
+    Nothing is changed. Raises `UsageError` where a damaged `recording.h5` is all there is.
+    """
+    if gathered_files(folder) is not None:
+        with closing(RecordingFile(folder / RECORDING)) as recording:
+            return recording.infos
+    infos = []
+    for file in campaign_files(folder):
+        with suppress(UsageError):  # `reopen` puts it aside
+            if file.name.endswith(PART_SUFFIX) or not damage(file):
+                infos.append(described_step(file))
+    return tuple(infos)
 
 
 def reopen(folder: Path, planned: int, lock: Lock) -> tuple[CampaignWriter, list[StepInfo]]:
@@ -27,11 +54,15 @@ def reopen(folder: Path, planned: int, lock: Lock) -> tuple[CampaignWriter, list
     A recording is taken apart into files of steps again and removed last, so that a crash meanwhile loses nothing.
     Planned steps that were cut get an index behind the plan's last and the role `none`: their own is free again.
     """
-    meta = described(folder)
+    gathered = gathered_files(folder)  # before anything is changed
     with disk_errors(folder):
         (folder / MANIFEST).unlink(missing_ok=True)  # who closes the campaign again writes it anew
-    if (folder / RECORDING).exists():
-        _take_apart(folder, meta)
+    if gathered is not None:
+        _take_apart(folder, gathered)
+    else:
+        put_recording_aside(folder)
+    meta = described(folder)
+    write_recording(folder / CAMPAIGN, meta, ())
     remove_leftovers(folder)
     put_in_order(folder, meta)
     infos = []
@@ -46,12 +77,13 @@ def reopen(folder: Path, planned: int, lock: Lock) -> tuple[CampaignWriter, list
     return CampaignWriter(folder, meta, lock), sorted(infos, key=lambda info: info.index)
 
 
-def _take_apart(folder: Path, meta: Meta) -> None:
+def _take_apart(folder: Path, gathered: Sequence[Path]) -> None:
     recording = folder / RECORDING
+    meta = described(folder)
     with disk_errors(folder):
-        if (folder / STEPS).exists():
-            shutil.rmtree(folder / STEPS)  # of an attempt that died: the recording has it all
-        (folder / STEPS).mkdir()
+        for file in gathered:
+            file.unlink()  # of an attempt that died: the recording has it all
+        (folder / STEPS).mkdir(exist_ok=True)
     if not (folder / JOURNAL).exists():
         _restore_journal(recording, folder / JOURNAL)
     take_apart(recording, folder / STEPS, meta)
@@ -63,10 +95,10 @@ def _take_apart(folder: Path, meta: Meta) -> None:
 
 
 def _restore_journal(recording: Path, journal: Path) -> None:
-    file = RecordingFile(recording)
-    file.close()
+    with closing(RecordingFile(recording)) as file:
+        text = file.meta.provenance.get("journal", "")
     with whole_file(journal) as temporary:
-        temporary.write_text(file.meta.provenance.get("journal", ""), encoding="utf-8", newline="\n")
+        temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
 def _set_aside(folder: Path, file: Path, planned: int, infos: list[StepInfo], meta: Meta) -> None:

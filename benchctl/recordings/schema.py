@@ -44,7 +44,7 @@ from benchctl.recordings.model import (
     StepInfo,
     axis_of,
 )
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 FORMAT = "benchctl-recording/1"
 STEPS = "steps"

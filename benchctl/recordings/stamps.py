@@ -2,8 +2,9 @@
 
 A logger that samples on a uniform clock still prints stamps that are rounded, writes a row twice, or loses one. Such
 stamps can be repaired: each row gets its place on the clock that all stamps together define, and places that no row has
-are gaps. A row is never moved against the other columns of the same row, so a delay between two columns survives.
-Stamps that really scatter are not repaired: where the place of a row is in doubt the answer is a refusal.
+are gaps. Where a logger pauses and starts again between two places of its clock, a new stretch begins there with a
+phase of its own. A row is never moved against the other columns of the same row, so a delay between two columns
+survives. Stamps that really scatter are refused.
 """
 
 from __future__ import annotations
@@ -24,6 +25,9 @@ LONGEST_FILL = 2
 
 DOUBT = 0.35
 """A stamp this far (in periods) from a whole number of periods after the one before has no certain place."""
+
+_MOST_RESTARTS = 0.02
+"""The share of the rows that may have no certain place; with more, the rows follow no clock."""
 
 _SURE_UP_TO = 100.0
 """Periods; the place after a longer pause need not be certain, because the recording is split there anyway."""
@@ -59,7 +63,7 @@ class Survey:
 
     `repeated_rows` (from 0) hold the row before again, stamp and values. `scatter_rms_s` is what is left of stamps
     minus the uniform clock after its slow wander, whose range is `drift_s`; rounding alone gives `rounding_rms_s`,
-    which is resolution/√12.
+    which is resolution/√12. `restarts` counts the gaps after which the clock begins anew between two of its places.
     """
 
     rows: int
@@ -67,6 +71,7 @@ class Survey:
     period_s: float
     repeated_rows: tuple[int, ...]
     gaps: tuple[Gap, ...]
+    restarts: int
     scatter_rms_s: float
     rounding_rms_s: float
     drift_s: float
@@ -185,10 +190,12 @@ def repair(stamps_s: FloatArray, repeats: BoolArray, *, fill: bool) -> TimeBase:
     fill
         Fill gaps of up to `LONGEST_FILL` samples, marked as such; otherwise, and for longer ones, a new stretch begins.
 
+    A pause that is no whole number of periods also begins a new stretch, whose stamps give its phase.
+
     Raises
     ------
     StampError
-        Where a stamp goes back, is given to two different rows, or leaves its row's place in doubt.
+        Where a stamp goes back, is given to two different rows, or more than one row in fifty has no certain place.
     """
     _refuse_far(stamps_s)
     same = np.r_[False, stamps_s[1:] == stamps_s[:-1]]
@@ -203,38 +210,59 @@ def repair(stamps_s: FloatArray, repeats: BoolArray, *, fill: bool) -> TimeBase:
         raise StampError(int(kept[err.row]), err.says) from None
     if clock.size < 3:
         raise StampError(0, "fewer than three different stamps: they define no clock")
-    places, period = _places(clock, kept)
-    survey = _survey(stamps_s, np.flatnonzero(dropped), kept, places, period)
-    return _lay_out(kept, places, period, survey, fill=fill)
+    places, period, restarts = _places(clock, kept)
+    stretch = np.zeros(clock.size, dtype=np.int64)
+    stretch[restarts] = 1
+    stretch = np.cumsum(stretch)
+    off = clock - clock[0] - places * period
+    phase = np.bincount(stretch, off) / np.bincount(stretch)
+    phase_s = (phase - phase[0])[stretch]
+    survey = _survey(stamps_s, np.flatnonzero(dropped), kept, places, period, phase_s, restarts.size)
+    return _lay_out(kept, places, period, phase_s, survey, fill=fill)
 
 
-def _places(clock: FloatArray, kept: IntArray) -> tuple[IntArray, float]:
-    """The place of each stamp on the clock, in periods from the first, and the period (least squares over all)."""
+def _places(clock: FloatArray, kept: IntArray) -> tuple[IntArray, float, IntArray]:
+    """The place of each stamp on the clock, in periods from the first; the period; the rows at which it begins anew.
+
+    The period is that of least squares over all stretches between restarts, each with a phase of its own.
+    """
     steps = np.diff(clock)
     period = float(np.median(steps))
     if period < 1.0 / HIGHEST_RATE_HZ or (clock[-1] - clock[0]) / period > _MOST_PLACES:
         raise StampError(
             int(kept[-1]), f"{clock[-1] - clock[0]:.6g} s after the first, with {period:.6g} s from row to row"
         )
+    restarts = np.empty(0, dtype=np.int64)
     for _ in range(2):
         places = np.r_[0, np.cumsum(np.maximum(1.0, np.rint(steps / period)))]
-        centred = places - places.mean()
+        stretch = np.searchsorted(restarts, np.arange(clock.size), side="right")
+        members = np.bincount(stretch)
+        centred = places - (np.bincount(stretch, places) / members)[stretch]
         period = float(np.dot(centred, clock) / np.dot(centred, centred))
-    periods = steps / period
-    doubtful = np.flatnonzero((np.abs(periods - np.rint(periods)) > DOUBT) & (periods < _SURE_UP_TO))
-    if doubtful.size:
-        row = int(doubtful[0])
+        periods = steps / period
+        doubtful = (np.abs(periods - np.rint(periods)) > DOUBT) & (periods < _SURE_UP_TO)
+        restarts = np.flatnonzero(doubtful) + 1
+    if restarts.size > max(1.0, _MOST_RESTARTS * clock.size):
+        row = int(restarts[0])
         raise StampError(
-            int(kept[row + 1]),
-            f"{steps[row] * 1e3:.6g} ms after the row before, {periods[row]:.2f} periods of {period * 1e3:.6g} ms: "
-            "cannot tell how many samples are missing",
+            int(kept[row]),
+            f"{steps[row - 1] * 1e3:.6g} ms after the row before, {periods[row - 1]:.2f} periods of "
+            f"{period * 1e3:.6g} ms, and {restarts.size} rows of {clock.size} have no certain place on a uniform clock",
         )
-    return places.astype(np.int64), period
+    return places.astype(np.int64), period, restarts
 
 
-def _survey(stamps_s: FloatArray, dropped: IntArray, kept: IntArray, places: IntArray, period: float) -> Survey:
+def _survey(
+    stamps_s: FloatArray,
+    dropped: IntArray,
+    kept: IntArray,
+    places: IntArray,
+    period: float,
+    phase_s: FloatArray,
+    restarts: int,
+) -> Survey:
     clock = stamps_s[kept]
-    off = clock - places * period
+    off = clock - places * period - phase_s
     off = off - off.mean()
     blocks = max(1, off.size // _DRIFT_BLOCK)
     wander = np.array([part.mean() for part in np.array_split(off, blocks)])
@@ -251,25 +279,29 @@ def _survey(stamps_s: FloatArray, dropped: IntArray, kept: IntArray, places: Int
             Gap(after_row=int(kept[k]), missing=int(places[k + 1] - places[k] - 1), stamp_s=float(clock[k]))
             for k in jumps
         ),
+        restarts=restarts,
         scatter_rms_s=float(left.std()),
         rounding_rms_s=resolution / 12**0.5,
         drift_s=float(np.ptp(wander)),
     )
 
 
-def _lay_out(kept: IntArray, places: IntArray, period: float, survey: Survey, *, fill: bool) -> TimeBase:
+def _lay_out(
+    kept: IntArray, places: IntArray, period: float, phase_s: FloatArray, survey: Survey, *, fill: bool
+) -> TimeBase:
     jumps = np.diff(places)
-    bridged = (jumps > 1) & (jumps <= LONGEST_FILL + 1) & fill
-    holes = np.concatenate(
-        [np.arange(places[k] + 1, places[k + 1]) for k in np.flatnonzero(bridged)] or [np.empty(0, dtype=np.int64)]
-    )
+    restart = np.diff(phase_s) != 0.0
+    bridged = (jumps > 1) & (jumps <= LONGEST_FILL + 1) & ~restart & fill
+    before = np.flatnonzero(bridged)
+    holes = np.concatenate([np.arange(places[k] + 1, places[k + 1]) for k in before] or [np.empty(0, dtype=np.int64)])
+    hole_phase = np.repeat(phase_s[before], jumps[before] - 1)
     everywhere = np.concatenate([places, holes])
     order = np.argsort(everywhere, kind="stable")
     rows = np.concatenate([kept, np.full(holes.size, -1, dtype=np.int64)])[order]
-    everywhere = everywhere[order]
-    starts = np.flatnonzero(np.diff(everywhere) > 1) + 1
+    everywhere, phase_s = everywhere[order], np.concatenate([phase_s, hole_phase])[order]
+    starts = np.flatnonzero((np.diff(everywhere) > 1) | (np.diff(phase_s) != 0.0)) + 1
     return TimeBase(
-        time_s=everywhere * period,
+        time_s=everywhere * period + phase_s,
         rows=rows,
         starts=(0, *(int(start) for start in starts)),
         rate_hz=1.0 / period,

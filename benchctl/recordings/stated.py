@@ -17,7 +17,7 @@ from benchctl.certificates import Certificate, Expired
 from benchctl.documents import json_document
 from benchctl.limits import cut
 from benchctl.recordings.model import Meta
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 ASSUMED: Mapping[str, float] = {
     "tilt_deg": 0.1,

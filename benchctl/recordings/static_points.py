@@ -22,7 +22,7 @@ from benchctl.recordings.mapped import bench_of, unit_of
 from benchctl.recordings.model import FloatArray, Meta, Step, StepInfo
 from benchctl.recordings.raw_columns import RawColumns, converted
 from benchctl.recordings.text_file import read_bytes
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 KIND = "static_points"
 

@@ -12,8 +12,8 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 
 from benchctl.limits import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
 from benchctl.recordings.model import FloatArray, Step, StepInfo
-from instruments.errors import UsageError
-from instruments.interfaces import Position
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.interfaces import Position
 
 UNASSIGNED = "unassigned"
 """The kind of steps that hold the rows which no step of the list claims; no fit uses them (role `none`)."""

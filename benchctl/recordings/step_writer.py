@@ -20,11 +20,13 @@ from pathlib import Path
 
 import h5py
 
-from benchctl.atomic import disk_errors, require_room, whole_file
+from benchctl.atomic import disk_errors, whole_file
 from benchctl.recordings.digests import seal_recording
 from benchctl.recordings.model import AXES, Axis, FloatArray, Meta, StepInfo, axis_of
+from benchctl.recordings.opening import reserve
 from benchctl.recordings.schema import (
     FINISHED_SUFFIX,
+    GROWING_CHUNK,
     PART_SUFFIX,
     check_channels,
     check_names,
@@ -35,8 +37,8 @@ from benchctl.recordings.schema import (
     write_attributes,
 )
 from benchctl.recordings.waiting import Waiting
-from benchctl.recordings.writer import new_file, write_step
-from instruments.errors import UsageError
+from benchctl.recordings.writer import new_file, require_intact, write_step
+from benchctl_instruments.errors import UsageError
 
 CLOSING_S_PER_SCAN = 1e-5
 """Wall time that a scan may take while its step's file is written once more: twenty times what was measured."""
@@ -72,7 +74,6 @@ class StepWriter:
         self._writing = threading.Lock()
         self._timer: threading.Timer | None = None
         self._is_timed = self._is_refused = False
-        require_room(self.path, 0)
         with disk_errors(self.path):
             self._file = new_file(self.path, meta, growing=True)
             group = self._file.create_group(group_name(info.index), track_order=True)
@@ -122,7 +123,7 @@ class StepWriter:
     def _write(self, waiting: Waiting) -> None:
         """Write what waits; where that fails halfway, the next attempt writes the same rows to the same place."""
         rows = waiting.take()
-        require_room(self.path, rows.nbytes)
+        reserve(self._file, rows.nbytes + len(waiting.names) * GROWING_CHUNK * rows.itemsize)
         begin, end = waiting.written, waiting.written + len(rows)
         for name, samples in zip(waiting.names, rows.T, strict=True):
             self._datasets[name].resize((end,))
@@ -156,9 +157,12 @@ class StepWriter:
             raise UsageError(f"step {info.index} cannot be finished: step {self.info.index} is the last that was begun")
         samples = self._samples()
         try:
-            with whole_file(self._finished) as temporary, new_file(temporary, self._meta) as file:
-                written = write_step(file, info, samples, self._meta)
-                seal_recording(file, meta_attributes(self._meta))
+            with whole_file(self._finished) as temporary:
+                with new_file(temporary, self._meta) as file:
+                    written = write_step(file, info, samples, self._meta)
+                    seal_recording(file, meta_attributes(self._meta))
+                if samples is self._datasets:  # the `.part` file, which goes now, holds samples
+                    require_intact(temporary)
         except BaseException:
             self.flush()  # what could not be finished is to be found in the `.part` file
             raise
@@ -182,10 +186,14 @@ class StepWriter:
     def cut(self, info: StepInfo | None = None) -> StepInfo:
         """Finish a step that did not come to its end: as `close`, with `whole=False`.
 
-        Without `info`, the step ends where its samples do.
+        Without `info`, the step ends where its samples do. An `info` with another index files it under that index and
+        its name, so that the step can be recorded once more.
         """
         self.flush()
-        return self.close(replace(info or replace(self.info, t_end=self._end_s), whole=False))
+        cut = replace(info or replace(self.info, t_end=self._end_s), whole=False)
+        if cut.index != self.info.index:
+            self.info, self._finished = cut, self._finished.with_name(f"{file_stem(cut)}{FINISHED_SUFFIX}")
+        return self.close(cut)
 
     def release(self) -> None:
         """Let go of the `.part` file as it is, without finishing the step; safe to call twice."""

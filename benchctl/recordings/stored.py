@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from benchctl.recordings.model import FloatArray, Step, StepInfo, axis_of
+from benchctl.recordings.model import AXES, FloatArray, Step, StepInfo, axis_of
 from benchctl.side_by_side import cores
 
 SCANS_AT_ONCE = 1 << 18
@@ -21,15 +21,16 @@ _SCANS = "time_s"
 class StoredStep:
     """A step that is not in memory.
 
-    `names` are all its channels; those on the axis `time_s` have `scans` samples, of which `fill` puts as many of a
-    channel into an array as it holds, from a scan on. Read in order: who digests a recording while it is read can then
-    do so.
+    `names` are all its channels; those on the axis `time_s` have `scans` samples, those on `poll_time_s` `polls`.
+    `fill` puts as many samples of a channel into an array as it holds, from a scan on. Read in order: who digests a
+    recording while it is read can then do so.
     """
 
     info: StepInfo
     names: tuple[str, ...]
     scans: int
     fill: Callable[[str, int, FloatArray], None]
+    polls: int = 0
 
     def read(self, name: str, start: int, stop: int) -> FloatArray:
         """The samples `start:stop` of a channel."""
@@ -86,7 +87,7 @@ class StoredStep:
 
         def fill(name: str, start: int, samples: FloatArray) -> None:
             self.fill(name, start, samples)
-            if name == _SCANS:
+            if name in AXES:
                 samples += shift_s
 
         return replace(self, info=info, fill=fill)
@@ -99,9 +100,9 @@ class StoredStep:
 
 def stored_of(step: Step) -> StoredStep:
     """A step that is in memory, as one that need not be."""
-    scans = len(step.channels[_SCANS]) if _SCANS in step.channels else 0
+    scans, polls = (len(step.channels.get(axis, ())) for axis in (_SCANS, "poll_time_s"))
 
     def fill(name: str, start: int, samples: FloatArray) -> None:
         samples[:] = step.channels[name][start : start + samples.size]
 
-    return StoredStep(step.info, tuple(step.channels), scans, fill)
+    return StoredStep(step.info, tuple(step.channels), scans, fill, polls)

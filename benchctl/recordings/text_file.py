@@ -10,6 +10,7 @@ import zlib
 from collections.abc import Iterable
 from pathlib import Path
 
+from benchctl.confined import open_file, stat_of
 from benchctl.limits import (
     FREE_BYTES,
     MOST_DESCRIPTION_BYTES,
@@ -18,7 +19,7 @@ from benchctl.limits import (
     require_file,
     require_memory,
 )
-from instruments.errors import UsageError, reason
+from benchctl_instruments.errors import UsageError, reason
 
 _GZIP_MAGIC = b"\x1f\x8b"
 _BLOCK = 1 << 20
@@ -59,7 +60,7 @@ def sources_json(paths: Iterable[Path]) -> str:
     """Names, sizes and SHA-256 of the files that an import read, as JSON, for the provenance."""
     found = {}
     for path in paths:
-        with path.open("rb") as file:
+        with open_file(path) as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
             found[path.name] = {"bytes": file.tell(), "sha256": digest}
     return json.dumps(found)
@@ -69,11 +70,11 @@ def _raw(path: Path, most_bytes: int | None = None) -> bytes:
     """The bytes as they stand: as many as the file says that it has."""
     require_file(path)
     try:
-        size = path.stat().st_size
+        size = stat_of(path).st_size
         if most_bytes is not None and size > most_bytes:
             raise UsageError(f"{path}: has {size} bytes, expected at most {most_bytes}, which no description needs")
         require_memory(path, _MEMORY_PER_BYTE * size, "its text")
-        with path.open("rb") as file:
+        with open_file(path) as file:
             return file.read(size)
     except OSError as err:
         raise UsageError(f"{path}: cannot be read: {reason(err)}") from err

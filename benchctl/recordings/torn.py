@@ -1,7 +1,12 @@
-"""What a crash left in a campaign's folder, put in order: nothing is removed before its successor is on the disk."""
+"""What a crash left in a campaign's folder, put in order.
+
+Nothing that holds data is removed before every digest of what replaces it was checked.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -14,10 +19,10 @@ from benchctl.recordings.gather import finished_steps
 from benchctl.recordings.hdf5_files import RecordingFile, open_ours
 from benchctl.recordings.journal import append_event, mend_journal
 from benchctl.recordings.model import Meta, Step, StepInfo
-from benchctl.recordings.schema import FINISHED_SUFFIX, JOURNAL, PART_SUFFIX, STEPS, UNREADABLE
+from benchctl.recordings.schema import FINISHED_SUFFIX, JOURNAL, PART_SUFFIX, RECORDING, STEPS, UNREADABLE
 from benchctl.recordings.step_writer import file_stem
-from benchctl.recordings.writer import write_recording
-from instruments.errors import UsageError
+from benchctl.recordings.writer import require_intact, write_recording
+from benchctl_instruments.errors import UsageError
 
 _SUPERBLOCK_BYTES = 48
 _FLAGS_AT = 11
@@ -26,6 +31,8 @@ _WRITING, _WRITING_SWMR = 1, 4
 
 _GAP = 1.5
 """Sample intervals beyond which two scans have a gap between them."""
+_ROUNDING = 1e-6
+"""Relative: what the rounding of stamps may change of a rate, with room."""
 
 
 def put_in_order(folder: Path, meta: Meta) -> None:
@@ -36,10 +43,41 @@ def put_in_order(folder: Path, meta: Meta) -> None:
     (folder / STEPS).mkdir(exist_ok=True)
     mend_journal(folder / JOURNAL)
     for finished in finished_steps(folder):
-        if damage := _damage(finished):
-            _put_aside(folder, finished, damage)
+        if why := damage(finished):
+            _put_aside(folder, finished, why)
     for part in sorted((folder / STEPS).glob(f"[0-9]*{PART_SUFFIX}")):
         _close_part(folder, part, meta)
+
+
+def gathered_files(folder: Path) -> list[Path] | None:
+    """The files in `steps/` that `recording.h5`, all of whose digests hold, has replaced; None: the steps count.
+
+    They count where there is no recording, or one that is damaged. Raises `UsageError` where that is damaged and there
+    is no step, or is sound and lacks a step that is there.
+    """
+    recording, files = folder / RECORDING, sorted((folder / STEPS).glob(f"[0-9]*{FINISHED_SUFFIX}*"))
+    if not recording.exists():
+        return None
+    if why := damage(recording):
+        if any(not damage(file) for file in finished_steps(folder)):
+            return None
+        raise UsageError(
+            f"{recording}: is damaged, and there are no steps to gather again; take it from where it was copied: "
+            f"{why.removeprefix(f'{recording}: ')}"
+        )
+    with closing(RecordingFile(recording)) as opened:
+        held = {info.index: info.digest for info in opened.infos}
+    for file in files:
+        if not _is_held(file, held):
+            raise UsageError(f"{file}: is not in {recording}, which is sound; move one of them elsewhere")
+    return files
+
+
+def _is_held(file: Path, held: Mapping[int, str]) -> bool:
+    """Whether a recording, which has the digests of its steps by their index, holds all that a step's file has."""
+    if not file.name.endswith(PART_SUFFIX) and not damage(file):
+        return described_step(file).digest in held.values()
+    return int(file.name.partition("_")[0]) in held or _had_only_begun(file)
 
 
 def remove_leftovers(folder: Path) -> None:
@@ -66,9 +104,10 @@ def read_step(path: Path) -> Step:
 
 
 def write_step_file(folder: Path, step: Step, meta: Meta) -> Path:
-    """Write a finished step to a campaign's `steps/`; returns its file, which is on the disk."""
+    """Write a finished step to a campaign's `steps/`; returns its file, which is on the disk, its digests checked."""
     path = folder / STEPS / f"{file_stem(step.info)}{FINISHED_SUFFIX}"
     write_recording(path, meta, [step])
+    require_intact(path)
     return path
 
 
@@ -80,7 +119,8 @@ def _close_part(folder: Path, part: Path, meta: Meta) -> None:
         except UsageError as err:
             _put_aside(folder, part, str(err))
             return
-        info = replace(step.info, whole=False, gaps=_gaps(step), frames_lost=_frames_lost(step))
+        rate_hz, gaps = _rate_and_gaps(step)
+        info = replace(step.info, whole=False, sample_rate_hz=rate_hz, gaps=gaps, frames_lost=_frames_lost(step))
         write_step_file(folder, Step(info, step.channels), meta)
         append_event(folder / JOURNAL, "cut", {"index": info.index, "name": info.name, "samples": info.samples})
     with disk_errors(part):
@@ -96,12 +136,16 @@ def _had_only_begun(part: Path) -> bool:
     return superblock[_FLAGS_AT] & (_WRITING | _WRITING_SWMR) == _WRITING
 
 
-def _gaps(step: Step) -> int:
-    """How many gaps the scans have: their count was to be written when the step was closed."""
-    rate_hz = step.info.sample_rate_hz
-    if not rate_hz or "time_s" not in step.channels:
-        return 0
-    return int(np.count_nonzero(np.diff(step["time_s"]) * rate_hz > _GAP))
+def _rate_and_gaps(step: Step) -> tuple[float | None, int]:
+    """The scan rate and how many gaps the scans have, by their stamps: both were to be written at the step's end."""
+    asked_hz = step.info.sample_rate_hz
+    if not asked_hz or "time_s" not in step.channels:
+        return asked_hz, 0
+    intervals_s = np.diff(step["time_s"])
+    usual_s = intervals_s[intervals_s * asked_hz <= _GAP]
+    rate_hz = usual_s.size / float(usual_s.sum() or np.inf)
+    differs = rate_hz > 0.0 and not math.isclose(rate_hz, asked_hz, rel_tol=_ROUNDING)
+    return rate_hz if differs else asked_hz, int(np.count_nonzero(intervals_s * asked_hz > _GAP))
 
 
 def _frames_lost(step: Step) -> int | None:
@@ -112,13 +156,20 @@ def _frames_lost(step: Step) -> int | None:
     return int(np.sum(np.rint(np.diff(step["frame_time_s"]) * rate_hz) - 1.0))
 
 
-def _damage(finished: Path) -> str:
-    """Why a finished step cannot be used; empty where it can."""
+def damage(sealed: Path) -> str:
+    """Why a finished step, or a recording, cannot be used, after all its digests were checked; empty where it can."""
     try:
-        with open_ours(finished) as file:
+        with open_ours(sealed) as file:
             return "; ".join(str(problem) for problem in problems_of_recording(file))
     except UsageError as err:
         return str(err)
+
+
+def put_recording_aside(folder: Path) -> None:
+    """Put `recording.h5`, where it is there, to the files that cannot be used: the steps are gathered again."""
+    mend_journal(folder / JOURNAL)
+    if (folder / RECORDING).exists():
+        _put_aside(folder, folder / RECORDING, damage(folder / RECORDING))
 
 
 def _put_aside(folder: Path, file: Path, why: str) -> None:

@@ -32,6 +32,8 @@ def tell(base: TimeBase, raw: RawColumns, entry: TimeEntry) -> str:
         f"against it they wander by {survey.drift_s * 1e3:.3g} ms in all",
         "each row got its place on that clock, its columns unmoved against each other",
     ]
+    if survey.restarts:
+        told.append(f"after {survey.restarts} of the gaps the clock begins anew between two of its places")
     filled = int(base.filled.sum())
     if filled:
         told.append(f"{filled} samples were filled in linearly and are marked in the channel filled")
@@ -54,6 +56,7 @@ def told_as_json(base: TimeBase, survey: Survey, first_row: int) -> str:
                 for gap in survey.gaps
             ],
             "missing": sum(gap.missing for gap in survey.gaps),
+            "restarts": survey.restarts,
             "filled": int(base.filled.sum()),
             "stretches": len(base.starts),
             "scatter_rms_s": survey.scatter_rms_s,

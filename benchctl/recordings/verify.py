@@ -12,21 +12,25 @@ from benchctl.recordings.hdf5_files import open_ours
 from benchctl.recordings.read_digests import ReadDigests
 from benchctl.recordings.reader import Recording, campaign_files, open_recording
 from benchctl.recordings.schema import CAMPAIGN, PART_SUFFIX, RECORDING
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 def verify(path: Path) -> list[Problem]:
     """Check every digest of a recording, a file of ours or a campaign's folder; an empty list: nothing changed.
 
-    A changed, added or deleted sample, attribute, channel or step is named, and in a campaign that has a manifest every
-    such file. In a campaign that is not finished every step's file is checked for itself, and the step being written,
-    which has no digests yet, is a problem.
+    A changed, added or deleted sample, attribute, channel, group or step is named, and in a finished campaign every
+    such file, its manifest included. In a campaign that is not finished, which has no manifest yet, every step's file
+    is checked for itself, and the step being written, which has no digests yet, is a problem.
 
     Raises `UsageError` where the recording cannot be opened at all and there is no manifest to say what happened to it,
     or is an open recording, which has no digests.
     """
     if not (path / MANIFEST).exists():
-        return _problems_of_recording(path)
+        problems = _problems_of_recording(path)
+        if path.is_dir() and (path / RECORDING).exists():
+            says = f"is not there, the campaign's other files cannot be checked; verify {RECORDING} by itself"
+            problems.append(Problem(MANIFEST, says))
+        return problems
     problems = list(problems_of_folder(path))
     if not (path / RECORDING).exists() and not (path / CAMPAIGN).exists():
         return problems

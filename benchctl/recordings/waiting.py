@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from benchctl.recordings.model import FloatArray
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 class Waiting:

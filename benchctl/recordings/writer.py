@@ -8,10 +8,11 @@ from pathlib import Path
 
 import h5py
 
-from benchctl.atomic import require_room, whole_file
-from benchctl.recordings.digests import Written, seal_recording, seal_step
+from benchctl.atomic import whole_file
+from benchctl.recordings.digests import Written, problems_of_recording, seal_recording, seal_step
+from benchctl.recordings.hdf5_trial import note_own
 from benchctl.recordings.model import FloatArray, Meta, Step, StepInfo
-from benchctl.recordings.opening import create_hdf5
+from benchctl.recordings.opening import create_hdf5, reserve
 from benchctl.recordings.packing import write_samples
 from benchctl.recordings.schema import (
     STEPS,
@@ -23,7 +24,7 @@ from benchctl.recordings.schema import (
     meta_attributes,
     write_attributes,
 )
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 def write_recording(path: Path, meta: Meta, steps: Iterable[Step]) -> None:
@@ -53,13 +54,25 @@ def write_recording(path: Path, meta: Meta, steps: Iterable[Step]) -> None:
                 raise UsageError(f"{path}: two steps have the index {step.info.index}; every step needs its own")
             write_step(file, step.info, step.channels, meta)
         seal_recording(file)
+    note_own(path)
+
+
+def require_intact(path: Path) -> None:
+    """Read a sealed file back; raises `UsageError` where one of its digests does not hold."""
+    with h5py.File(path, "r") as written:
+        for problem in problems_of_recording(written):
+            raise UsageError(f"{path}: was not written as it should be: {problem}; check the disk")
 
 
 def new_file(path: Path, meta: Meta, *, growing: bool = False) -> h5py.File:
     """A file with the root's attributes and no steps yet, open for writing; `growing` as `create_hdf5` has it."""
     file = create_hdf5(path, growing=growing)
-    write_attributes(file, meta_attributes(meta))
-    file.create_group(STEPS, track_order=True)
+    try:
+        write_attributes(file, meta_attributes(meta))
+        file.create_group(STEPS, track_order=True)
+    except BaseException:
+        file.close()
+        raise
     return file
 
 
@@ -71,7 +84,7 @@ def write_step(
     Returns its description with `samples` and `digest` as they were written.
     """
     lengths = {name: len(samples) for name, samples in channels.items()}
-    require_room(Path(file.filename), 8 * sum(lengths.values()))
+    reserve(file, 8 * sum(lengths.values()))
     info = replace(info, samples=len(channels["time_s"]) if "time_s" in channels else 0)
     group = file.create_group(group_name(info.index), track_order=True)
     written = Written(info_attributes(info), {name: channel_attributes(name, meta) for name in lengths})

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from instruments.errors import BenchError
+from benchctl_instruments.errors import BenchError
 
 CORPUS = Path(__file__).parent / "corpus"
 SLOWEST_S = 1.0

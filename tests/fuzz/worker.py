@@ -71,7 +71,7 @@ def _resident_bytes() -> int:
 def main() -> None:
     name, inputs, seconds, folder = sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), Path(sys.argv[4])
     warnings.simplefilter("error")
-    with atheris.instrument_imports(include=["benchctl", "instruments", "tomllib"]):
+    with atheris.instrument_imports(include=["benchctl", "benchctl_instruments", "tomllib"]):
         from tests.fuzz.harness import harness
 
         one = harness(name)

@@ -47,8 +47,8 @@ def main() -> int:
 def _learn(orders: Orders) -> None:
     """Import what acting takes, beside the watch: the runner waits for the first answer, and later time is short."""
     importlib.import_module("benchctl.campaign.guard.act")
-    from instruments.catalog import driver
-    from instruments.errors import BenchError
+    from benchctl_instruments.catalog import driver
+    from benchctl_instruments.errors import BenchError
 
     with contextlib.suppress(BenchError):  # what is wrong with them shows when they are used
         driver("rate_table", orders.rate_table.model)

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from benchctl.campaign.guard.journal import note
 from benchctl.campaign.guard.orders import Orders
 from benchctl.campaign.guard.rescue import Rescued, rescue
-from instruments.errors import BenchError
+from benchctl_instruments.errors import BenchError
 
 
 def act(orders: Orders, why: str) -> bool:

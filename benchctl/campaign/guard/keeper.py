@@ -16,9 +16,9 @@ from typing import Protocol
 from benchctl.bench import Bench, InstrumentEntry
 from benchctl.campaign.guard.child import GuardChild
 from benchctl.campaign.guard.orders import DONE, Orders, Reached
-from benchctl.campaign.reserved import lock_folder, lock_name
+from benchctl.campaign.reserved import lock_files
 from benchctl.campaign.rest import rest_within_s
-from instruments.errors import BenchError, SafetyError, reason
+from benchctl_instruments.errors import BenchError, SafetyError, reason
 
 MOST_REPLACED = 3
 """Guards that may die in one run: what kills them will kill the next one too."""
@@ -158,6 +158,6 @@ def _reached(entry: InstrumentEntry, profile: str = "") -> Reached:
         model=entry.model,
         address=address,
         options=entry.options,
-        lock=str(lock_folder() / f"{lock_name(address)}.lock"),
+        locks=[str(path) for path in lock_files(address)],
         profile=profile,
     )

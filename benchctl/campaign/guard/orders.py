@@ -24,7 +24,7 @@ BEAT, DONE, HEARD = "beat", "done", "heard"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reached:
-    """How an instrument is reached: its driver's model, address and further keywords; the file of its lock.
+    """How an instrument is reached: its driver's model, address and further keywords; the files of its locks.
 
     `profile` is the text of the chamber profile that `model` names: its file may be gone when it is needed.
     """
@@ -32,7 +32,7 @@ class Reached:
     model: str
     address: str
     options: Mapping[str, Any]
-    lock: str
+    locks: list[str]
     profile: str = ""
 
 

@@ -18,11 +18,11 @@ from typing import Any
 
 from benchctl.campaign.guard.orders import Orders, Reached
 from benchctl.campaign.rest import send_home, stop_table
-from benchctl.locks import Lock, is_held
-from instruments.catalog import Kind, driver
-from instruments.errors import BenchError, UsageError
-from instruments.interfaces import Clock
-from instruments.simulated.clock import ScaledClock
+from benchctl.locks import held, is_held
+from benchctl_instruments.catalog import Kind, driver
+from benchctl_instruments.errors import BenchError, UsageError
+from benchctl_instruments.interfaces import Clock
+from benchctl_instruments.simulated.clock import ScaledClock
 
 GIVE_UP_S = 600.0
 """How long what fails is tried again, wall time."""
@@ -117,16 +117,12 @@ def _go_home(orders: Orders, clock: Clock, remark: Callable[[str], None]) -> flo
 @contextlib.contextmanager
 def _opened(kind: Kind, reached: Reached, clock: Clock) -> Iterator[Any]:
     """The instrument, for the guard alone: what another run has taken meanwhile is that run's to stop."""
-    path = Path(reached.lock)
-    lock = Lock(path, f"{kind} at {reached.address}")
-    try:
-        lock.acquire("a guard that brings it to rest")
-    except UsageError:
-        if is_held(path):
-            raise  # else the locks' folder is gone, with the user's session say: that must not keep a table turning
-    try:
+    paths = [Path(path) for path in reached.locks]
+    with contextlib.ExitStack() as stack:
+        try:
+            stack.enter_context(held(paths, f"{kind} at {reached.address}", "a guard that brings it to rest"))
+        except UsageError:
+            if any(is_held(path) for path in paths):
+                raise  # else the folder of the locks is gone: that must not keep a table turning
         make = driver(kind, reached.model, reached.profile)
-        with make(reached.address, clock=clock, **reached.options) as instrument:
-            yield instrument
-    finally:
-        lock.release()
+        yield stack.enter_context(make(reached.address, clock=clock, **reached.options))

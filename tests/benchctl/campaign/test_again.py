@@ -10,7 +10,7 @@ from benchctl.bench import Bench, bench_of_text, template
 from benchctl.campaign.again import bench_again, plan_again
 from benchctl.campaign.opened import another_day, world_settings
 from benchctl.recordings.model import BenchFacts, Meta, Status, Unit
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 REAL = (
     template()

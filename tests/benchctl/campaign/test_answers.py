@@ -11,7 +11,7 @@ from benchctl.campaign.answers import AnsweringHands, Answers, answer_line, read
 from benchctl.campaign.questions import Question, questions
 from benchctl.campaign.stop import StoppedError
 from benchctl.plan import Ask, Mount, PowerCycle, Static
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 DOOR, OFF, ON = "close the chamber's door", "switch the supply of unit U off", "switch the supply of unit U on"
 ACROSS = "mount unit U with its input axis across the table's axis, then stand clear of the table"

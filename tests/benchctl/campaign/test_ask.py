@@ -49,7 +49,7 @@ def test_a_question_that_is_no_line_of_text_is_refused(says: object, error: type
 
 def test_it_is_recorded_and_the_journal_says_who_did_what(played: Outcome) -> None:
     assert (played.status, played.whole) == ("complete", 6)
-    assert verify(played.campaign) == []
+    assert verify(played.recording) == []
     with open_recording(played.recording) as recording:
         asked = recording.step(2)
         assert (asked.info.name, asked.info.kind, asked.info.role) == ("ask: close the chamber's door", "ask", "none")

@@ -24,7 +24,7 @@ from benchctl.plan import ConstantRate, PowerCycle
 from benchctl.recordings.model import StepInfo
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.verify import verify
-from instruments.interfaces import Position, TableState
+from benchctl_instruments.interfaces import Position, TableState
 from tests.benchctl.campaign.by_hand import ACROSS, BENCH, PLAN, PROCEDURE, REST, done, events, plan_of
 from tests.benchctl.cli.processes import benchctl
 
@@ -69,7 +69,7 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
 
 def test_the_simulated_bench_does_it_itself_and_the_journal_says_what_and_when(played: Outcome) -> None:
     assert (played.status, played.whole, played.error) == ("complete", 9, None)
-    assert verify(played.campaign) == []
+    assert verify(played.recording) == []
     told = [(event["says"], event["by"], event["waited_s"]) for event in events(played.campaign, "operator")]
     whose = ("the simulated bench", 0.0)
     assert told == [(says, *whose) for says in ("supply off", "supply on", "mount across", "mount along")]
@@ -208,7 +208,7 @@ def test_a_run_that_ended_under_across_begins_with_the_unit_mounted_across_again
         again = run_campaign(PLAN, opened, folder, past=past)
     assert (again.status, again.whole) == ("complete", 9)
     assert done(folder)[3:] == ["mount across again, before step 6", "mount along"]
-    assert verify(folder) == []
+    assert verify(folder / "recording.h5") == []
     with open_recording(folder) as recording:
         told = [(info.index, info.name, info.role, info.mounting, info.whole) for info in recording.infos[5:]]
         assert told == [

@@ -19,9 +19,9 @@ from benchctl.campaign.provenance import describe, recorded_bench
 from benchctl.campaign.sameness import refuse_another
 from benchctl.plan import Plan, Static
 from benchctl.recordings.journal import journal_text
-from instruments.errors import UsageError
-from instruments.interfaces import Identity
-from instruments.simulated.clock import ScaledClock
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.interfaces import Identity
+from benchctl_instruments.simulated.clock import ScaledClock
 from tests.instruments.chambers.lab_controllers import ACME
 
 PLAN = Plan(procedure="mine", parameters={}, steps=(Static(duration_s=1.0),), calibrates=False, source="source")
@@ -178,7 +178,11 @@ def test_a_profile_in_place_of_a_driver_is_another_chamber(elsewhere: Path) -> N
     ("name", "text", "says"),
     [
         ("bench_toml", "a = " + "[" * 100_000, "the bench.toml of the campaign: nested too deep"),
-        ("bench_toml", "", "the bench.toml of the campaign, line 1: name: this field is needed"),
+        (
+            "bench_toml",
+            "",
+            "the bench.toml of the campaign, line 1: name, unit, limits, rate_table, chamber, digitizer: these",
+        ),
         ("bench_physics", "[" * 100_000, "bench_physics of the campaign: nested too deep"),
         ("bench_effects", "7", "bench_effects of the campaign: expected a table (a JSON object), got 7"),
         ("parameters", "{", "parameters of the campaign, line 1: not JSON"),

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from benchctl.bench import Bench, load_bench
 from benchctl.campaign.encoder_motion import ERROR_SHARE, EncoderMotion
-from instruments.interfaces import FloatArray, IntArray
+from benchctl_instruments.interfaces import FloatArray, IntArray
 
 BENCH = load_bench("simulated")
 HZ = 500.0
@@ -83,7 +83,7 @@ def test_the_sign_is_that_of_the_bench() -> None:
     count = counts_of(-0.5 * 400.0 * times_s(0.5) ** 2)
     motion = EncoderMotion(BENCH.model_copy(update={"digitizer": entry}), HZ)
     assert motion.accelerations_dps2(0, count).mean() == pytest.approx(400.0, abs=1.0)
-    assert motion.rates_dps(count).max() == pytest.approx(400.0 * 0.425, abs=10.0)
+    assert motion.rates_dps(0, count).max() == pytest.approx(400.0 * 0.425, abs=10.0)
 
 
 @given(cuts=st.lists(st.integers(1, 999), max_size=20))
@@ -106,5 +106,5 @@ def test_nothing_is_taken_across_a_gap() -> None:
 
 def test_a_single_scan_is_no_motion() -> None:
     motion = EncoderMotion(BENCH, HZ)
-    assert motion.rates_dps(np.array([5])).size == 0
+    assert motion.rates_dps(0, np.array([5])).size == 0
     assert motion.accelerations_dps2(0, np.array([5])).size == 0

@@ -17,8 +17,8 @@ from benchctl.campaign.stop import StopRequest
 from benchctl.plan import ConstantRate, Plan, Static, Step
 from benchctl.recordings.campaign_folder import StepWriter
 from benchctl.recordings.reader import open_recording
-from instruments.errors import LinkError, SafetyError, UsageError
-from instruments.interfaces import ScanBlock, TableReading, TableState
+from benchctl_instruments.errors import LinkError, SafetyError, UsageError
+from benchctl_instruments.interfaces import ScanBlock, TableReading, TableState
 
 TURN = ConstantRate(rate_dps=50.0, duration_s=100.0)
 

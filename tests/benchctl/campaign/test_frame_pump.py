@@ -10,11 +10,11 @@ import pytest
 
 from benchctl.campaign import frame_pump
 from benchctl.campaign.frame_pump import FramePump, Heard
-from instruments.errors import UsageError
-from instruments.gyros.kvh_dsp1760 import KvhDsp1760
-from instruments.interfaces import GyroBlock
-from instruments.simulated.clock import VirtualClock
-from instruments.simulated.kvh_dsp1760 import SimulatedKvhDsp1760
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.gyros.kvh_dsp1760 import KvhDsp1760
+from benchctl_instruments.interfaces import GyroBlock
+from benchctl_instruments.simulated.clock import VirtualClock
+from benchctl_instruments.simulated.kvh_dsp1760 import SimulatedKvhDsp1760
 from tests.instruments.gyros.gyro_inputs import SETTINGS, RampInputs
 
 RATE_HZ = 100.0

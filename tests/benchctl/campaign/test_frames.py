@@ -24,11 +24,11 @@ from benchctl.recordings.digests import digest_of
 from benchctl.recordings.model import FRAME_CHANNELS
 from benchctl.recordings.reader import Recording, open_recording
 from benchctl.recordings.verify import verify
-from instruments.errors import UsageError
-from instruments.simulated.clock import ScaledClock
-from instruments.simulated.faults.frame_kinds import FrameFault
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.simulated.clock import ScaledClock
+from benchctl_instruments.simulated.faults.frame_kinds import FrameFault
 
-RATE_HZ = 125.0
+RATE_HZ = 250.0
 TURN = ConstantRate(rate_dps=40.0, duration_s=8.0, settle_s=0.5)
 SWING = Sine(amplitude_dps=30.0, frequency_hz=0.5, cycles=5, settle_cycles=1)
 BENCH = load_bench("simulated")

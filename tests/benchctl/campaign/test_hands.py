@@ -19,8 +19,8 @@ from benchctl.campaign.hands import NoHands, OperatorHands, hands_at_the_termina
 from benchctl.campaign.opened import open_bench
 from benchctl.campaign.runner import run_campaign
 from benchctl.recordings.reader import open_recording
-from instruments.errors import SafetyError, UsageError
-from instruments.interfaces import TableState
+from benchctl_instruments.errors import SafetyError, UsageError
+from benchctl_instruments.interfaces import TableState
 from tests.benchctl.campaign.by_hand import BENCH, PLAN, PROCEDURE, REST, done, events, plan_of
 from tests.benchctl.cli.processes import simulated_servers
 

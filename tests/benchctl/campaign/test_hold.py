@@ -17,7 +17,7 @@ from benchctl.campaign.runner import Outcome, run_campaign
 from benchctl.campaign.stop import StopRequest
 from benchctl.plan import ConstantRate, Plan, Sine, Soak, Static, Step, ThermalRamp
 from benchctl.recordings.reader import open_recording
-from instruments.errors import SafetyError
+from benchctl_instruments.errors import SafetyError
 
 RAMP = ThermalRamp(from_c=23.0, to_c=27.0, ramp_c_per_min=2.0, rate_dps=30.0)
 TURN = ConstantRate(rate_dps=50.0, duration_s=20.0)

@@ -17,12 +17,12 @@ from benchctl.campaign.opened import open_bench
 from benchctl.campaign.runner import Outcome, run_campaign
 from benchctl.plan import ConstantRate, Plan
 from benchctl.recordings.reader import Recording, open_recording
-from instruments.errors import LinkError, SafetyError
-from instruments.interfaces import FloatArray, ScanBlock
-from instruments.simulated.clock import VirtualClock
-from instruments.simulated.direct import DirectDigitizer
-from instruments.simulated.settings import WorldSettings
-from instruments.simulated.world import World
+from benchctl_instruments.errors import LinkError, SafetyError
+from benchctl_instruments.interfaces import FloatArray, ScanBlock
+from benchctl_instruments.simulated.clock import VirtualClock
+from benchctl_instruments.simulated.direct import DirectDigitizer
+from benchctl_instruments.simulated.settings import WorldSettings
+from benchctl_instruments.simulated.world import World
 
 TURN = ConstantRate(rate_dps=50.0, duration_s=30.0, settle_s=1.0)
 WANTED = 15_000

@@ -3,9 +3,9 @@ import pytest
 
 from benchctl.bench import load_bench
 from benchctl.campaign.opened import effects_of, open_bench, world_settings
-from instruments.physics.effects.adc_coarse import AdcCoarse
-from instruments.physics.effects.bias_temperature import BiasTemperature
-from instruments.physics.effects.noise_rate_dependent import NoiseRateDependent
+from benchctl_instruments.physics.effects.adc_coarse import AdcCoarse
+from benchctl_instruments.physics.effects.bias_temperature import BiasTemperature
+from benchctl_instruments.physics.effects.noise_rate_dependent import NoiseRateDependent
 
 
 def test_a_seed_draws_the_mounting_of_the_encoder_and_the_bench_says_its_counts() -> None:

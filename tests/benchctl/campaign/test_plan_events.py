@@ -3,7 +3,7 @@
 import json
 
 from benchctl.bench import load_bench
-from benchctl.campaign.plan_events import STEPS_A_LINE, plan_events
+from benchctl.campaign.plan_events import SOAK, STEPS_A_LINE, plan_events
 from benchctl.campaign.timing import timeline
 from benchctl.limits import MOST_LINE_BYTES
 from benchctl.plan import ConstantRate, Plan, Soak, Step, ThermalRamp
@@ -30,6 +30,13 @@ def test_a_short_plan_is_one_event_with_the_times_of_the_timeline() -> None:
         (2, "rate -20", "constant_rate", 30.0),
         (3, "ramp to +30", "thermal_ramp", 600.0),
     ]
+
+
+def test_a_soak_says_what_it_waits_for() -> None:
+    soak = Soak(setpoint_c=40.0, hold_s=600.0, tolerance_c=0.2, drift_c_per_min=0.05)
+    (event,) = plan_events(_plan(soak, ConstantRate(rate_dps=1.0, duration_s=1.0)), LIMITS, 23.0)
+    assert [event["steps"][0][name] for name in SOAK] == [600.0, 0.2, 0.05]
+    assert SOAK[0] not in event["steps"][1]
 
 
 def test_a_long_plan_is_cut_into_lines_that_readers_take() -> None:

@@ -13,7 +13,7 @@ from benchctl.campaign.runner import Outcome, run_campaign
 from benchctl.plan import ConstantRate, Plan, Sine, Soak, Step, ThermalRamp
 from benchctl.plan.find import find_procedure
 from benchctl.recordings.reader import open_recording
-from instruments.errors import BenchError, SafetyError, UsageError
+from benchctl_instruments.errors import BenchError, SafetyError, UsageError
 
 SOAK = Soak(setpoint_c=23.0, hold_s=60.0)
 

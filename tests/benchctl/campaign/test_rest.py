@@ -6,8 +6,8 @@ import pytest
 from benchctl.bench import load_bench
 from benchctl.campaign.opened import OpenBench, open_bench
 from benchctl.campaign.rest import rest_within_s, send_home, stop_table, wait_for_rest
-from instruments.errors import SafetyError
-from instruments.interfaces import RateTable, TableReading, TableState
+from benchctl_instruments.errors import SafetyError
+from benchctl_instruments.interfaces import RateTable, TableReading, TableState
 
 
 @pytest.fixture

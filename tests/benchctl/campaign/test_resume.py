@@ -20,11 +20,12 @@ from benchctl.campaign.resume import PLAIN_SOAK_S, elapsed_s, past_of, soak_befo
 from benchctl.campaign.runner import Outcome, run_campaign
 from benchctl.campaign.stop import StopRequest
 from benchctl.plan import ConstantRate, Plan, Sine, Soak, Static, Step, ThermalRamp
+from benchctl.recordings.digests import seal_recording
 from benchctl.recordings.model import StepInfo
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.recover import recover
 from benchctl.recordings.verify import verify
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 SOAK = Soak(setpoint_c=25.0, hold_s=300.0)
 STEPS: tuple[Step, ...] = (
@@ -87,7 +88,7 @@ def test_an_interrupted_campaign_goes_on_after_a_soak_and_keeps_the_attempt_that
     assert (first.status, first.whole) == ("interrupted", 2)
     outcome = go_on(folder)
     assert (outcome.status, outcome.whole, outcome.planned, outcome.error) == ("complete", 5, 5, None)
-    assert verify(folder) == []
+    assert verify(folder / "recording.h5") == []
     with open_recording(folder) as recording:
         assert recording.meta.status == "complete"
         assert [(info.index, info.whole, info.role) for info in recording.infos] == [
@@ -123,6 +124,23 @@ def test_every_whole_step_is_in_the_journal_with_its_digest(tmp_path: Path) -> N
         assert [(event["index"], event["digest"]) for event in _events(folder, "whole")] == [
             (info.index, info.digest) for info in recording.infos
         ]
+
+
+@pytest.mark.parametrize("length", [0, 5000])
+def test_a_campaign_whose_newest_step_is_damaged_plays_that_step_again(tmp_path: Path, length: int) -> None:
+    folder = tmp_path / "c"
+    begin(folder, in_the_third_step)
+    with past_of(folder, PLAN, BENCH) as past:  # and dies before its first step
+        past.reopen()[0].release()
+    [newest] = (folder / "steps").glob("0002_*.h5")
+    newest.write_bytes(newest.read_bytes()[:length])
+    with past_of(folder, PLAN, BENCH) as past:
+        assert past.first == 2
+    assert newest.exists()
+    outcome = go_on(folder)
+    assert (outcome.status, outcome.whole) == ("complete", 5)
+    assert [file.name for file in (folder / "unreadable").iterdir()] == [newest.name]
+    assert verify(folder / "recording.h5") == []
 
 
 @pytest.mark.slow
@@ -344,6 +362,7 @@ def test_a_description_that_makes_no_sense_is_refused_in_one_line(interrupted: P
     shutil.copytree(interrupted, tmp_path / "c")
     with h5py.File(tmp_path / "c" / "recording.h5", "r+") as file:
         file.attrs["provenance_parameters"] = "{"
+        seal_recording(file)
     damaged = pytest.raises(UsageError, match=r"^parameters of the campaign, line 1: not JSON: ")
     with damaged as caught, past_of(tmp_path / "c", PLAN, BENCH):
         pass

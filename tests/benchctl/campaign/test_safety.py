@@ -13,8 +13,8 @@ from benchctl.campaign.runner import Outcome, run_campaign
 from benchctl.campaign.safety import bring_to_rest
 from benchctl.cli.campaigns import summary
 from benchctl.plan import ConstantRate, Plan
-from instruments.errors import InstrumentError, LinkError
-from instruments.interfaces import ChamberReading
+from benchctl_instruments.errors import InstrumentError, LinkError
+from benchctl_instruments.interfaces import ChamberReading
 
 AIR = "chamber: its set point was read back, its air is not known: "
 

@@ -3,7 +3,7 @@ import pytest
 from benchctl.bench import load_bench
 from benchctl.campaign.soak import SoakWatch
 from benchctl.plan import Soak
-from instruments.errors import SafetyError
+from benchctl_instruments.errors import SafetyError
 
 LIMITS = load_bench("simulated").limits
 STEP = Soak(setpoint_c=20.0, hold_s=600.0, tolerance_c=0.3, drift_c_per_min=0.02, timeout_s=1800.0)

@@ -17,7 +17,7 @@ import xarray
 from benchctl.recordings.campaign_folder import CampaignWriter, campaign_lock
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.verify import verify
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made
 
 CHANNELS = (*made.STREAMED, *made.POLLED)
@@ -49,7 +49,7 @@ def test_a_finished_campaign_is_one_file_with_all_its_steps(tmp_path: Path) -> N
         _write_step(writer, index)
     path = writer.finish("complete")
     assert sorted(item.name for item in (tmp_path / "c").iterdir()) == ["journal.jsonl", "recording.h5"]
-    assert verify(tmp_path / "c") == []
+    assert verify(path) == []
     for opened in (path, tmp_path / "c"):
         with open_recording(opened) as recording:
             assert recording.meta.status == "complete"
@@ -89,7 +89,7 @@ def test_a_running_campaign_can_be_read_up_to_the_last_flush(tmp_path: Path) -> 
     writer.release()
 
 
-def test_a_step_that_finishes_while_it_is_being_looked_at_can_still_be_read(tmp_path: Path) -> None:
+def test_a_step_that_finishes_while_it_is_being_looked_at_is_read_as_it_was_when_it_was_opened(tmp_path: Path) -> None:
     writer = _begin(tmp_path / "c")
     step = writer.begin_step(made.info(1), CHANNELS)
     step.append({**made.streamed(0.0, 10), **made.polled(0.0)})
@@ -97,6 +97,8 @@ def test_a_step_that_finishes_while_it_is_being_looked_at_can_still_be_read(tmp_
     with open_recording(tmp_path / "c") as recording:
         step.append(made.streamed(0.1, 10))
         step.close(made.info(1))
+        assert recording.step(1)["gyro_v"].size == recording.infos[0].samples == 10
+    with open_recording(tmp_path / "c") as recording:
         assert recording.step(1)["gyro_v"].size == 20
 
 

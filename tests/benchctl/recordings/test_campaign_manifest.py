@@ -17,7 +17,7 @@ from benchctl.recordings.campaign_manifest import add_to_manifest, manifest_dige
 from benchctl.recordings.recover import recover
 from benchctl.recordings.reopen import reopen
 from benchctl.recordings.verify import refuse_changed, verify
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made
 
 FILES = ("coefficients.json", "journal.jsonl", "more/table.csv", "recording.h5", "report.html")
@@ -219,13 +219,16 @@ def test_nothing_becomes_good_by_taking_a_file_into_a_manifest_that_was_changed(
     assert (campaign / "manifest.json").read_bytes() == before
 
 
-def test_an_old_campaign_has_no_manifest_gets_none_and_verifies_as_before(campaign: Path) -> None:
+def test_a_campaign_whose_manifest_was_deleted_does_not_pass_and_its_recording_by_itself_does(campaign: Path) -> None:
     (campaign / "manifest.json").unlink()
     add_to_manifest(campaign, [campaign / "report.html"])
     assert not (campaign / "manifest.json").exists()
     assert manifest_digest(campaign) is None
     (campaign / "report.html").write_text("another")
-    assert _found(campaign) == []
+    assert _found(campaign) == [
+        "manifest.json: is not there, the campaign's other files cannot be checked; verify recording.h5 by itself"
+    ]
+    assert _found(campaign / "recording.h5") == []
     _flip(campaign / "recording.h5", 0)
     with pytest.raises(UsageError, match=r"recording\.h5"):
         verify(campaign)

@@ -12,7 +12,7 @@ import pytest
 
 from benchctl.recordings.column_map import parse_map, read_map
 from benchctl.recordings.map_examples import MAP_EXAMPLE_CSV, MAP_EXAMPLE_MAT, MAP_EXAMPLE_POINTS, MAP_EXAMPLES
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 MAPS = Path(__file__).parent / "maps"
 

@@ -17,7 +17,7 @@ from benchctl.recordings.model import Step
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.recover import recover
 from benchctl.recordings.verify import verify
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made
 
 ROOT = Path(__file__).resolve().parents[3]

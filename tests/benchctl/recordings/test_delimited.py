@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from benchctl.recordings.delimited import Layout, header_names, read_columns
 from benchctl.recordings.importing import read_foreign
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings.open_folder import HEADER, rows, write_open
 from tests.slowness import slowness
 
@@ -124,7 +124,9 @@ def test_stamps_that_are_no_clock_are_refused(
     assert says in refusal(tmp_path, table=table, time_=f'column = "t"\nstamps = "{policy}"')
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+)
 @given(st.binary(max_size=80) | st.text("0123456789.,;-+e \n\t\x0b\x0c\x1c\x85naif_", max_size=80).map(str.encode))
 def test_any_bytes_are_finite_numbers_or_refused_with_their_place(tmp_path: Path, text: bytes) -> None:
     try:

@@ -13,7 +13,7 @@ import pytest
 
 from benchctl.recordings.descriptions import read_info
 from benchctl.recordings.reader import open_recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made
 
 

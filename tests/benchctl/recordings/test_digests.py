@@ -16,7 +16,7 @@ from benchctl.recordings.digests import digest_of, seal_recording, seal_step
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.step_writer import StepWriter
 from benchctl.recordings.verify import verify
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made
 
 
@@ -59,6 +59,17 @@ CHANGES: list[tuple[Callable[[h5py.File], None], str]] = [
     (lambda file: file.copy("steps/0002", "steps/0009"), "recording, step 0009: was added"),
     (_drop("steps/0002/gyro_v"), "step 0002, channel gyro_v: was deleted"),
     (lambda file: file["steps/0002"].create_group("more"), "step 0002, channel more: was added"),
+    (lambda file: file.create_group("more"), "recording: more was added"),
+    (lambda file: file.create_dataset("steps2", data=[1.0]), "recording: steps2 was added"),
+    (lambda file: file.__setitem__("link", h5py.SoftLink("/steps")), "recording: link was added"),
+    (_set("steps", "note", "added"), "recording: attribute note of the group steps was added"),
+    (_set("steps", "digest", "0" * 64), "recording: attribute digest of the group steps was added"),
+    (_set("/", "CLASS", "added"), "recording: attribute CLASS was added"),
+    (_set("steps/0002", "NAME", "added"), "step 0002: attribute NAME was added"),
+    (_set("steps/0002/gyro_v", "manifest", "{}"), "step 0002, channel gyro_v: manifest was added"),
+    (_set("steps/0002/gyro_v", "DIMENSION_LABELS", "x"), "step 0002, channel gyro_v: DIMENSION_LABELS was added"),
+    (_set("steps/0002/gyro_v", "digest", "0" * 64), "step 0002, channel gyro_v: its digest was changed"),
+    (lambda file: file["steps/0002/gyro_v"].attrs.__delitem__("digest"), "step 0002, channel gyro_v: its digest was"),
     (_set("steps/0002", "digest", "0" * 64), "step 0002: its manifest or its digest was changed"),
     (_set("/", "manifest", "{}"), "recording: its manifest or its digest was changed"),
     (lambda file: file.attrs.__delitem__("digest"), "recording: has no digest"),
@@ -77,7 +88,9 @@ def test_a_recording_as_it_was_written_has_no_problems(tmp_path: Path) -> None:
     assert verify(made.recording(tmp_path)) == []
 
 
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+)
 @given(st.integers(0, 199), st.integers(0, 63), st.sampled_from(made.STREAMED))
 def test_any_single_bit_of_any_channel_is_found(tmp_path: Path, row: int, bit: int, channel: str) -> None:
     path = made.recording(tmp_path, count=1)
@@ -152,7 +165,9 @@ WORDS = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=
 NUMBERS = st.floats()
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+)
 @given(
     words=WORDS,
     unit=st.none() | WORDS,

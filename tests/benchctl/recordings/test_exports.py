@@ -19,7 +19,7 @@ from benchctl.recordings.reader import open_recording
 from benchctl.recordings.summary import summarise
 from benchctl.recordings.text_rows import csv_rows
 from benchctl.recordings.writer import write_recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made
 
 

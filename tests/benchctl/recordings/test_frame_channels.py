@@ -22,7 +22,7 @@ from benchctl.recordings.recover import recover
 from benchctl.recordings.summary import summarise
 from benchctl.recordings.verify import verify
 from benchctl.recordings.writer import write_recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings.made import POLLED, STREAMED, info, meta, polled, streamed
 
 FRAME_RATE_HZ = 250.0

@@ -21,7 +21,7 @@ from benchctl.recordings.gathering import MANY, Gathering
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.recover import recover
 from benchctl.recordings.verify import verify
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made
 from tests.waiting import wait_until
 
@@ -95,7 +95,7 @@ def _command(process: int) -> bytes:
 def _is_as_it_was_made(folder: Path, count: int = COUNT) -> bool:
     with open_recording(folder) as recording:
         same = [made.same(recording.step(info.index), made.step(info.index)) for info in recording.infos]
-        return len(same) == count and all(same) and verify(folder) == []
+        return len(same) == count and all(same) and verify(folder / "recording.h5") == []
 
 
 def test_what_was_gathered_beforehand_is_the_same_recording(tmp_path: Path) -> None:

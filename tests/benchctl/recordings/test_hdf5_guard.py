@@ -18,7 +18,7 @@ from benchctl.recordings.campaign_folder import CampaignWriter
 from benchctl.recordings.hdf5_guard import attribute
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.verify import verify
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made
 from tests.slowness import slowness
 

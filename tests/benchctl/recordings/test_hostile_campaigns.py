@@ -12,7 +12,7 @@ from benchctl.recordings.campaign_folder import CampaignWriter
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.recover import recover
 from benchctl.recordings.schema import JOURNAL
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made
 from tests.slowness import slowness
 

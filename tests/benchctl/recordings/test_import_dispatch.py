@@ -8,7 +8,7 @@ import h5py
 import pytest
 
 from benchctl.recordings.importing import import_recording, read_foreign
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings.open_folder import write_open
 
 

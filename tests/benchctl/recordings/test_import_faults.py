@@ -11,7 +11,7 @@ import pytest
 
 from benchctl.recordings.import_open import read_open_recording
 from benchctl.recordings.importing import import_recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings.open_folder import HEADER, description, rows, write_open
 
 

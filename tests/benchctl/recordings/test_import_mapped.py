@@ -11,7 +11,7 @@ from scipy.io import savemat
 
 from benchctl.recordings.importing import import_recording, read_foreign
 from benchctl.recordings.map_examples import MAP_EXAMPLE_CSV
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings.open_folder import rows, write_open
 
 MAP = """\

@@ -14,7 +14,6 @@ import pytest
 from benchctl.recordings.import_open import read_open_recording
 from benchctl.recordings.importing import import_recording, read_foreign
 from benchctl.recordings.model import Step
-from instruments.errors import UsageError
 from tests.shared import SHARED, needs_shared
 
 MAPS = Path(__file__).parent / "maps"
@@ -81,11 +80,23 @@ def test_the_delay_of_the_imu_survives_the_repair() -> None:
 
 
 @needs_shared("data/uiuc_encoder_imu")
-def test_stamps_with_the_set_up_are_refused(tmp_path: Path) -> None:
-    mapping = tmp_path / "map.toml"
-    mapping.write_text((MAPS / "uiuc.toml").read_text(encoding="utf-8").replace("first_row_variable", "# "))
-    with pytest.raises(UsageError, match=r"row 3, column all_time: 25 ms after the row before, 2\.50 periods"):
-        read_foreign(SHARED / "data/uiuc_encoder_imu/raw_yaw_medium.mat", mapping)
+def test_a_logger_that_pauses_two_hundred_times_gives_that_many_steps_on_one_clock() -> None:
+    meta, steps = read_foreign(SHARED / "data/uiuc_encoder_imu/raw_roll_slow.mat", MAPS / "uiuc.toml")
+    treatment = json.loads(meta.provenance["treatment_json"])
+    assert 150 < treatment["restarts"] < 250
+    assert len(steps) == treatment["stretches"] == treatment["restarts"] + 1
+    assert sum(step.info.samples for step in steps) == 149_794
+    assert treatment["rate_hz"] == pytest.approx(100.0, rel=2e-3)
+    stamps = np.concatenate([step.channels["time_s"] for step in steps])
+    assert np.diff(stamps).min() > 0.0
+
+
+@needs_shared("data/servo_mount")
+def test_columns_between_blanks_import(tmp_path: Path) -> None:
+    meta, steps = read_foreign(SHARED / "data/servo_mount/10_22_1.dat", MAPS / "servo_mount.toml")
+    assert sum(step.info.samples for step in steps) == 3866
+    assert meta.extra["gyro_output_unit"] == "deg/s"
+    assert steps[0].channels["gyro_v"][0] == pytest.approx(np.degrees(-0.507018))
 
 
 @needs_shared("data/thermal")

@@ -7,7 +7,7 @@ import pytest
 from benchctl.recordings.joined import APART_S, join
 from benchctl.recordings.model import Unit
 from benchctl.recordings.reader import open_recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made
 
 

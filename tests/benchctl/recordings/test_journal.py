@@ -17,7 +17,7 @@ from benchctl.recordings.journal import (
     mend_journal,
     planned_steps,
 )
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.slowness import slowness
 
 LINE = '{"kind": "step", "wall_time": "2026-11-21T10:00:00+00:00", "index": 2, "name": "Soak bei −20 °C\u2028"}'

@@ -23,7 +23,7 @@ from benchctl.recordings.reopen import reopen
 from benchctl.recordings.summary import summarise
 from benchctl.recordings.verify import verify
 from benchctl.recordings.writer import write_recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings.made import info, meta, polled, same, step, streamed
 
 

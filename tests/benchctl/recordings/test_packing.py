@@ -36,7 +36,9 @@ SIGNALS = {
 }
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+)
 @given(length=LENGTHS, seed=st.integers(0, 9))
 def test_hdf5_itself_reads_every_bit_of_what_was_packed_here(tmp_path: Path, length: int, seed: int) -> None:
     bits = np.random.default_rng(seed).integers(0, 1 << 63, size=length, dtype=np.int64)

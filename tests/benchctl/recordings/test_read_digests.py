@@ -13,7 +13,7 @@ from benchctl.recordings.digests import digest_of
 from benchctl.recordings.read_digests import ReadDigests
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.verify import opened_unchanged, refuse_changed
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made
 
 SAMPLES = np.random.default_rng(2).normal(size=1000)

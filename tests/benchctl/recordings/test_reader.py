@@ -10,7 +10,7 @@ import pytest
 from benchctl.recordings.model import Step
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.writer import write_recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made
 from tests.shared import SHARED, needs_shared
 

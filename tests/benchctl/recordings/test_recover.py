@@ -7,7 +7,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -20,7 +20,7 @@ from benchctl.recordings.reader import open_recording
 from benchctl.recordings.recover import recover
 from benchctl.recordings.reopen import reopen
 from benchctl.recordings.verify import verify
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -127,6 +127,20 @@ def test_the_step_that_was_being_written_becomes_a_cut_one_with_its_gaps(tmp_pat
         assert recording.meta.provenance["reason"] == closed.reason
 
 
+@pytest.mark.parametrize("rate_hz", [made.RATE_HZ, 1.0001 * made.RATE_HZ])
+def test_a_cut_step_has_the_rate_of_its_stamps_whatever_was_asked_for(tmp_path: Path, rate_hz: float) -> None:
+    writer = CampaignWriter(tmp_path / "c", made.meta(status="running"))
+    step = writer.begin_step(made.info(1), made.STREAMED)
+    for first_s in (1000.0, 1002.0):
+        step.append({**made.streamed(0.0, 50), "time_s": first_s + np.arange(50) / rate_hz})
+    step.flush()
+    writer.release()
+    (cut,) = recover(tmp_path / "c").steps
+    assert (cut.sample_rate_hz, cut.gaps) == (pytest.approx(rate_hz, rel=1e-9), 1)
+    if rate_hz == made.RATE_HZ:
+        assert cut.sample_rate_hz == rate_hz
+
+
 def test_a_campaign_that_is_being_written_is_not_touched(tmp_path: Path) -> None:
     folder = tmp_path / "c"
     writer = _begun(folder)
@@ -177,6 +191,105 @@ def test_half_of_a_manifest_that_a_death_left_is_removed(tmp_path: Path, written
     (folder / ".manifest.json.28085.tmp").write_text('{"schema":')
     assert recover(folder).was_closed
     assert sorted(item.name for item in folder.iterdir()) == ["journal.jsonl", "manifest.json", "recording.h5"]
+    assert verify(folder) == []
+
+
+def _gathered_beside_its_steps(folder: Path) -> bytes:
+    """A campaign that was closed, with the files of its two steps put back beside the recording; returns that."""
+    _begun(folder).release()
+    lock = campaign_lock(folder)
+    lock.acquire("a test")
+    reopen(folder, 2, lock)[0].release()
+    shutil.copytree(folder / "steps", folder.parent / "steps")
+    whole = recover(folder).recording.read_bytes()
+    shutil.copytree(folder.parent / "steps", folder / "steps")
+    return whole
+
+
+def _recovered_or_reopened(folder: Path, how: str) -> None:
+    if how == "recover":
+        recover(folder)
+        return
+    lock = campaign_lock(folder)
+    lock.acquire("a test")
+    try:
+        reopen(folder, 2, lock)[0].release()
+    finally:
+        lock.release()
+
+
+def _flipped(content: bytes) -> bytes:
+    """The bytes with one of a chunk of samples changed, which only its digest tells."""
+    place = len(content) // 2
+    return content[:place] + bytes([content[place] ^ 1]) + content[place + 1 :]
+
+
+DAMAGE: dict[str, Callable[[bytes], bytes]] = {
+    "a bit": _flipped,
+    "cut short": lambda content: content[:5000],
+    "empty": lambda content: b"",
+    "zeroed": lambda content: bytes(len(content)),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+@pytest.mark.parametrize("how", ["recover", "reopen"])
+def test_a_damaged_recording_beside_sound_steps_is_kept_and_the_steps_are_gathered_again(
+    tmp_path: Path, how: str, damage: str
+) -> None:
+    folder = tmp_path / "c"
+    content = DAMAGE[damage](_gathered_beside_its_steps(folder))
+    (folder / "recording.h5").write_bytes(content)
+    _recovered_or_reopened(folder, how)
+    closed = recover(folder)
+    assert closed.was_closed == (how == "recover")
+    assert [info.index for info in closed.steps] == [1, 3]
+    assert (folder / "unreadable" / "recording.h5").read_bytes() == content
+    assert verify(folder) == []
+    with open_recording(folder) as recording:
+        assert np.array_equal(recording.step(1)["gyro_v"], made.streamed(0.0, 100)["gyro_v"])
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+@pytest.mark.parametrize("how", ["recover", "reopen"])
+def test_a_damaged_recording_without_steps_is_refused_and_nothing_is_removed(
+    tmp_path: Path, how: str, damage: str
+) -> None:
+    folder = tmp_path / "c"
+    content = DAMAGE[damage](_gathered_beside_its_steps(folder))
+    (folder / "recording.h5").write_bytes(content)
+    for file in (folder / "steps").iterdir():
+        file.write_bytes(b"")
+    before = sorted(folder.rglob("*"))
+    with pytest.raises(UsageError, match="no steps to gather again"):
+        _recovered_or_reopened(folder, how)
+    assert sorted(folder.rglob("*")) == before
+    assert (folder / "recording.h5").read_bytes() == content
+
+
+@pytest.mark.parametrize("how", ["recover", "reopen"])
+def test_a_step_that_a_sound_recording_lacks_is_not_removed(tmp_path: Path, how: str) -> None:
+    folder = tmp_path / "c"
+    _gathered_beside_its_steps(folder)
+    shutil.copyfile(made.recording(tmp_path, 1), folder / "steps" / "0001_another.h5")
+    before = sorted(folder.rglob("*"))
+    with pytest.raises(UsageError, match=r"0001_another\.h5: is not in .*recording\.h5"):
+        _recovered_or_reopened(folder, how)
+    assert sorted(folder.rglob("*")) == before
+
+
+@pytest.mark.parametrize("how", ["zeroed", "absent"])
+def test_a_campaign_whose_description_is_lost_is_described_by_its_steps(tmp_path: Path, how: str) -> None:
+    folder = tmp_path / "c"
+    _begun(folder).release()
+    (folder / "campaign.h5").unlink()
+    if how == "zeroed":
+        (folder / "campaign.h5").write_bytes(bytes(17408))
+    closed = recover(folder)
+    assert [(info.index, info.whole, info.samples) for info in closed.steps] == [(1, True, 100), (2, False, 100)]
+    with open_recording(folder) as recording:
+        assert recording.meta.unit == made.meta().unit
+        assert recording.meta.provenance["operator"] == "Ö. Ångström"
     assert verify(folder) == []
 
 

@@ -15,7 +15,7 @@ import pytest
 from benchctl.recordings.model import Step
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.step_writer import StepWriter
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made
 from tests.benchmarks.recording_blocks import SAMPLES_A_SECOND, sustained
 

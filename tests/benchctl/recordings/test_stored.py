@@ -9,14 +9,14 @@ import h5py
 import numpy as np
 import pytest
 
-from benchctl.recordings import stored
+from benchctl.recordings import hdf5_files, stored
 from benchctl.recordings.campaign_folder import CampaignWriter
 from benchctl.recordings.joined import join
 from benchctl.recordings.model import FloatArray, Step
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.stored import StoredStep, stored_of
 from benchctl.recordings.writer import write_recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made
 
 
@@ -46,6 +46,33 @@ def test_the_parts_of_a_step_are_the_step(tmp_path: Path, small_parts: int, rows
     found = _glued(parts)
     assert list(found) == ["time_s", "gyro_v"]
     assert all(np.array_equal(found[name], whole[name]) for name in found)
+
+
+def test_an_unfinished_campaign_opens_each_file_of_a_step_once(
+    tmp_path: Path, small_parts: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    writer = CampaignWriter(tmp_path / "c", made.meta(status="running"))
+    for index in (1, 2, 3):
+        step = writer.begin_step(made.info(index), made.STREAMED)
+        step.append(made.streamed(0.0, 500))
+        if index < 3:
+            step.close(made.info(index))
+    step.flush()
+    writer.release()
+    opened: list[str] = []
+    open_ours = hdf5_files.open_ours
+    monkeypatch.setattr(hdf5_files, "open_ours", lambda path: (opened.append(path.name), open_ours(path))[1])
+    with open_recording(tmp_path / "c") as recording:
+        steps = list(recording.steps())
+        for step in steps:
+            assert set(recording.channels(step.info.index)) == set(made.STREAMED)
+            found = _glued(recording.stored_step(step.info.index).parts())
+            assert all(np.array_equal(found[name], step[name]) for name in made.STREAMED)
+    assert [name for name in opened if name != "campaign.h5"] == [
+        "0001_rate_+1.h5",
+        "0002_rate_+2.h5",
+        "0003_rate_+3.h5.part",
+    ]
 
 
 def test_parts_are_read_in_order_and_only_one_ahead(small_parts: int) -> None:

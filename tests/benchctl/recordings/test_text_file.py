@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from benchctl.recordings.text_file import read_bytes, read_json_text, sources_json
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 def _refusal(path: Path) -> str:
@@ -77,7 +77,9 @@ def test_a_description_of_gigabytes_is_refused_before_it_is_read(tmp_path: Path)
         read_json_text(path)
 
 
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+)
 @given(st.binary(max_size=200) | st.binary(max_size=200).map(lambda data: b"\x1f\x8b\x08\x00" + data))
 def test_any_bytes_are_lines_or_refused(tmp_path: Path, data: bytes) -> None:
     path = tmp_path / "log.csv"

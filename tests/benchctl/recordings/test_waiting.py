@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchctl.recordings.waiting import Waiting
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 NAMES = ("time_s", "gyro_v")
 

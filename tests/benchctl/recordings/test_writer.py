@@ -14,7 +14,7 @@ from hypothesis.extra import numpy as hnp
 from benchctl.recordings.model import Step
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.writer import write_recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made
 
 ANY_FLOAT = hnp.arrays(np.float64, st.integers(0, 50), elements=st.floats(allow_nan=False, width=64))
@@ -32,7 +32,9 @@ def test_what_is_written_comes_back(tmp_path: Path) -> None:
             assert read.info == replace(written.info, samples=200, digest=read.info.digest)
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+)
 @given(values=ANY_FLOAT)
 def test_every_float_comes_back_bit_by_bit(values: np.ndarray, tmp_path: Path) -> None:
     path = tmp_path / "a.h5"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from instruments.links.address import parse_address
+from benchctl_instruments.links.address import parse_address
 from tests.fuzz.harness import Harness, refusals
 
 

@@ -6,9 +6,9 @@ import json
 from importlib.resources import files
 from pathlib import Path
 
-from instruments.chambers.profile_file import parse_profile, profile_text
-from instruments.chambers.profiled import ProfiledChamber
-from instruments.simulated.profiled import SimulatedProfiled
+from benchctl_instruments.chambers.profile_file import parse_profile, profile_text
+from benchctl_instruments.chambers.profiled import ProfiledChamber
+from benchctl_instruments.simulated.profiled import SimulatedProfiled
 from tests.fuzz.harness import Harness, refusals, workplace
 from tests.instruments.chamber_machine import FakeChamber, InstantClock
 from tests.instruments.chambers.lab_controllers import ACME, BRAND
@@ -25,7 +25,7 @@ def one_input(data: bytes) -> None:
 
 
 def seeds() -> list[bytes]:
-    shipped = sorted(Path(str(files("instruments.chambers.profiles"))).glob("*.toml"))
+    shipped = sorted(Path(str(files("benchctl_instruments.chambers.profiles"))).glob("*.toml"))
     return [ACME.encode(), BRAND.encode(), *(path.read_bytes() for path in shipped)]
 
 

@@ -6,10 +6,10 @@ import struct
 
 import numpy as np
 
-from instruments.protocols import kvh1760, modbus, stim300, stim300_answers, words
-from instruments.protocols.frames import FrameReader
-from instruments.protocols.sequence_numbers import SequenceNumbers
-from instruments.protocols.t7_stream import StreamReader, encode_packets
+from benchctl_instruments.protocols import kvh1760, modbus, stim300, stim300_answers, words
+from benchctl_instruments.protocols.frames import FrameReader
+from benchctl_instruments.protocols.sequence_numbers import SequenceNumbers
+from benchctl_instruments.protocols.t7_stream import StreamReader, encode_packets
 from tests.fuzz.harness import Harness, pieces, refusals
 
 _STIM_FORMATS = [

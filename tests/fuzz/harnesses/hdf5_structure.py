@@ -9,13 +9,19 @@ from __future__ import annotations
 import hashlib
 import zlib
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 
-from tests.fuzz.harness import Harness, workplace
-from tests.fuzz.harnesses.hdf5_bytes import read_everything, small_recording
+from benchctl.recordings.model import FloatArray
+from benchctl.recordings.reader import open_recording
+from benchctl.recordings.schema import JOURNAL
+from benchctl.recordings.verify import verify
+from benchctl.recordings.writer import write_recording
+from tests.benchctl.recordings import made
+from tests.fuzz.harness import Harness, refusals, workplace
 
 _SECRET = 5.8e147
 """A sample that lies in another file; whoever reads it has left the recording."""
@@ -206,16 +212,33 @@ def one_input(data: bytes) -> None:
                 _CHANGES[what % len(_CHANGES)](file, places[where % len(places)], which, much)
             except (ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, TypeError, ValueError):
                 continue  # HDF5 does not let it be written
-    for samples in read_everything(path):
+    for samples in _read_everything(path):
         assert not (samples == _SECRET).any(), "the samples of another file were read"
+
+
+def _read_everything(path: Path) -> list[FloatArray]:
+    """Open a file, load each step, check all digests; returns the samples of all channels that could be read."""
+    found: list[FloatArray] = []
+    with refusals(), open_recording(path) as recording:
+        for info in recording.infos:
+            with refusals():
+                found += recording.step(info.index).channels.values()
+    with refusals():
+        for problem in verify(path):
+            str(problem).encode("utf-8")
+    assert all(samples.dtype == np.float64 and samples.ndim == 1 for samples in found)
+    return found
 
 
 def _template() -> bytes:
     if not (workplace() / "template").exists():
+        (workplace() / JOURNAL).touch()  # as in a campaign's folder: no child process tries each file first
         with h5py.File(workplace() / "secret.h5", "w") as file:
             file["secret"] = np.full(8, _SECRET)
         (workplace() / "secret.bin").write_bytes(np.full(8, _SECRET).tobytes())
-        (workplace() / "template").write_bytes(small_recording())
+        seed, steps = workplace() / "seed.h5", [made.step(1, rows=8), made.step(2, rows=8)]
+        write_recording(seed, made.meta(provenance={"operator": "A"}), steps)
+        seed.rename(workplace() / "template")
     return (workplace() / "template").read_bytes()
 
 

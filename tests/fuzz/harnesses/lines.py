@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from instruments.errors import BenchError
-from instruments.protocols import acl, ensemble, esp301, kvh1760, p300
-from instruments.protocols.lines import LineCutter, parse_number
+from benchctl_instruments.errors import BenchError
+from benchctl_instruments.protocols import acl, ensemble, esp301, kvh1760, p300
+from benchctl_instruments.protocols.lines import LineCutter, parse_number
 from tests.fuzz.harness import Harness, pieces, refusals
 
 _READERS: tuple[Callable[[str], Any], ...] = (
@@ -24,24 +24,23 @@ _READERS: tuple[Callable[[str], Any], ...] = (
     p300.is_accepted,
     lambda line: p300.refusal_words(p300.refusal(line) or ""),
     p300.read_temperatures,
-    p300.read_monitor,
     p300.read_mode,
     p300.read_alarms,
-    p300.read_relays,
     p300.read_type,
-    p300.read_heaters,
-    p300.read_srq,
+    p300.read_heater,
     lambda line: p300.parse_settings(p300.parse_request(line).parameters),
 )
 
 
 def one_input(data: bytes) -> None:
-    streams: list[Any] = [acl.ReplyReader(), acl.Lines(), LineCutter(), LineCutter(b"\r"), kvh1760.SettingReader()]
+    streams: list[Any] = [acl.ReplyReader(), acl.Lines(), LineCutter(), LineCutter(b"\r"), kvh1760.CommandReader()]
     for piece in pieces(data):
         for stream in streams:
             with refusals():
                 stream.feed(piece)
     kvh1760.after_echo(data, "config", 1)
+    kvh1760.after_leaving(data)
+    kvh1760.refusal_in(data)
     for line in _lines(data):
         for read in _READERS:
             with refusals():

@@ -6,8 +6,8 @@ from benchctl.bench import Bench, template
 from benchctl.model_file import read_model
 from benchctl.recordings.column_map import parse_map
 from benchctl.toml_file import parse_toml
-from instruments.physics.effects.making import make_effects
-from instruments.simulated.settings import WorldSettings
+from benchctl_instruments.physics.effects.making import make_effects
+from benchctl_instruments.simulated.settings import WorldSettings
 from tests.fuzz.harness import Harness, refusals, workplace
 
 _KINDS = (b"b", b"m", b"d")

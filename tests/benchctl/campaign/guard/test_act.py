@@ -64,5 +64,5 @@ def test_instruments_that_are_not_there_are_named(
 
 def _nowhere(model: str, folder: Path) -> Reached:
     return Reached(
-        model=model, address="tcp://127.0.0.1:9", options={"timeout_s": 0.1}, lock=str(folder / f"{model}.lock")
+        model=model, address="tcp://127.0.0.1:9", options={"timeout_s": 0.1}, locks=[str(folder / f"{model}.lock")]
     )

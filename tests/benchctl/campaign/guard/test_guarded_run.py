@@ -15,8 +15,8 @@ from benchctl.bench import load_bench, template
 from benchctl.campaign.opened import simulated_bench
 from benchctl.cli.campaigns import play
 from benchctl.plan import Plan, ThermalRamp
-from instruments.simulated.bench import SimulatedBench
-from instruments.simulated.clock import ScaledClock
+from benchctl_instruments.simulated.bench import SimulatedBench
+from benchctl_instruments.simulated.clock import ScaledClock
 
 SPEED = 50.0
 RAMP = ThermalRamp(from_c=23.0, to_c=80.0, ramp_c_per_min=2.0, swing_dps=150.0, swing_hz=0.5)

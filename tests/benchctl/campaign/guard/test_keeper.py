@@ -17,7 +17,7 @@ from benchctl.campaign.guard import child, keeper
 from benchctl.campaign.guard.keeper import GuardProcess, NoGuard, guarded
 from benchctl.campaign.opened import open_bench
 from benchctl.campaign.safety import Supervisor
-from instruments.errors import SafetyError
+from benchctl_instruments.errors import SafetyError
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals between processes")
 

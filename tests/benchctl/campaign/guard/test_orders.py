@@ -21,8 +21,8 @@ def orders(options: dict[str, object]) -> Orders:
         time_factor=1.0,
         rest_within_s=5.8,
         safe_c=23.0,
-        rate_table=Reached(model="acutrol3000", address="tcp://x:1", options=options, lock="/l/a.lock"),
-        chamber=Reached(model="watlow_f4t", address="tcp://x:2", options={}, lock="/l/b.lock"),
+        rate_table=Reached(model="acutrol3000", address="tcp://x:1", options=options, locks=["/l/a.lock", "/l/b.lock"]),
+        chamber=Reached(model="watlow_f4t", address="tcp://x:2", options={}, locks=["/l/c.lock"]),
     )
 
 

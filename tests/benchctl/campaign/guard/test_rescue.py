@@ -20,10 +20,10 @@ from benchctl.campaign.guard.orders import Orders, Reached
 from benchctl.campaign.guard.rescue import rescue
 from benchctl.campaign.opened import simulated_bench
 from benchctl.locks import Lock
-from instruments.catalog import driver
-from instruments.errors import UsageError
-from instruments.simulated.bench import SimulatedBench
-from instruments.simulated.clock import ScaledClock
+from benchctl_instruments.catalog import driver
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.simulated.bench import SimulatedBench
+from benchctl_instruments.simulated.clock import ScaledClock
 
 SPEED = 50.0
 
@@ -59,7 +59,7 @@ def _driver(kind: Any, model: str, addresses: dict[str, str], clock: ScaledClock
 
 
 def _reached(model: str, address: str, folder: Path) -> Reached:
-    return Reached(model=model, address=address, options={"timeout_s": 0.3}, lock=str(folder / f"{model}.lock"))
+    return Reached(model=model, address=address, options={"timeout_s": 0.3}, locks=[str(folder / f"{model}.lock")])
 
 
 def test_the_table_is_stopped_the_chamber_sent_home_and_both_are_read_back(tmp_path: Path) -> None:
@@ -101,7 +101,7 @@ def test_an_instrument_that_comes_back_is_brought_to_rest_then(tmp_path: Path) -
 
 def test_what_another_run_has_taken_meanwhile_is_left_to_it(tmp_path: Path) -> None:
     with in_motion(tmp_path) as (servers, orders):
-        lock = Lock(Path(orders.rate_table.lock), "rate_table")
+        lock = Lock(Path(*orders.rate_table.locks), "rate_table")
         lock.acquire("campaign results/next")
         rescued = rescue(orders, lambda says: None, give_up_s=0.1)
         lock.release()
@@ -113,7 +113,7 @@ def test_what_another_run_has_taken_meanwhile_is_left_to_it(tmp_path: Path) -> N
 
 def test_a_folder_of_locks_that_is_gone_keeps_no_table_turning(tmp_path: Path) -> None:
     with in_motion(tmp_path) as (servers, orders):
-        lost = replace(orders.rate_table, lock=str(tmp_path / "logged-out" / "table.lock"))
+        lost = replace(orders.rate_table, locks=[str(tmp_path / "logged-out" / "table.lock")])
         rescued = rescue(replace(orders, rate_table=lost), lambda says: None)
         assert abs(servers.world.table.motion().rate_dps) < 0.05
     assert rescued.problems == ()
