@@ -7,9 +7,9 @@
 >>> fitted.error_percent["joint"] < 0.1 < fitted.error_percent["raw"]
 True
 
-What cannot be used, and what a bench refuses, is an error of `instruments.errors`, all of them `BenchError`, in one
-line. Nothing here prints, asks or needs a terminal, but for the steps that a person does on a real bench. It works in a
-notebook and outside the main thread, where only signals cannot stop a run.
+What cannot be used, and what a bench refuses, is an error of `benchctl_instruments.errors`, all of them `BenchError`,
+in one line. Nothing here prints, asks or needs a terminal, but for the steps that a person does on a real bench. It
+works in a notebook and outside the main thread, where only signals cannot stop a run.
 """
 
 from benchctl.api.planning import plan
@@ -21,7 +21,7 @@ from benchctl.campaign.progress import Moment
 from benchctl.campaign.runner import Outcome
 from benchctl.plan import Plan, Procedure
 from benchctl.recordings.reader import Recording
-from instruments.errors import BenchError, InstrumentError, LinkError, SafetyError, UsageError
+from benchctl_instruments.errors import BenchError, InstrumentError, LinkError, SafetyError, UsageError
 
 __all__ = [
     "Accepted",

@@ -9,7 +9,7 @@ from pathlib import Path
 from benchctl.campaign.runner import Outcome
 from benchctl.recordings.reader import Recording, open_recording
 from benchctl.recordings.verify import refuse_changed
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 Source = Recording | Outcome | str | PathLike[str]
 """A recording: what `api.open` or `api.run` gave, or a path: a file, a campaign's folder or an open recording's."""

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from benchctl.api.reading import Source, paths_of, unchanged_paths_of
-from benchctl.diagnosis.parts import Part
-from benchctl.diagnosis.result import Diagnosis, Finding
+from benchctl.diagnosis.result import Diagnosis, Finding, Part
 from benchctl.diagnosis.result import Verdict as DiagnosisVerdict
 from benchctl.metrology.limit_file import read_limits
 from benchctl.metrology.result import Acceptance, Judged, Verdict
@@ -18,7 +17,7 @@ from benchctl.recordings.campaign_manifest import add_to_manifest
 from benchctl.reports.accepting import accept_recording
 from benchctl.reports.diagnosing import diagnose_recordings, write_diagnosed
 from benchctl.reports.fitting import calibrated
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,7 +27,8 @@ class Fitted:
     Attributes
     ----------
     coefficients
-        The content of `coefficients.json`: stages, joint fit, covariances, valid ranges, uncertainties (k = 2).
+        The content of `coefficients.json`: stages, joint fit, covariances, valid ranges,
+        expanded uncertainties (95.45 %).
     error_percent
         The largest residual rate over the largest rate, in percent, on runs that no fit has seen; by level: `raw`,
         `stage_1`, `stage_2`, `joint`, as far as the recording allows.
@@ -164,7 +164,7 @@ class Accepted:
     """An acceptance; `print` shows it as `benchctl accept` does.
 
     `verdict` is that of all tests together, PASS only where everything with a limit passes. A test has `measured`
-    (value, expanded uncertainty with k = 2, unit), `limit` and its own `verdict`: PASS, FAIL, INCONCLUSIVE, or None
+    (value, expanded uncertainty at 95.45 %, unit), `limit` and its own `verdict`: PASS, FAIL, INCONCLUSIVE, or None
     where it has no limit. `files` are `report`, `pdf`, `junit` and `json`, where they were written.
     """
 

@@ -13,7 +13,7 @@ from benchctl.campaign.playing import new_folder, play
 from benchctl.campaign.progress import Progress, nobody
 from benchctl.campaign.runner import Outcome
 from benchctl.plan import Plan, Procedure
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 def run(

@@ -23,15 +23,15 @@ def contributions(
     name: str,
     values: Mapping[str, float],
     standard: float,
+    dof: float,
     steps: Sequence[ReducedStep],
     bench: BenchFacts,
     earth_rate_dps: float,
     known: StatedUncertainties,
 ) -> tuple[Contribution, ...]:
-    """The budget of one parameter of a joint fit: type A first, then what matters of type B."""
-    parts = [
-        Contribution(source="type A", standard=standard, kind="A", says="scatter of the data, bias drift included")
-    ]
+    """The budget of one parameter of a joint fit: type A with its `dof`, then what matters of type B."""
+    scatter = "scatter of the data, bias drift included"
+    parts = [Contribution(source="type A", standard=standard, kind="A", says=scatter, dof=dof)]
 
     def add(source: str, amount: float, says: str) -> None:
         if amount > 0.0 and np.isfinite(amount):

@@ -100,4 +100,4 @@ def _limits(compensation: Compensation) -> Iterator[Constant]:
     if math.isfinite(coldest) and math.isfinite(warmest):
         yield Constant(name="GYRO_VALID_TEMPERATURE_MIN_C", value=coldest, says="degC, measured from here")
         yield Constant(name="GYRO_VALID_TEMPERATURE_MAX_C", value=warmest, says="degC, measured to here")
-    yield Constant(name="GYRO_COVERAGE_FACTOR", value=compensation.k, says="k of the expanded uncertainties")
+    yield Constant(name="GYRO_COVERAGE_FACTOR", value=compensation.k, says="their level is that of this k, 95.45 %")

@@ -18,7 +18,7 @@ from benchctl.calibration.c_text import in_comment, number, polynomial, string
 from benchctl.calibration.compensating import Compensation
 from benchctl.calibration.odd_inverse import CONVERGED, FLATTEST, STEEPEST, STEPS
 from benchctl.calibration.self_test import self_test_points, tolerance_dps
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 _GUARD = "GYRO_COMPENSATION_H"
 _FORMULAS = {

@@ -13,29 +13,36 @@ from benchctl.calibration.compensation import by_law, by_line, by_stages
 from benchctl.calibration.earth import earth_rate_dps
 from benchctl.calibration.errors_percent import Level, largest, measure
 from benchctl.calibration.free_motion import FreeMotionFit, fit_free_motion_of
+from benchctl.calibration.joint import THERMAL_LAG
 from benchctl.calibration.laws_fit import fit_laws, law_of, only_free_motion
 from benchctl.calibration.options import CalibrationOptions
 from benchctl.calibration.reduce import ReducedStep, reduce_steps
 from benchctl.calibration.result import (
     BeforeAfter,
     CalibrationResult,
+    FloatArray,
     JointFit,
+    MeanPoints,
     SmootherFacts,
     Stage,
+    StraightLine,
     ValidRange,
 )
 from benchctl.calibration.rows import gather
 from benchctl.calibration.stage_one import StageOne, line_in_motion, mean_points, stage_one
 from benchctl.calibration.stage_two import stage_two
 from benchctl.calibration.step_reduction import CHANNELS
+from benchctl.calibration.thermistor import ThermalHistory
 from benchctl.recordings.model import Meta, Step
 from benchctl.recordings.stated import stated_of
-from benchctl.recordings.stored import StoredStep
-from instruments.errors import UsageError
+from benchctl.recordings.stored import StoredStep, stored_of
+from benchctl_instruments.errors import UsageError
 
 _MOVING_DPS = 2.0
+_CONSTANT = 1e-9  # relative; a 24-bit converter resolves 6e-8
 _HOLD_OUT_EVERY = 4
 _ROOM_C = 20.0
+_POLLED = "poll_gyro_temp_c"
 _NOT_MEASURED = BeforeAfter(before=None, after=None)
 
 
@@ -55,7 +62,9 @@ def _calibrate(steps: Iterable[Step | StoredStep], meta: Meta, options: Calibrat
     warnings: list[str] = []
     notes: list[str] = []
     free: list[FreeMotionFit] = []
-    reduced = sorted(reduce_steps(_looked_at(steps, meta, free, warnings), meta), key=lambda step: step.info.t_start)
+    polls: list[tuple[FloatArray, FloatArray]] = []
+    looked_at = _looked_at(steps, meta, free, polls, warnings)
+    reduced = sorted(reduce_steps(looked_at, meta), key=lambda step: step.info.t_start)
     latitude = options.latitude_deg if options.latitude_deg is not None else meta.bench.latitude_deg
     bench = replace(meta.bench, latitude_deg=latitude)
     earth = earth_rate_dps(latitude)
@@ -65,12 +74,16 @@ def _calibrate(steps: Iterable[Step | StoredStep], meta: Meta, options: Calibrat
     fitted = [step for step in reduced if step.key not in verify]
     _demand_motion(fitted)
     T0_c = _reference_temperature(fitted, meta, options)
-    moving = [step for step in fitted if step.kind == "motion"]
-    points = mean_points(reduced, verify)
-    if moving and what_it_carries([step for step in fitted if step.kind != "motion"]).scale_temperatures == 0:
-        first = line_in_motion(gather(moving, T0_c), earth)
-    else:
-        first = stage_one(points, T0_c, earth, (*options.orders_1, options.bias_order))
+    thermal = ThermalHistory(polls, [(step.time_s, step.temperature_c) for step in reduced])
+    points, first = _stage_one(reduced, verify, T0_c, earth, options)
+    _demand_response(first.line, fitted)
+    joint, said = fit_laws(fitted, first.line, T0_c, earth, bench, options, stated_of(meta), thermal)
+    coils = reduced
+    if (lag_s := next((p.value for p in joint[0].parameters if p.name == THERMAL_LAG), None)) is not None:
+        # The stages are fitted to the coil's temperatures; the errors are those that the thermistor's lead to.
+        coils = thermal.coils(reduced, lag_s)
+        points, first = _stage_one(coils, verify, T0_c, earth, options)
+    moving = [step for step in coils if step.kind == "motion" and step.key not in verify]
     warnings.extend(first.warnings)
     levels = {"raw": Level(compensate=by_line(first.line), delay_s=0.0)}
     stages = [_first_stage(first)]
@@ -82,7 +95,6 @@ def _calibrate(steps: Iterable[Step | StoredStep], meta: Meta, options: Calibrat
         levels["stage_2"] = Level(compensate=by_stages(stages), delay_s=stages[1].delay_s)
     else:
         warnings.append("Stage 2 is left out: the recording has no run in motion (sine) to be fitted.")
-    joint, said = fit_laws(fitted, first.line, T0_c, earth, bench, options, stated_of(meta))
     warnings.extend(said)
     for fit in joint:
         levels[f"joint_{fit.law}"] = _joint_level(fit)
@@ -132,6 +144,22 @@ def _calibrate(steps: Iterable[Step | StoredStep], meta: Meta, options: Calibrat
     )
 
 
+def _stage_one(
+    steps: Sequence[ReducedStep],
+    verify: frozenset[tuple[int, int]],
+    T0_c: float,
+    earth: float,
+    options: CalibrationOptions,
+) -> tuple[MeanPoints, StageOne]:
+    """The mean points and stage 1; a line through the runs in motion where there are no constant rates."""
+    points = mean_points(steps, verify)
+    moving = [step for step in steps if step.kind == "motion" and step.key not in verify]
+    still = [step for step in steps if step.kind != "motion" and step.key not in verify]
+    if moving and what_it_carries(still).scale_temperatures == 0:
+        return points, line_in_motion(gather(moving, T0_c), earth)
+    return points, stage_one(points, T0_c, earth, (*options.orders_1, options.bias_order))
+
+
 def _in_unit(fit: JointFit, output_unit: str) -> JointFit:
     """The fit with its units said in that of the output: a digital gyro gives rates, not volts."""
     if output_unit == "V":
@@ -144,12 +172,19 @@ def _in_unit(fit: JointFit, output_unit: str) -> JointFit:
 
 
 def _looked_at(
-    steps: Iterable[Step | StoredStep], meta: Meta, free: list[FreeMotionFit], warnings: list[str]
+    steps: Iterable[Step | StoredStep],
+    meta: Meta,
+    free: list[FreeMotionFit],
+    polls: list[tuple[FloatArray, FloatArray]],
+    warnings: list[str],
 ) -> Iterator[Step | StoredStep]:
-    """The steps as they come; those in free motion are fitted in angle on the way, while their samples are at hand."""
+    """The steps as they come; on the way free motion is fitted in angle, and polls of the thermistor are kept."""
     digital = meta.output_unit != "V"
     believed = 1.0 if digital else (meta.simulation or {}).get("K0_v_per_dps")
     for step in steps:
+        stored = stored_of(step) if isinstance(step, Step) else step
+        if _POLLED in stored.names:
+            polls.append((stored.read("poll_time_s", 0, stored.polls), stored.read(_POLLED, 0, stored.polls)))
         if step.info.kind == "motion" and step.info.role == "fit":
             try:
                 whole = step if isinstance(step, Step) else step.part(0, step.scans, CHANNELS)
@@ -171,6 +206,16 @@ def _demand_motion(steps: Sequence[ReducedStep]) -> None:
             f"calibration: no motion: the largest rate in {len(steps)} steps is "
             f"{max(step.peak_rate_dps for step in steps):.3g} deg/s, expected at least {_MOVING_DPS:g}; "
             "record a rate sweep"
+        )
+
+
+def _demand_response(line: StraightLine, steps: Sequence[ReducedStep]) -> None:
+    """Raise where the output is the same at every rate, as of a gyro without power."""
+    swing = abs(line.K0_v_per_dps) * max(step.peak_rate_dps for step in steps)
+    if swing <= _CONSTANT * (swing + abs(line.U0_v)):
+        raise UsageError(
+            f"calibration: gyro_v is {line.U0_v:.6g} at every rate; check that the gyro is powered and that the right"
+            " channel was recorded"
         )
 
 
@@ -234,6 +279,7 @@ def _first_stage(first: StageOne) -> Stage:
         u0_t=first.u0_t,
         delay_s=0.0,
         standard={"K0_v_per_dps": first.K0_standard, "U0_v": first.U0_standard},
+        dof={"K0_v_per_dps": first.K0_dof, "U0_v": first.U0_dof},
         error_percent=_NOT_MEASURED,
         rms_percent=_NOT_MEASURED,
         runs=len(first.temperatures),

@@ -7,7 +7,8 @@
 | `K0_v_per_dps`, `U0_v`, `T0_c` | those of the last stage |
 | `stages` | list: `k_T`, `k_omega` (`coefficients`, `covariance`), `K0_v_per_dps`, `U0_v`, `U0_T`, `delay_s`, … |
 | `valid` | ranges `rate_dps` and `temperature_c` that were measured |
-| `uncertainty` | k = 2, by parameter of the joint fit, each with its budget by contributor |
+| `uncertainty` | at the level of k = 2, 95.45 %: by parameter of the joint fit `expanded`, the factor `k` that its |
+|               | degrees of freedom `dof` (null: infinite) demand, and its budget by contributor |
 | `source` | digests of the recordings |
 | `error_percent`, `rms_percent` | per level, on runs that were not fitted |
 | `joint` | the joint fit: law, convention, argument, parameters, covariance |
@@ -30,8 +31,9 @@ from benchctl.atomic import whole_file
 from benchctl.calibration.coefficients_law import By, applied_law, checked
 from benchctl.calibration.free_motion import FreeMotionFit
 from benchctl.calibration.result import CalibrationResult, JointFit, Parameter, PolynomialFactor, Stage
+from benchctl.calibration.uncertainty import LEVEL
 from benchctl.documents import read_json
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -55,6 +57,7 @@ def coefficients(result: CalibrationResult, source: Sequence[tuple[str, str]]) -
         "valid": {"rate_dps": list(result.valid.rate_dps), "temperature_c": list(result.valid.temperature_c)},
         "uncertainty": {
             "k": 2,
+            "level": LEVEL,
             "of": f"joint fit, law {best.law}",
             "parameters": {parameter.name: _uncertainty(parameter) for parameter in best.parameters},
         },
@@ -134,6 +137,7 @@ def _factor(polynomial: PolynomialFactor) -> dict[str, Any]:
         "coefficients": list(polynomial.coefficients),
         "covariance": [list(row) for row in polynomial.covariance],
         "basis": list(polynomial.basis),
+        "dof": polynomial.dof,
     }
 
 
@@ -149,6 +153,7 @@ def _stage(stage: Stage) -> dict[str, Any]:
         "error_percent": {"before": stage.error_percent.before, "after": stage.error_percent.after},
         "rms_percent": {"before": stage.rms_percent.before, "after": stage.rms_percent.after},
         "standard": dict(stage.standard),
+        "dof": dict(stage.dof),
         "shares": {share.part: share.share for share in stage.shares},
     }
 
@@ -187,8 +192,10 @@ def _uncertainty(parameter: Parameter) -> dict[str, Any]:
         "unit": parameter.unit,
         "ci95": list(parameter.ci95),
         "expanded": parameter.expanded,
+        "k": parameter.k,
+        "dof": parameter.dof,
         "budget": [
-            {"source": part.source, "kind": part.kind, "standard": part.standard, "says": part.says}
+            {"source": part.source, "kind": part.kind, "standard": part.standard, "dof": part.dof, "says": part.says}
             for part in parameter.budget
         ],
     }

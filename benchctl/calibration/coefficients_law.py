@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from benchctl.calibration.applied_law import AppliedLaw, Factors
 from benchctl.limits import listed
 from benchctl.recordings.import_open import first_fault
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 By = Literal["joint", "stages"]
 

@@ -13,7 +13,7 @@ from benchctl.calibration.compensating import Compensation
 from benchctl.recordings.model import COMPENSATED, COMPENSATED_VALID, Meta, Step
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.writer import write_recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 _NEEDED = ("gyro_v", "gyro_temp_c")
 

@@ -17,7 +17,7 @@ from benchctl.calibration.coefficients_law import By, Coefficients, applied_law,
 from benchctl.calibration.result import ValidRange
 from benchctl.documents import json_document
 from benchctl.limits import MOST_DESCRIPTION_BYTES, read_whole, shown
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
-from scipy.special import stdtrit
 
 from benchctl.calibration.angle_rate import unwrap_deg
 from benchctl.calibration.linear import clustered_covariance
+from benchctl.calibration.uncertainty import coverage_factor
 from benchctl.recordings.model import Step
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -92,9 +92,9 @@ def fit_free_motion(
             break
     residual = angle - spline(time + delay) * coefficients[0]
     cluster = (np.arange(columns.shape[0]) * clusters // columns.shape[0]).astype(np.int64)
-    covariance = clustered_covariance(columns, residual[inside], cluster)
+    covariance, dof = clustered_covariance(columns, residual[inside], cluster)
     scale = 1.0 / float(coefficients[0])
-    widths = stdtrit(clusters - 2, 0.975) * np.sqrt(np.diag(covariance)) * np.array([scale**2, abs(scale)])
+    widths = coverage_factor(dof, 0.95) * np.sqrt(np.diag(covariance)) * np.array([scale**2, abs(scale)])
     return FreeMotionFit(
         scale=scale,
         scale_ci95=(scale - float(widths[0]), scale + float(widths[0])),

@@ -29,8 +29,9 @@ from benchctl.calibration.noise_model import (
 )
 from benchctl.calibration.reduce import ReducedStep
 from benchctl.calibration.rows import Rows, gather
+from benchctl.calibration.thermistor import ThermalHistory
 from benchctl.calibration.uncertainty import Mixture
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -41,6 +42,10 @@ ENCODER_TERMS = (
     "encoder_sin2_arcsec",
     "encoder_cos2_arcsec",
 )
+THERMAL_LAG = "thermal_lag_s"
+_LIKELY_LAG_S = 600.0
+_LAG_STEP_S = 3.0
+_NUDGE_C = 0.01
 _TURNS = 25
 _UNKNOWN_ACCURACY_ARCSEC = 200.0
 _ROBUST_AT = 4.0
@@ -54,7 +59,8 @@ class JointProblem:
     """What is to be fitted: the law, powers of ΔT in the bias, whether the delay and the encoder's error are free.
 
     `encoder_accuracy_arcsec` holds the encoder's amplitudes loosely (a normal prior of that deviation), 0 where
-    unknown.
+    unknown. With a `thermal` history the lag of the coil behind the thermistor is fitted too, held by a normal prior
+    of 600 s about 0.
     """
 
     law: Law
@@ -65,13 +71,15 @@ class JointProblem:
     encoder: bool = True
     encoder_accuracy_arcsec: float = 0.0
     robust: bool = True
+    thermal: ThermalHistory | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the parameters, in order."""
         bias = ("U0_v", *(f"c{i + 1}" for i in range(self.bias_terms)))
         delay = ("delay_s",) if self.delay else ()
-        return (*self.law.names, *bias, *delay, *(ENCODER_TERMS if self.encoder else ()))
+        lag = (THERMAL_LAG,) if self.thermal else ()
+        return (*self.law.names, *bias, *delay, *lag, *(ENCODER_TERMS if self.encoder else ()))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,18 +118,36 @@ def predict(problem: JointProblem, parameters: FloatArray, rows: Rows) -> tuple[
     rate = rows.true_rate(delay) + problem.earth_rate_dps
     if problem.encoder:
         rate = rate - rows.encoder_basis @ rest[-4:]
-    low = problem.law.volts_and_slopes(parameters[:laws], rate - rows.spread_dps, rows.dt_c)
-    high = problem.law.volts_and_slopes(parameters[:laws], rate + rows.spread_dps, rows.dt_c)
-    powers = rows.dt_c[:, None] ** np.arange(problem.bias_terms + 1)
+    dt_c, lag = rows.dt_c, float(rest[int(problem.delay)]) if problem.thermal else 0.0
+    if problem.thermal:
+        dt_c = dt_c + problem.thermal.behind(rows.time_s, lag)
+    low = problem.law.volts_and_slopes(parameters[:laws], rate - rows.spread_dps, dt_c)
+    high = problem.law.volts_and_slopes(parameters[:laws], rate + rows.spread_dps, dt_c)
+    powers = dt_c[:, None] ** np.arange(problem.bias_terms + 1)
     output = 0.5 * (low[0] + high[0]) + powers @ parameters[laws:bias_end]
     by_rate = 0.5 * (low[2] + high[2])
     columns = [0.5 * (low[1] + high[1]), powers]
     if problem.delay:
         late = delay - rows.expanded_at_s
         columns.append((by_rate * (late * rows.jerk_dps3 - rows.acceleration_dps2))[:, None])
+    if problem.thermal:
+        ends = [problem.thermal.behind(rows.time_s, lag + step) for step in (-_LAG_STEP_S, _LAG_STEP_S)]
+        by_lag = (ends[1] - ends[0]) / (2 * _LAG_STEP_S)
+        columns.append((_by_temperature(problem, parameters, rate, dt_c) * by_lag)[:, None])
     if problem.encoder:
         columns.append(-by_rate[:, None] * rows.encoder_basis)
     return output, np.concatenate(columns, axis=1)
+
+
+def _by_temperature(problem: JointProblem, parameters: FloatArray, rate: FloatArray, dt_c: FloatArray) -> FloatArray:
+    """Derivative of the output by the coil's temperature, V/°C, shape (n,)."""
+    laws = len(problem.law.names)
+    bias = parameters[laws : laws + 1 + problem.bias_terms]
+
+    def output(at_c: FloatArray) -> FloatArray:
+        return problem.law.volts(parameters[:laws], rate, at_c) + at_c[:, None] ** np.arange(bias.size) @ bias
+
+    return np.asarray((output(dt_c + _NUDGE_C) - output(dt_c - _NUDGE_C)) / (2 * _NUDGE_C))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -304,8 +330,10 @@ def _scores(steps: Sequence[ReducedStep], blocks: _Linear) -> tuple[list[StepSco
 
 
 def _prior(problem: JointProblem) -> FloatArray:
-    """Information that is there before the data, (p,): that the encoder is about as accurate as its maker says."""
+    """Information that is there before the data, (p,): of the encoder's accuracy as stated, and of lags of gyros."""
     information = np.zeros(len(problem.names))
+    if problem.thermal:
+        information[problem.names.index(THERMAL_LAG)] = 1.0 / _LIKELY_LAG_S**2
     if problem.encoder:
         information[-4:] = 1.0 / (problem.encoder_accuracy_arcsec or _UNKNOWN_ACCURACY_ARCSEC) ** 2
     return information

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,17 +11,19 @@ import numpy.typing as npt
 
 from benchctl.calibration.budget import contributions
 from benchctl.calibration.carries import Carries, what_it_carries
-from benchctl.calibration.joint import JointProblem, JointSolution, fit_joint
+from benchctl.calibration.joint import THERMAL_LAG, JointProblem, JointSolution, fit_joint
 from benchctl.calibration.linear import fit_linear
 from benchctl.calibration.model import Law
 from benchctl.calibration.options import CalibrationOptions
 from benchctl.calibration.orders import choose_orders
 from benchctl.calibration.reduce import ReducedStep
-from benchctl.calibration.result import JointFit, Noise, Parameter, StraightLine
+from benchctl.calibration.result import Contribution, JointFit, Noise, Parameter, StraightLine
 from benchctl.calibration.rows import gather
+from benchctl.calibration.thermistor import ThermalHistory
+from benchctl.calibration.uncertainty import LEVEL, coverage_factor, dof_of_factor, effective_dof
 from benchctl.recordings.model import BenchFacts
 from benchctl.recordings.stated import StatedUncertainties
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -28,12 +31,19 @@ _CURVED_FROM_DPS = 60.0
 _SURE_OF_BEND = 10.0
 _LEAST_BEND = 1e-3
 _ENCODER_FROM_RUNS = 3
+_LAGS_S = (600.0, 420.0, 300.0, 210.0, 150.0)
+_LEAST_BEHIND_C = 1e-3
+_SETTLED = 0.5
+_EXCLUDED = 4.0
+"""By so much more in twice the log-likelihood (two standard deviations) a lag is excluded."""
+_SURE_OF_LAG = 2.0
 
 UNITS = {
     "K0_v_per_dps": ("V/(°/s)", "scale factor at T0 and low rates"),
     "S_rad_per_dps": ("rad/(°/s)", "Sagnac phase per rate: the sine's argument"),
     "U0_v": ("V", "output at rest at T0, when the recording began"),
     "delay_s": ("s", "by how much the output follows the rate"),
+    THERMAL_LAG: ("s", "time constant of the coil behind the thermistor"),
 }
 
 
@@ -45,10 +55,12 @@ def fit_laws(
     bench: BenchFacts,
     options: CalibrationOptions,
     known: StatedUncertainties,
+    thermal: ThermalHistory,
 ) -> tuple[tuple[JointFit, ...], tuple[str, ...]]:
     """Joint fits, the one that the data prefer first, and sentences on what could not be fitted.
 
-    `known` is how well the bench is.
+    `known` is how well the bench is known. Where the gyro had not settled thermally, by its `thermal` history, the lag
+    of its coil is a parameter (`thermal_lag_s`).
     """
     warnings: list[str] = []
     delay = _likely_delay(steps)
@@ -79,8 +91,111 @@ def fit_laws(
     if not solved:
         raise UsageError(f"calibration: no law could be fitted jointly: {warnings[-1]}")
     solved.sort(key=lambda pair: pair[1].bic)
-    fits = tuple(_named(problem, solution, steps, bench, known) for problem, solution in solved)
+    lag_s, fitted = _thermal_lag(*solved[0], steps, thermal)
+    shifts: list[Mapping[str, float]] = [{}] * len(solved)
+    if fitted is not None:
+        others = (_with_lag(*pair, steps, thermal, lag_s) for pair in solved[1:])
+        solved = [fitted, *(pair for pair in others if pair is not None)]
+        solved.sort(key=lambda pair: pair[1].bic)
+        warnings.append(_unsettled(solved[0][1], steps, thermal))
+    elif lag_s > 0.0:
+        shifts = [_shift(pair, _at_lag(*pair, steps, thermal, lag_s)) for pair in solved]
+        warnings.append(
+            f"The gyro may not have settled thermally: that its coil lags its thermistor by up to {lag_s:.0f} s cannot "
+            "be excluded. What that would change is in the uncertainties; a longer soak avoids it."
+        )
+    fits = tuple(
+        _named(problem, solution, steps, bench, known, shift)
+        for (problem, solution), shift in zip(solved, shifts, strict=True)
+    )
     return fits, tuple(warnings)
+
+
+def _thermal_lag(
+    problem: JointProblem, solution: JointSolution, steps: Sequence[ReducedStep], thermal: ThermalHistory
+) -> tuple[float, tuple[JointProblem, JointSolution] | None]:
+    """The largest lag, s, of the coil that the data allow, and the fit with the lag as a parameter where that is sure.
+
+    0 where no likely lag would move a parameter by more than half its standard uncertainty: the gyro had settled.
+    """
+    if problem.law.temperature_terms == 0 and problem.bias_terms == 0:
+        return 0.0, None
+    standard = np.sqrt(np.diag(solution.covariance))
+    for lag_s in _LAGS_S:
+        if _farthest_behind_c(steps, thermal, lag_s) < _LEAST_BEHIND_C:
+            break
+        lagging = _at_lag(problem, solution, steps, thermal, lag_s)
+        if lagging is None:
+            continue
+        if np.all(np.abs(lagging.estimate - solution.estimate) <= _SETTLED * standard):
+            break
+        if lagging.bic < solution.bic + _EXCLUDED:
+            fitted = _with_lag(problem, solution, steps, thermal, lag_s)
+            return lag_s, fitted if fitted is not None and _is_sure(fitted[1]) else None
+    return 0.0, None
+
+
+def _farthest_behind_c(steps: Sequence[ReducedStep], thermal: ThermalHistory, lag_s: float) -> float:
+    """The largest difference between coil and thermistor during the steps, °C."""
+    return float(np.max(np.abs(thermal.behind(np.concatenate([step.time_s for step in steps]), lag_s))))
+
+
+def _at_lag(
+    problem: JointProblem,
+    solution: JointSolution,
+    steps: Sequence[ReducedStep],
+    thermal: ThermalHistory,
+    lag_s: float,
+) -> JointSolution | None:
+    """The same fit to the temperatures of a coil that lags by so much; None where the law cannot be fitted to them."""
+    try:
+        return fit_joint(problem, thermal.coils(steps, lag_s), solution.estimate)
+    except UsageError:
+        return None
+
+
+def _with_lag(
+    problem: JointProblem,
+    solution: JointSolution,
+    steps: Sequence[ReducedStep],
+    thermal: ThermalHistory,
+    lag_s: float,
+) -> tuple[JointProblem, JointSolution] | None:
+    """The same fit with the lag of the coil as one more parameter, from a likely one on; None where there is none."""
+    lagging = replace(problem, thermal=thermal)
+    start = np.insert(solution.estimate, lagging.names.index(THERMAL_LAG), lag_s)
+    try:
+        return lagging, fit_joint(lagging, steps, start)
+    except UsageError:
+        return None
+
+
+def _lag_of(solution: JointSolution) -> tuple[float, float]:
+    """The fitted lag and its standard uncertainty, s."""
+    place = solution.names.index(THERMAL_LAG)
+    return float(solution.estimate[place]), float(np.sqrt(solution.covariance[place, place]))
+
+
+def _is_sure(solution: JointSolution) -> bool:
+    """Whether a fitted lag stands out of its uncertainty."""
+    lag_s, standard_s = _lag_of(solution)
+    return solution.converged and lag_s > _SURE_OF_LAG * standard_s
+
+
+def _shift(plain: tuple[JointProblem, JointSolution], lagging: JointSolution | None) -> Mapping[str, float]:
+    """By how much a lag moves each parameter."""
+    if lagging is None:
+        return {}
+    return dict(zip(plain[1].names, map(float, lagging.estimate - plain[1].estimate), strict=True))
+
+
+def _unsettled(solution: JointSolution, steps: Sequence[ReducedStep], thermal: ThermalHistory) -> str:
+    behind_c = _farthest_behind_c(steps, thermal, _lag_of(solution)[0])
+    return (
+        f"The gyro had not settled thermally: its coil was up to {behind_c:.2g} °C behind its thermistor while the "
+        "fitted steps were recorded. Its lag is a parameter of the joint fit (thermal_lag_s) and widens the "
+        "uncertainties; a longer soak avoids it."
+    )
 
 
 def only_free_motion(steps: Sequence[ReducedStep]) -> bool:
@@ -202,24 +317,39 @@ def _named(
     steps: Sequence[ReducedStep],
     bench: BenchFacts,
     known: StatedUncertainties,
+    lag_shifts: Mapping[str, float],
 ) -> JointFit:
-    """The solution in the words of the result, with intervals and budgets."""
+    """The solution in the words of the result, with intervals and budgets.
+
+    `lag_shifts` is what the largest lag of the coil that is not excluded would move the parameters by.
+    """
     low, high = solution.mixture.interval(0.95, solution.freedom)
+    half = np.max(np.abs(solution.mixture.interval(LEVEL, solution.freedom) - solution.estimate), axis=0)
     standard = np.sqrt(np.diag(solution.covariance))
     values = dict(zip(solution.names, map(float, solution.estimate), strict=True))
     parameters = []
     for i, name in enumerate(solution.names):
         unit, says = UNITS.get(name) or _unit_of(name, problem.law.name)
-        budget = contributions(name, values, float(standard[i]), steps, bench, problem.earth_rate_dps, known)
+        type_a, own = float(standard[i]), float(half[i])
+        dof_a = dof_of_factor(own / type_a)
+        budget = contributions(name, values, type_a, dof_a, steps, bench, problem.earth_rate_dps, known)
+        if shift := abs(lag_shifts.get(name, 0.0)):
+            says = "a lag of the coil behind its thermistor is not excluded"
+            budget += (Contribution(source="thermal lag", standard=shift / math.sqrt(3.0), kind="B", says=says),)
+        combined = math.hypot(*(part.standard for part in budget))
+        dof = effective_dof((part.standard, part.dof) for part in budget)
+        expanded = max(coverage_factor(dof) * combined, own)
         parameters.append(
             Parameter(
                 name=name,
                 value=values[name],
                 unit=unit,
-                standard=float(standard[i]),
+                standard=type_a,
                 ci95=(float(low[i]), float(high[i])),
                 says=says,
-                expanded=2.0 * float(np.sqrt(sum(part.standard**2 for part in budget))),
+                expanded=expanded,
+                k=expanded / combined,
+                dof=dof,
                 budget=budget,
             )
         )

@@ -12,28 +12,31 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinearFit:
-    """Coefficients (p,), their covariance (p, p) and the residuals (n,)."""
+    """Coefficients (p,), their covariance (p, p), the residuals (n,) and the degrees of freedom."""
 
     coefficients: FloatArray
     covariance: FloatArray
     residual: FloatArray
+    dof: int
 
 
 def fit_linear(columns: FloatArray, values: FloatArray) -> LinearFit:
-    """Minimise Σ (values − columns·c)²; columns (n, p). Without freedom left the variance is taken as 1."""
+    """Minimise Σ (values − columns·c)²; columns (n, p). With as many values as coefficients the variance is NaN."""
     scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     basis, triangle = np.linalg.qr(columns / scale)
     inverse = np.linalg.pinv(triangle)
     coefficients = inverse @ (basis.T @ values) / scale
     residual = values - columns @ coefficients
     freedom = values.size - columns.shape[1]
-    variance = float(residual @ residual) / freedom if freedom > 0 else 1.0
+    variance = float(residual @ residual) / freedom if freedom > 0 else np.nan
     covariance = variance * (inverse @ inverse.T) / scale[:, None] / scale
-    return LinearFit(coefficients=coefficients, covariance=covariance, residual=residual)
+    return LinearFit(coefficients=coefficients, covariance=covariance, residual=residual, dof=freedom)
 
 
-def clustered_covariance(columns: FloatArray, residual: FloatArray, cluster: npt.NDArray[np.int64]) -> FloatArray:
-    """Covariance of unweighted coefficients where residuals of one cluster (a step) hang together, (p, p).
+def clustered_covariance(
+    columns: FloatArray, residual: FloatArray, cluster: npt.NDArray[np.int64]
+) -> tuple[FloatArray, int]:
+    """Covariance (p, p) of unweighted coefficients where residuals of one cluster (a step) hang together, and its dof.
 
     Liang and Zeger, Biometrika 73 (1986) 13, with the usual correction for the number of clusters. With fewer than
     twice as many clusters as coefficients the plain covariance, times the blocks a cluster holds, stands in: an upper
@@ -46,9 +49,9 @@ def clustered_covariance(columns: FloatArray, residual: FloatArray, cluster: npt
     names = np.unique(cluster)
     if names.size < 2 * p:
         size = columns.shape[0] / names.size
-        covariance = bread * float(residual @ residual) / max(residual.size - p, 1) * size
+        covariance, dof = bread * float(residual @ residual) / max(residual.size - p, 1) * size, names.size
     else:
         scores = np.stack([scaled[cluster == name].T @ residual[cluster == name] for name in names])
         covariance = bread @ (scores.T @ scores) @ bread * names.size / (names.size - p)
-    result: FloatArray = covariance / scale[:, None] / scale
-    return result
+        dof = names.size - p
+    return covariance / scale[:, None] / scale, dof

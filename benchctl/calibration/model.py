@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchctl.calibration.result import Argument, Convention
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 FloatArray = npt.NDArray[np.float64]
 

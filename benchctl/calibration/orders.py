@@ -12,7 +12,7 @@ from benchctl.calibration.joint import JointProblem, fit_joint, predict
 from benchctl.calibration.model import Law
 from benchctl.calibration.reduce import ReducedStep
 from benchctl.calibration.rows import gather
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 FloatArray = npt.NDArray[np.float64]
 

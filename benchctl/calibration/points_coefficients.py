@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from benchctl.calibration.coefficients import SCHEMA
-from benchctl.calibration.static_points_fit import StaticPointsResult
-
-_NINETY_FIVE = 1.959964
+from benchctl.calibration.static_points_fit import PointsFit, StaticPointsResult
+from benchctl.calibration.uncertainty import LEVEL, coverage_factor
 
 
 def points_coefficients(
@@ -22,7 +21,7 @@ def points_coefficients(
     fit = result.rotating
     S = fit.S_rad_per_dps
     slopes = (-S / 3.0, S**3 / 30.0)  # of the two coefficients with respect to S
-    variance = ((fit.S_ci95[1] - fit.S_ci95[0]) / (2 * _NINETY_FIVE)) ** 2
+    variance = (fit.expanded(fit.S_ci95) / coverage_factor(fit.dof)) ** 2
     nothing: dict[str, Any] = {"coefficients": [], "covariance": []}
     return {
         "schema": SCHEMA,
@@ -53,11 +52,12 @@ def points_coefficients(
         },
         "uncertainty": {
             "k": 2,
+            "level": LEVEL,
             "of": "sine law through the rotating points",
             "parameters": {
-                "K0_v_per_dps": _expanded(fit.K0_v_per_dps, fit.K0_ci95),
-                "U0_v": _expanded(fit.U0_v, fit.U0_ci95),
-                "S_rad_per_dps": _expanded(S, fit.S_ci95),
+                "K0_v_per_dps": _uncertainty(fit, fit.K0_v_per_dps, fit.K0_ci95, "V/(°/s)"),
+                "U0_v": _uncertainty(fit, fit.U0_v, fit.U0_ci95, "V"),
+                "S_rad_per_dps": _uncertainty(fit, S, fit.S_ci95, "rad/(°/s)"),
             },
         },
         "source": [{"recording": name, "digest": digest} for name, digest in source],
@@ -74,5 +74,12 @@ def points_coefficients(
     }
 
 
-def _expanded(value: float, ci95: tuple[float, float]) -> dict[str, Any]:
-    return {"value": value, "ci95": list(ci95), "expanded": (ci95[1] - ci95[0]) / _NINETY_FIVE}
+def _uncertainty(fit: PointsFit, value: float, ci95: tuple[float, float], unit: str) -> dict[str, Any]:
+    return {
+        "value": value,
+        "unit": unit,
+        "ci95": list(ci95),
+        "expanded": fit.expanded(ci95),
+        "k": coverage_factor(fit.dof),
+        "dof": fit.dof,
+    }

@@ -8,6 +8,7 @@ fitted runs prefer.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
@@ -27,12 +28,16 @@ Argument = Literal["indicated", "true"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contribution:
-    """One contributor to an uncertainty: a standard uncertainty (k = 1) in the parameter's own unit, and its ground."""
+    """One contributor to an uncertainty: a standard uncertainty (k = 1) in the parameter's own unit, and its ground.
+
+    `dof` are its degrees of freedom, infinite for type B unless stated otherwise.
+    """
 
     source: str
     standard: float
     kind: Literal["A", "B"]
     says: str
+    dof: float = math.inf
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,7 +45,9 @@ class Parameter:
     """An estimated parameter.
 
     `standard` is the standard uncertainty by the scatter of the data (type A, k = 1) and `ci95` its interval: what a
-    repetition on the same bench would show. `expanded` (k = 2) adds what it would not show; `budget` says what.
+    repetition on the same bench would show. `expanded` adds what it would not show; `budget` says what. It holds at
+    95.45 %: `k` times the combined standard uncertainty, where `k` follows from the effective degrees of freedom `dof`
+    (2 where they are infinite), and never less than type A alone has at that level.
     """
 
     name: str
@@ -49,7 +56,9 @@ class Parameter:
     standard: float
     ci95: tuple[float, float]
     says: str
-    expanded: float | None = None
+    expanded: float
+    k: float = 2.0
+    dof: float = math.inf
     budget: tuple[Contribution, ...] = ()
 
 
@@ -64,11 +73,15 @@ class StraightLine:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PolynomialFactor:
-    """A factor k = 1 + Σ c_i·b_i, with b = ΔT, ΔT², … or ω², ω⁴, …; `covariance` of the coefficients, shape (n, n)."""
+    """A factor k = 1 + Σ c_i·b_i, with b = ΔT, ΔT², … or ω², ω⁴, …; `covariance` of the coefficients, shape (n, n).
+
+    `dof` are the degrees of freedom of the covariance.
+    """
 
     basis: tuple[str, ...]
     coefficients: tuple[float, ...]
     covariance: tuple[tuple[float, ...], ...]
+    dof: float = math.inf
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,6 +122,8 @@ class Stage:
     delay_s: float
     standard: Mapping[str, float] = field(default_factory=dict)
     """Standard uncertainties (k = 1) of `K0_v_per_dps`, `U0_v`, `delay_s` where the stage fits them."""
+    dof: Mapping[str, float] = field(default_factory=dict)
+    """Their degrees of freedom."""
     error_percent: BeforeAfter
     rms_percent: BeforeAfter
     shares: tuple[Share, ...] = ()

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchctl.calibration.compensating import Compensation
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 TOLERANCE = 1e-9
 """How far another program may be off, of the largest rate in `valid`: far above rounding, far below any gyro."""

@@ -18,7 +18,7 @@ from benchctl.calibration.model import factor
 from benchctl.calibration.reduce import ReducedStep
 from benchctl.calibration.result import MeanPoints, PolynomialFactor, StraightLine, TemperaturePoint
 from benchctl.calibration.rows import Rows
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -30,13 +30,18 @@ _CURVED_FROM_DPS = 60.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StageOne:
-    """What stage 1 found; `u0_t` are the coefficients of the bias over ΔT, V/°C^i."""
+    """What stage 1 found; `u0_t` are the coefficients of the bias over ΔT, V/°C^i.
+
+    Standard uncertainties of K0 and U0 come with their degrees of freedom.
+    """
 
     line: StraightLine
     K0_v_per_dps: float
     K0_standard: float
+    K0_dof: float
     U0_v: float
     U0_standard: float
+    U0_dof: float
     u0_t: tuple[float, ...]
     k_t: PolynomialFactor
     k_omega: PolynomialFactor
@@ -97,7 +102,7 @@ def stage_one(
     dt = np.nan_to_num(np.array([float(np.mean(points.temperature_c[group])) - T0_c for group, _ in usable]))
     room = int(np.argmin(np.abs(dt)))
     k_t = _k_of_temperature(dt, [line for _, line in usable], orders[0], warnings)
-    u0, u0_standard, u0_t = _bias(dt, [line for _, line in usable], orders[2], warnings)
+    u0, u0_standard, u0_dof, u0_t = _bias(dt, [line for _, line in usable], orders[2], warnings)
     room_group = usable[room][0]
     narrow = _slope(points, room_group, earth_rate_dps, K0_LIMIT_DPS) or usable[room][1]
     if narrow.limit > 1.01 * K0_LIMIT_DPS:
@@ -112,8 +117,10 @@ def stage_one(
         line=StraightLine(K0_v_per_dps=narrow.slope, U0_v=narrow.bias, rate_limit_dps=narrow.limit),
         K0_v_per_dps=k0,
         K0_standard=narrow.slope_standard,
+        K0_dof=narrow.dof,
         U0_v=u0,
         U0_standard=u0_standard,
+        U0_dof=u0_dof,
         u0_t=u0_t,
         k_t=k_t,
         k_omega=k_omega,
@@ -135,12 +142,13 @@ def stage_one(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Line:
-    """A straight line through the slow points of one temperature."""
+    """A straight line through the slow points of one temperature; `dof` is 0 where the standards are not known."""
 
     slope: float
     slope_standard: float
     bias: float
     bias_standard: float
+    dof: int
     limit: float
 
 
@@ -154,14 +162,16 @@ def line_in_motion(rows: Rows, earth_rate_dps: float) -> StageOne:
     rate = rows.true_rate(0.0)[slow] + earth_rate_dps
     fit = fit_linear(np.stack([np.ones(rate.size), rate, rows.acceleration_dps2[slow]], axis=1), rows.output_v[slow])
     standard = np.sqrt(np.diag(fit.covariance))
-    none = _factor_of((), np.empty(0), np.empty((0, 0)))
+    none = _factor_of((), np.empty(0), np.empty((0, 0)), fit.dof)
     offset, gain = float(fit.coefficients[0]), float(fit.coefficients[1])
     return StageOne(
         line=StraightLine(K0_v_per_dps=gain, U0_v=offset, rate_limit_dps=float(np.max(np.abs(rate)))),
         K0_v_per_dps=gain,
         K0_standard=float(standard[1]),
+        K0_dof=fit.dof,
         U0_v=offset,
         U0_standard=float(standard[0]),
+        U0_dof=fit.dof,
         u0_t=(),
         k_t=none,
         k_omega=none,
@@ -199,6 +209,7 @@ def _slope(points: MeanPoints, group: npt.NDArray[np.int64], earth: float, limit
         slope_standard=float(standard[1]),
         bias=float(fit.coefficients[0]),
         bias_standard=float(standard[0]),
+        dof=max(freedom, 0),
         limit=float(np.max(np.abs(rate[slow]))),
     )
 
@@ -230,23 +241,27 @@ def _powers(order: int) -> tuple[str, ...]:
 def _k_of_temperature(dt: FloatArray, lines: list[_Line], order: int, warnings: list[str]) -> PolynomialFactor:
     """k(T) from the reciprocal slopes, 1 at T0."""
     order = _supported(dt, order, "k(T)", warnings)
-    reciprocal = np.array([1.0 / line.slope for line in lines])
-    fit = fit_linear(dt[:, None] ** np.arange(order + 1), reciprocal)
-    centre = fit.coefficients[0]
+    columns, reciprocal = dt[:, None] ** np.arange(order + 1), np.array([1.0 / line.slope for line in lines])
+    fit = fit_linear(columns, reciprocal)
+    centre, covariance, dof = fit.coefficients[0], fit.covariance, fit.dof
+    if dof == 0:
+        # The curve runs through every temperature: what is known of it is how well each slope is.
+        weights = np.linalg.inv(columns) * (reciprocal**2 * np.array([line.slope_standard for line in lines]))
+        covariance, dof = weights @ weights.T, min(line.dof for line in lines)
     # c_i = a_i/a_0, to first order in the errors
     change = np.concatenate([-fit.coefficients[1:, None] / centre**2, np.eye(order) / centre], axis=1)
-    return _factor_of(_powers(order), fit.coefficients[1:] / centre, change @ fit.covariance @ change.T)
+    return _factor_of(_powers(order), fit.coefficients[1:] / centre, change @ covariance @ change.T, dof)
 
 
 def _bias(
     dt: FloatArray, lines: list[_Line], order: int, warnings: list[str]
-) -> tuple[float, float, tuple[float, ...]]:
-    """Bias at T0, its standard uncertainty, and its coefficients over ΔT."""
+) -> tuple[float, float, int, tuple[float, ...]]:
+    """Bias at T0, its standard uncertainty with its degrees of freedom, and its coefficients over ΔT."""
     order = _supported(dt, order, "U0(T)", warnings)
     fit = fit_linear(dt[:, None] ** np.arange(order + 1), np.array([line.bias for line in lines]))
-    free = dt.size > order + 1
-    standard = float(np.sqrt(fit.covariance[0, 0])) if free else lines[int(np.argmin(np.abs(dt)))].bias_standard
-    return float(fit.coefficients[0]), standard, tuple(map(float, fit.coefficients[1:]))
+    room = lines[int(np.argmin(np.abs(dt)))]
+    standard, dof = (float(np.sqrt(fit.covariance[0, 0])), fit.dof) if fit.dof else (room.bias_standard, room.dof)
+    return float(fit.coefficients[0]), standard, dof, tuple(map(float, fit.coefficients[1:]))
 
 
 def _supported(dt: FloatArray, order: int, what: str, warnings: list[str]) -> int:
@@ -283,14 +298,15 @@ def _k_of_rate(
         )
         order = fast
     if order == 0:
-        return _factor_of((), np.empty(0), np.empty((0, 0)))
+        return _factor_of((), np.empty(0), np.empty((0, 0)), 0)
     fit: LinearFit = fit_linear(x[:, None] ** (2 * np.arange(order) + 3), rate - x)
-    return _factor_of(tuple(f"x^{2 * i + 2}" for i in range(order)), fit.coefficients, fit.covariance)
+    return _factor_of(tuple(f"x^{2 * i + 2}" for i in range(order)), fit.coefficients, fit.covariance, fit.dof)
 
 
-def _factor_of(basis: tuple[str, ...], coefficients: FloatArray, covariance: FloatArray) -> PolynomialFactor:
+def _factor_of(basis: tuple[str, ...], coefficients: FloatArray, covariance: FloatArray, dof: int) -> PolynomialFactor:
     return PolynomialFactor(
         basis=basis,
         coefficients=tuple(map(float, coefficients)),
         covariance=tuple(tuple(map(float, row)) for row in covariance),
+        dof=dof,
     )

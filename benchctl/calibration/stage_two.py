@@ -7,7 +7,7 @@ cannot take 3–4 % to 0.7 % (`benchctl paper`, point 5), so each one's share of
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from math import factorial
 
@@ -69,30 +69,25 @@ def stage_two(first: Stage, rows: Rows, earth_rate_dps: float, orders: tuple[int
         parameters = parameters - change
         if np.all(np.abs(change) <= 1e-3 * layout.nudges):
             break
-    covariance = clustered_covariance(slopes, residual, rows.step)
+    covariance, dof = clustered_covariance(slopes, residual, rows.step)
     standard = np.sqrt(np.diag(covariance))
-    stage = _stage(first, layout, parameters, covariance)
-    return Stage(
-        name=stage.name,
-        k_t=stage.k_t,
-        k_omega=stage.k_omega,
-        K0_v_per_dps=stage.K0_v_per_dps,
-        U0_v=stage.U0_v,
-        u0_t=stage.u0_t,
-        delay_s=stage.delay_s,
+    stage = _stage(first, layout, parameters, covariance, dof)
+    return replace(
+        stage,
         standard={
             "K0_v_per_dps": abs(first.K0_v_per_dps) * float(standard[0]),
             "U0_v": float(standard[1]),
             "delay_s": float(standard[2]),
         },
-        error_percent=_NOT_MEASURED,
-        rms_percent=_NOT_MEASURED,
+        dof=dict.fromkeys(("K0_v_per_dps", "U0_v", "delay_s"), dof),
         shares=_shares(_secant(slopes, rows, stage.delay_s), before, layout.parts),
         runs=rows.steps,
     )
 
 
-def _stage(first: Stage, layout: _Layout, parameters: FloatArray, covariance: FloatArray | None = None) -> Stage:
+def _stage(
+    first: Stage, layout: _Layout, parameters: FloatArray, covariance: FloatArray | None = None, dof: int = 0
+) -> Stage:
     """The stage that a vector of parameters means."""
     parts = layout.parts
 
@@ -103,6 +98,7 @@ def _stage(first: Stage, layout: _Layout, parameters: FloatArray, covariance: Fl
             basis=tuple(basis),
             coefficients=tuple(float(parameters[i]) for i in places),
             covariance=tuple(tuple(map(float, row)) for row in block),
+            dof=dof,
         )
 
     return Stage(

@@ -1,14 +1,54 @@
-"""Intervals of parameters whose noise is itself only known within limits."""
+"""Coverage factors from degrees of freedom, and intervals of parameters whose noise is only known within limits."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import stdtr
+from scipy.optimize import brentq
+from scipy.special import ndtri, stdtr, stdtrit
 
 FloatArray = npt.NDArray[np.float64]
+
+K = 2.0
+LEVEL = math.erf(K / math.sqrt(2.0))
+"""The level of every expanded uncertainty, 95.45 %: that of k = 2 where the degrees of freedom are infinite."""
+_FEWEST_DOF, _MOST_DOF = 1.0, 1e6
+
+
+def coverage_factor(dof: float, level: float = LEVEL) -> float:
+    """The quantile of Student's t for a level of confidence (GUM, G.3); not below 1 degree of freedom.
+
+    >>> round(coverage_factor(math.inf), 2), round(coverage_factor(10), 2), round(coverage_factor(16, 0.99), 2)
+    (2.0, 2.28, 2.92)
+    """
+    if dof >= _MOST_DOF:
+        return K if level == LEVEL else float(ndtri(0.5 * (1.0 + level)))
+    return float(stdtrit(max(dof, _FEWEST_DOF), 0.5 * (1.0 + level)))
+
+
+def effective_dof(parts: Iterable[tuple[float, float]]) -> float:
+    """Effective degrees of freedom of a sum by Welch and Satterthwaite (GUM, G.4.1); infinite without any finite ones.
+
+    `parts` are standard uncertainties in the unit of the result, each with its degrees of freedom.
+    """
+    known = [(standard, dof) for standard, dof in parts if standard > 0.0]
+    # In shares of the sum: fourth powers of small numbers would be zero.
+    total = math.hypot(*(standard for standard, _ in known))
+    weighed = math.fsum((standard / total) ** 4 / dof for standard, dof in known)
+    return 1.0 / weighed if weighed > 0.0 else math.inf
+
+
+def dof_of_factor(factor: float) -> float:
+    """The degrees of freedom whose coverage factor is this one; infinite for 2 and less."""
+    if factor <= coverage_factor(0.5 * _MOST_DOF):
+        return math.inf
+    if factor >= coverage_factor(_FEWEST_DOF):
+        return _FEWEST_DOF
+    return float(brentq(lambda dof: coverage_factor(dof) - factor, _FEWEST_DOF, 0.5 * _MOST_DOF, rtol=1e-6))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,3 +90,14 @@ class Mixture:
 
         tail = 0.5 * (1.0 - probability)
         return quantile(tail), quantile(1.0 - tail)
+
+
+def dof_of_mixture(weights: FloatArray, variances: Sequence[float]) -> float:
+    """The degrees of freedom of a variance that has one of several values, (k,) each, with these weights.
+
+    They give Student's t the coverage factor that the mixture of normal distributions has at 95.45 %.
+    """
+    of = np.maximum(np.asarray(variances), 1e-300)[:, None, None]
+    mixture = Mixture(weights=weights, means=np.zeros((of.shape[0], 1)), covariances=of)
+    half = float(mixture.interval(LEVEL, _MOST_DOF)[1][0])
+    return dof_of_factor(half / math.sqrt(float(mixture.covariance[0, 0])))

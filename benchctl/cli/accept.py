@@ -33,8 +33,8 @@ def accept(
 ) -> None:
     """Measure what the recording shows of the gyro, judge it by limits, and write the report.
 
-    PASS, FAIL or INCONCLUSIVE each, with expanded uncertainty (k = 2) and guard band. Writes `acceptance.html`, `.pdf`,
-    `.xml` (JUnit) and `.json`. Exit status 1 unless all that has a limit passes.
+    PASS, FAIL or INCONCLUSIVE each, with expanded uncertainty (95.45 %) and guard band. Writes `acceptance.html`,
+    `.pdf`, `.xml` (JUnit) and `.json`. Exit status 1 unless all that has a limit passes.
 
     Example: `benchctl accept results/20261120-180000_acceptance_SIM-0001 --limits lab/limits.toml`
     """

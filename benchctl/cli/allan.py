@@ -64,7 +64,7 @@ def allan(
     from benchctl.recordings.campaign_manifest import add_to_manifest
     from benchctl.recordings.reader import open_recording
     from benchctl.reports.results import name_of
-    from instruments.errors import UsageError
+    from benchctl_instruments.errors import UsageError
 
     with result_of("allan", json_to, quiet) as result:
         if rate_hz is not None and not 0.0 < rate_hz < math.inf:

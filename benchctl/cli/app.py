@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 
 from benchctl.cli.overview import overview
 from benchctl.cli.saying import tell
 from benchctl.cli.verbs import SYNONYMS, VERBS
-from instruments.errors import BenchError, UsageError
+from benchctl_instruments.errors import BenchError, UsageError
 
 _STOPPED = 130
 """The exit status of a program that SIGINT ended."""
@@ -16,6 +17,9 @@ _STOPPED = 130
 
 def main() -> None:
     """The console script."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a character that the terminal has not is written as its number
+            stream.reconfigure(errors="backslashreplace")
     if "_BENCHCTL_COMPLETE" in os.environ:
         from benchctl.cli.completing import complete
 
@@ -24,8 +28,11 @@ def main() -> None:
 
 
 def run_verb(arguments: list[str]) -> int:
-    """Run a verb and return its exit status: 0, 1, 2 or 3, as `instruments.errors` says, 130 for Ctrl-C in between."""
+    """Run a verb and return its exit status: 0 to 3 (`benchctl_instruments.errors`), 130 for Ctrl-C in between."""
     try:
+        for argument in arguments:
+            if any("\ud800" <= character <= "\udfff" for character in argument):
+                raise UsageError(f"{argument!a}: expected a name in UTF-8; rename it")
         if arguments and arguments[0] in VERBS:
             from benchctl.cli.command import run_command
 

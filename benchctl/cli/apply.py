@@ -46,7 +46,7 @@ def apply(
     from benchctl.recordings.reader import open_recording
     from benchctl.recordings.verify import refuse_changed
     from benchctl.reports.results import source_digest
-    from instruments.errors import UsageError
+    from benchctl_instruments.errors import UsageError
 
     with result_of("apply", json_to, quiet) as result:
         target = output or beside(recording, "_compensated.h5")

@@ -56,7 +56,7 @@ def summary(outcome: Outcome) -> str:
         f"{duration(outcome.bench_time_s)} of bench time in {duration(outcome.wall_time_s)}",
         f"recording: {outcome.recording} ({size(_bytes(outcome.recording))})",
     ]
-    if outcome.status != "complete":
+    if outcome.status != "complete" and (outcome.safe.confirmed or outcome.safe.problems):
         confirmed = "confirmed by reading back" if not outcome.safe.problems else "NOT ALL CONFIRMED"
         lines.append(
             f"bench: table at {outcome.safe.rate_dps} deg/s, chamber set to {outcome.safe.chamber_setpoint_c} °C, "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -72,7 +73,7 @@ def paths(incomplete: str, wanted: Callable[[Path], bool]) -> list[Candidate]:
 
 
 def _is_recording(path: Path) -> bool:
-    return any((path / name).is_file() for name in _RECORDING_FILES)
+    return any(os.path.isfile(path / name) for name in _RECORDING_FILES)
 
 
 def _parameters_of(procedure: str) -> list[Candidate]:

@@ -14,8 +14,8 @@ from typer.main import get_command
 
 from benchctl.cli.verbs import function_name, module_of
 from benchctl.closeness import meant, nearest
-from instruments.errors import UsageError, in_line
-from instruments.field_faults import expectation
+from benchctl_instruments.errors import UsageError, in_line
+from benchctl_instruments.field_faults import expectation
 
 _WIDEST = 110
 _COMMAND = re.compile(r"`(benchctl [^`]+)`")
@@ -115,10 +115,10 @@ def _worded(err: TyperException, command: VerbCommand) -> str:
     if not err.message:
         return f"{hint} is needed: {in_line(getattr(err.param, 'help', '') or '')} ({_explains(command)})"
     says = expectation(err.message.removeprefix("Value error, ").rstrip("."))
-    choices = [item.value for item in err.param.shell_complete(typer.Context(command), "")]
-    given = re.match(r"'(.*)' is not one of", says)
-    close = nearest(given[1], choices) if given else ""
-    return f"{hint}: {says}{f': did you mean {close}?' if close else ''}"
+    if given := re.match(r"'(.*)' is not one of", says):
+        choices = [item.value for item in err.param.shell_complete(typer.Context(command), "")]
+        says += f": did you mean {close}?" if (close := nearest(given[1], choices)) else ""
+    return f"{hint}: {says}"
 
 
 def option_names(command: VerbCommand) -> list[str]:

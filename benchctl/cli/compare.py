@@ -48,7 +48,7 @@ def compare(
     from benchctl.cli.places import report_folder
     from benchctl.recordings.campaign_manifest import add_to_manifest
     from benchctl.reports import comparing
-    from instruments.errors import UsageError
+    from benchctl_instruments.errors import UsageError
 
     with result_of("compare", json_to, quiet) as result:
         folder = report_folder(real or simulated, out, json_to, quiet)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from benchctl.closeness import meant
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 _BASH = r"""# completion of benchctl for bash
 _benchctl_complete() {

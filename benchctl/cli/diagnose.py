@@ -73,7 +73,7 @@ def diagnose(
     from benchctl.recordings.verify import refuse_changed
     from benchctl.reports.diagnosing import diagnose_recordings, write_diagnosed
     from benchctl.reports.diagnosis_lines import lines
-    from instruments.errors import UsageError
+    from benchctl_instruments.errors import UsageError
 
     keep_memory()
     with result_of("diagnose", json_to, quiet) as result:

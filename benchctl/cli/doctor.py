@@ -49,7 +49,7 @@ def doctor(
 
     from benchctl.doctor.examine import examine
     from benchctl.doctor.finding import UNUSABLE, blamed, exit_status, summary
-    from instruments.errors import LinkError, UsageError
+    from benchctl_instruments.errors import LinkError, UsageError
 
     with result_of("doctor", json_to, quiet) as result:
         found: list[Finding] = []

@@ -29,7 +29,7 @@ def explain(
     from benchctl.explain.book import find, grouped
     from benchctl.explain.explained import explained
     from benchctl.explain.terminal import listing, page
-    from instruments.errors import UsageError
+    from benchctl_instruments.errors import UsageError
 
     columns = shutil.get_terminal_size((88, 24)).columns
     with result_of("explain", json_to, quiet) as result:

@@ -95,7 +95,7 @@ def fleet(
     from benchctl.reports.fleet_page import write_fleet_page
     from benchctl.reports.fleet_values import fleet_values, write_fleet_file
     from benchctl.reports.results import make_folder
-    from instruments.errors import UsageError
+    from benchctl_instruments.errors import UsageError
 
     def say(text: str) -> None:
         tell(f"benchctl: {text}", err=True)
@@ -135,7 +135,7 @@ def _options(
     from benchctl.fleet.job import Options
     from benchctl.metrology.limit_file import read_limits
     from benchctl.model_file import read_model
-    from instruments.errors import UsageError
+    from benchctl_instruments.errors import UsageError
 
     owners: dict[str, tuple[FleetVerb, bool]] = {
         "--limits": ("accept", limits is not None),
@@ -179,7 +179,7 @@ def _some(names: list[str]) -> str:
 
 def _judge(ended: Fleet, stopped: bool, result: Result) -> None:
     """The exit status, where it is not 0; something is left where it was stopped, or the scheduler is gone."""
-    from instruments.errors import UsageError
+    from benchctl_instruments.errors import UsageError
 
     failed, rejected = ended.ended("failed"), len(ended.rejected)
     if ended.left:

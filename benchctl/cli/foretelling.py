@@ -8,7 +8,7 @@ from pathlib import Path
 from benchctl.atomic import free_bytes, require_empty
 from benchctl.bench import Bench
 from benchctl.campaign.answers import Answers, answer_line
-from benchctl.campaign.check import bench_time_s, problems, room_problems
+from benchctl.campaign.check import bench_time_s, problems, refusal, room_problems
 from benchctl.campaign.expiry import expiring
 from benchctl.campaign.hands import hands_at_the_terminal, refuse_without_hands
 from benchctl.campaign.interlocks import words
@@ -19,7 +19,7 @@ from benchctl.cli.output import Result
 from benchctl.cli.timeline import timeline_lines
 from benchctl.cli.words import duration, size
 from benchctl.plan import Plan
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 def foretell(result: Result, plan: Plan, bench: Bench, out: Path, past: Past | None = None) -> None:
@@ -53,11 +53,7 @@ def foretell(result: Result, plan: Plan, bench: Bench, out: Path, past: Past | N
     if found:
         for problem in found:
             result.say(f"step {problem.step}: {problem.says}")
-        beyond = f"{len(found)} of its {len(plan.steps)} steps go beyond it; the first is "
-        raise UsageError(
-            f"procedure {plan.procedure} cannot run on {bench.name}: {'' if playable else beyond}"
-            f"step {found[0].step}, {found[0].says}"
-        )
+        raise UsageError(refusal(plan, found))
     result.say(
         f"{plan.procedure} on {bench.name}: {len(left.steps)} steps, at least {duration(takes_s or 0)}, "
         f"{size(needs or 0)} on disk ({size(free)} are free at {out})"

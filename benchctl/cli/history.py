@@ -19,13 +19,17 @@ def history(
     figure: Annotated[
         str | None, typer.Option("--figure", metavar="NAME", help="Only this figure, such as K0_v_per_dps.")
     ] = None,
+    all_parameters: Annotated[
+        bool, typer.Option("--all-parameters", help="Compare runs of a procedure with other parameters, too.")
+    ] = False,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="For the page; default: the folder.")] = None,
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
     """Chart what calibrations and acceptances said of each unit over time, and hold units against each other.
 
-    Control limits, drift since the last calibration, units apart from their siblings. Writes `history.html`; with
+    Control limits, drift since the last calibration, units apart from their siblings. Runs of one procedure are
+    compared where their parameters are the latest run's. Writes `history.html`; with
     --quiet and --json, without --out, only the JSON. What was read is kept in `.benchctl-history.sqlite`, which is
     made anew whenever it is missing.
 
@@ -37,7 +41,7 @@ def history(
     from benchctl.history.archives import unpacked
     from benchctl.history.history import history_of
     from benchctl.reports import history_page, history_report
-    from instruments.errors import UsageError
+    from benchctl_instruments.errors import UsageError
 
     def say(text: str) -> None:
         tell(f"benchctl: {text}", err=True)
@@ -48,7 +52,7 @@ def history(
         page_folder = report_folder(folder, out, json_to, quiet, kind="history")
         archived = not folder.is_dir()
         with unpacked(folder) if archived else nullcontext(folder) as place:
-            found = history_of(place, str(folder), say, kept=not archived)
+            found = history_of(place, str(folder), say, kept=not archived, all_parameters=all_parameters)
         units = history_report.chosen(found, unit, figure)
         result.values |= history_report.values(found, units)
         result.say(history_report.lines(found, units))

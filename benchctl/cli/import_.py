@@ -20,7 +20,7 @@ def further_help() -> str:
 
 def import_(
     source: Annotated[
-        Path, typer.Argument(metavar="SOURCE", help="An open recording's folder, a CSV, a MAT file, a table of points.")
+        Path, typer.Argument(metavar="SOURCE", help="An open recording's folder; text, MAT, JSON or SQLite.")
     ],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE.h5", help="The recording to write.")],
     map_file: Annotated[

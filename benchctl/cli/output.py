@@ -15,7 +15,7 @@ import typer
 
 from benchctl.cli.candidates import bench_files, parameters_of, procedures_named, recordings
 from benchctl.cli.saying import tell
-from instruments.errors import BenchError, UsageError, reason
+from benchctl_instruments.errors import BenchError, UsageError, reason
 
 JsonOption = Annotated[
     str | None, typer.Option("--json", metavar="FILE", help="Write the result for programs, `-` for stdout.")
@@ -152,7 +152,7 @@ def _write(verb: str, json_to: str, result: Result) -> None:
     from benchctl.atomic import whole_file
 
     with whole_file(Path(json_to)) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8", errors="backslashreplace")  # a name that is no UTF-8
 
 
 def _plain(value: Any) -> Any:

@@ -15,7 +15,7 @@ def beside(path: Path, ending: str) -> Path:
 
 def refuse_folder(path: Path) -> None:
     """Raise `UsageError` where a folder stands in the place of a file to be written."""
-    from instruments.errors import UsageError
+    from benchctl_instruments.errors import UsageError
 
     if path.is_dir():
         raise UsageError(f"-o {path}: is a folder; name the file to write")
@@ -30,7 +30,7 @@ def report_folder(
     by. Raises `UsageError` if there is not, or `out` may not be written to.
     """
     from benchctl.reports.results import may_be_made, results_folder
-    from instruments.errors import UsageError
+    from benchctl_instruments.errors import UsageError
 
     if out is None and json_to is not None and quiet:
         return None

@@ -15,7 +15,7 @@ def procedures(bench: BenchOption = "simulated", json_to: JsonOption = None, qui
     from benchctl.cli.saying import tell
     from benchctl.cli.words import duration
     from benchctl.plan.find import installed_procedures
-    from instruments.errors import UsageError
+    from benchctl_instruments.errors import UsageError
 
     with result_of("procedures", json_to, quiet) as result:
         stands = load_bench(bench)
@@ -35,7 +35,8 @@ def procedures(bench: BenchOption = "simulated", json_to: JsonOption = None, qui
                     "bench_time_s": takes_s,
                     "calibrates": procedure.calibrates,
                     "parameters": [
-                        {"name": p.name, "default": p.default, "says": p.says} for p in procedure.parameters
+                        {"name": p.name, "default": p.default, "says": p.says, "range": str(p.range)}
+                        for p in procedure.parameters
                     ],
                 }
             )
@@ -44,6 +45,7 @@ def procedures(bench: BenchOption = "simulated", json_to: JsonOption = None, qui
             )
             for p in procedure.parameters:
                 value = ",".join(f"{v:g}" for v in p.default) if isinstance(p.default, tuple) else p.default
-                result.say(f"    -p {p.name}={value}".ljust(38) + f" {p.says}")
+                limits = f" ({p.range})" if str(p.range) else ""
+                result.say(f"    -p {p.name}={value}".ljust(38) + f" {p.says}{limits}")
             result.say("")
         result.values["procedures"] = listed

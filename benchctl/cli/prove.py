@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
 from benchctl.cli.output import JsonOption, QuietOption, Result, result_of
 
 if TYPE_CHECKING:
-    from benchctl.proof.running import ProofSettings
+    from benchctl.diagnosis.result import Part
+
+_TRIALS_ON = 20
 
 
 def prove(
@@ -31,6 +33,11 @@ def prove(
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Where trials are kept; default: results/prove_seed….")
     ] = None,
+    on: Annotated[
+        Path | None,
+        typer.Option("--on", metavar="RECORDING", help="Add drawn effects to this real recording."),
+    ] = None,
+    part: Annotated[str, typer.Option("--part", metavar="PART", help="With --on: gyro, drive or chamber.")] = "gyro",
     keep: Annotated[bool, typer.Option("--keep", help="Keep the recordings, 4 MB each.")] = False,
     json_to: JsonOption = None,
     quiet: QuietOption = False,
@@ -39,7 +46,13 @@ def prove(
 
     The digest of what a trial conceals is printed before it is diagnosed. Stopped by Ctrl-C, the same command goes on
     where it was. Example: `benchctl prove --trials 22 --seed 7`
+
+    With --on the effects are added to a real recording, and held against what it shows by itself. Example:
+    `benchctl prove --on yaw.h5 --trials 20`
     """
+    if on is not None:
+        _on_recording(on, part, trials or _TRIALS_ON, seed, jobs, out, only or generic or keep, json_to, quiet)
+        return
     from benchctl.campaign.stop import stop_on_signals
     from benchctl.proof.running import ProofSettings, run_proof
     from benchctl.proof.summary import summarize
@@ -58,7 +71,7 @@ def prove(
             jobs=jobs,
         )
         folder = out or Path("results") / f"prove_seed{seed}"
-        with stop_on_signals() as stop, _told(result, settings, quiet) as told:
+        with stop_on_signals() as stop, _told(result, settings.trials, quiet) as told:
             finished = list(run_proof(settings, folder, told=told, stop=stop))
         summary = summarize(seed, finished)
         written = write_proof_report(folder, summary)
@@ -69,9 +82,44 @@ def prove(
             result.say(f"{name}: {path}")
 
 
+def _on_recording(
+    recording: Path,
+    part: str,
+    trials: int,
+    seed: int,
+    jobs: int,
+    out: Path | None,
+    further: object,
+    json_to: str | None,
+    quiet: bool,
+) -> None:
+    from typing import get_args
+
+    from benchctl.campaign.stop import stop_on_signals
+    from benchctl.closeness import meant
+    from benchctl.diagnosis.result import Part
+    from benchctl.proof.on_recording import RecordingProof, as_json, prove_on, untouched_findings
+    from benchctl.reports.proof_lines import lines_on
+    from benchctl_instruments.errors import UsageError
+
+    with result_of("prove", json_to, quiet) as result:
+        if part not in get_args(Part):
+            raise UsageError(f"--part {part}: is no part of a bench; {meant(part, get_args(Part))}")
+        if further:
+            raise UsageError("--on: goes with --part, --trials, --seed, --jobs and --out; leave the others out")
+        proof = RecordingProof(recording=recording, part=cast("Part", part), seed=seed, trials=trials, jobs=jobs)
+        folder = out or Path("results") / f"prove_{recording.stem}_seed{seed}"
+        with stop_on_signals() as stop, _told(result, trials, quiet) as told:
+            finished = list(prove_on(proof, folder, told=told, stop=stop))
+        values = as_json(proof, untouched_findings(folder), finished)
+        result.values |= {**values, "folder": folder}
+        for line in lines_on(values):
+            result.say(line)
+
+
 def _generic(wanted: bool | None, result: Result) -> bool:
     from benchctl.proof.generic.arm import available
-    from instruments.errors import UsageError
+    from benchctl_instruments.errors import UsageError
 
     there = available()
     if wanted and not there:
@@ -82,7 +130,7 @@ def _generic(wanted: bool | None, result: Result) -> bool:
 
 
 @contextmanager
-def _told(result: Result, settings: ProofSettings, quiet: bool) -> Iterator[Callable[[int, str], None]]:
+def _told(result: Result, trials: int, quiet: bool) -> Iterator[Callable[[int, str], None]]:
     """Digests as lines, and a bar where there is a terminal."""
     import threading
 
@@ -99,6 +147,6 @@ def _told(result: Result, settings: ProofSettings, quiet: bool) -> Iterator[Call
                 if sealed:
                     result.say(f"trial {index} {what}")
                 if draw is not None:
-                    draw(f"trial {index}", done / settings.trials, f"{done} of {settings.trials} done")
+                    draw(f"trial {index}", done / trials, f"{done} of {trials} done")
 
         yield tell_of

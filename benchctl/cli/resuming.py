@@ -16,7 +16,7 @@ from benchctl.campaign.safety import SafeState
 from benchctl.cli.campaigns import play
 from benchctl.plan import Plan
 from benchctl.recordings.recover import recover
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 def resumed(

@@ -102,7 +102,7 @@ def run(
     from benchctl.cli.campaigns import play, summary, told
     from benchctl.cli.resuming import resumed
     from benchctl.plan.find import find_procedure
-    from instruments.errors import UsageError
+    from benchctl_instruments.errors import UsageError
 
     with result_of("run", json_to, quiet) as result:
         _refuse_contradictions(procedure, parameter, again, limits, out, resume)
@@ -168,7 +168,7 @@ def _refuse_contradictions(
     out: Path | None,
     resume: Path | None,
 ) -> None:
-    from instruments.errors import UsageError
+    from benchctl_instruments.errors import UsageError
 
     if resume is not None and out is not None:
         raise UsageError(f"--out {out}: a campaign that is resumed stays in its folder, {resume}")

@@ -29,7 +29,7 @@ def serve(
     import json
     import os
 
-    from instruments.errors import UsageError
+    from benchctl_instruments.errors import UsageError
 
     if not folder.is_dir():
         raise UsageError(f"{folder}: is not there, or is no folder; expected a folder with campaigns in it")

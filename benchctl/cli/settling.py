@@ -13,7 +13,7 @@ from benchctl.cli.output import Result
 from benchctl.plan import Plan
 from benchctl.plan.find import find_procedure
 from benchctl.plan.written import as_texts, plan_source
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 if TYPE_CHECKING:
     from benchctl.bench import Bench

@@ -46,7 +46,7 @@ def sim(
     from benchctl.bench import load_bench
     from benchctl.campaign.opened import drivers_at, simulated_bench
     from benchctl.campaign.stop import stop_on_signals
-    from instruments.simulated.clock import ScaledClock
+    from benchctl_instruments.simulated.clock import ScaledClock
 
     with result_of("sim", json_to, quiet) as result:
         stands = load_bench(bench).with_seed(seed)
@@ -64,7 +64,7 @@ def sim(
 
 def _write_bench(path: Path, bench: Bench, addresses: dict[str, str], speed: float) -> None:
     from benchctl.campaign.served import bench_toml_at
-    from instruments.errors import UsageError, reason
+    from benchctl_instruments.errors import UsageError, reason
 
     try:
         path.write_text(bench_toml_at(bench, addresses, speed), encoding="utf-8")

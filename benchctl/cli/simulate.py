@@ -50,7 +50,7 @@ def simulate(
     from benchctl.cli.campaigns import play, told
     from benchctl.model_file import read_model
     from benchctl.plan.find import find_procedure
-    from instruments.errors import UsageError
+    from benchctl_instruments.errors import UsageError
 
     with result_of("simulate", json_to, quiet) as result:
         stands = load_bench(bench)

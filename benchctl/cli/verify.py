@@ -36,7 +36,7 @@ def verify(
 
 
 def _reach(path: Path, campaign: str | None) -> str:
-    """What that was said of, where a campaign's folder was named."""
+    """What was checked, where a campaign's folder was named."""
     if campaign is not None:
         return f"; campaign digest {campaign}"
-    return " (its recording; the other files have no manifest)" if path.is_dir() else ""
+    return " (its steps; the campaign is not closed, and so has no manifest yet)" if path.is_dir() else ""

@@ -21,7 +21,7 @@ from benchctl.doctor.machine.sleep import sleep_findings
 from benchctl.doctor.machine.software import software_findings
 from benchctl.doctor.network.firewalls import firewall_findings
 from benchctl.doctor.ports.listed import port_findings
-from instruments.errors import BenchNotReadyError, UsageError
+from benchctl_instruments.errors import BenchNotReadyError, UsageError
 
 BENCH = "bench"
 _PARTS: tuple[Callable[[], Iterator[Finding]], ...] = (
@@ -89,7 +89,11 @@ def _simulated(bench: Bench) -> Iterator[Finding]:
     except BenchNotReadyError as err:
         for role, failure in err.failures.items():
             yield bad(
-                role, "identity", " ".join(str(failure).split()), f"correct [{role}] and its options in the bench"
+                role,
+                "identity",
+                " ".join(str(failure).split()),
+                f"correct [{role}] and its options in the bench",
+                unusable=isinstance(failure, UsageError),
             )
     except UsageError as err:
         yield bad(BENCH, "simulation", str(err), "correct that table of the bench", unusable=True)

@@ -5,17 +5,18 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import NamedTuple
 
 from benchctl.bench import Bench
-from benchctl.campaign.reserved import lock_folder, lock_name
+from benchctl.campaign.reserved import lock_files, make_lock_folder
 from benchctl.doctor.finding import Finding, bad, look
 from benchctl.doctor.instruments.asking import findings_of_instrument
 from benchctl.doctor.ports.port import findings_of_port
-from benchctl.locks import Lock
-from instruments.catalog import Kind
-from instruments.errors import UsageError
-from instruments.links.address import Address, parse_address
+from benchctl.locks import held
+from benchctl_instruments.catalog import Kind
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.links.address import Address, parse_address
 
 LIMIT_S = 30.0
 """Wall time for one instrument: its driver's own patience, and finding out why it does not answer."""
@@ -37,7 +38,7 @@ class _Line(NamedTuple):
 
 def line_findings(bench: Bench, limit_s: float = LIMIT_S) -> Iterator[Finding]:
     """All instruments, those of different lines at the same time, told in the order of their roles."""
-    lines: dict[str, _Line] = {}
+    lines: dict[tuple[Path, ...], _Line] = {}
     told: dict[str, list[Finding]] = {}
     for role in _ROLES:
         if role not in bench.entries:
@@ -47,41 +48,37 @@ def line_findings(bench: Bench, limit_s: float = LIMIT_S) -> Iterator[Finding]:
         except UsageError as err:
             told[role] = [bad(role, "address", str(err), f"correct {role}.address", unusable=True)]
             continue
-        line = lines.setdefault(lock_name(str(address)), _Line([], {}))
+        line = lines.setdefault(lock_files(str(address)), _Line([], {}))
         line.places.append(_Place(role, address))
         line.found[role] = told[role] = []
     threads = {
-        name: threading.Thread(target=_look_at, args=(bench, name, line), name=f"doctor {name}", daemon=True)
-        for name, line in lines.items()
+        locks: threading.Thread(target=_look_at, args=(bench, locks, line), name=f"doctor {locks[0]}", daemon=True)
+        for locks, line in lines.items()
     }
     began_s = time.monotonic()
     for thread in threads.values():
         thread.start()
-    for name, thread in threads.items():
-        allowed_s = limit_s * len(lines[name].places)
+    for locks, thread in threads.items():
+        allowed_s = limit_s * len(lines[locks].places)
         thread.join(max(0.0, began_s + allowed_s - time.monotonic()))
         if thread.is_alive():
-            _note_late(lines[name], allowed_s)
+            _note_late(lines[locks], allowed_s)
     for role in _ROLES:
         yield from list(told.get(role, ()))
 
 
-def _look_at(bench: Bench, name: str, line: _Line) -> None:
+def _look_at(bench: Bench, locks: tuple[Path, ...], line: _Line) -> None:
     """One line, which is this process' alone meanwhile; nothing is sent where another process has it."""
     first = line.places[0]
-    lock = Lock(lock_folder() / f"{name}.lock", f"{first.role} at {first.address}")
     try:
-        lock.acquire("benchctl doctor")
+        make_lock_folder()
+        with held(locks, f"{first.role} at {first.address}", "benchctl doctor", settles=False):
+            for role, address in line.places:
+                _look_at_one(bench, role, address, line.found[role])
     except UsageError as err:
         for role, _ in line.places:
             do = "look again when it is done: nothing was asked, so that nothing is disturbed"
             line.found[role].append(look(role, "in use", str(err), do))
-        return
-    try:
-        for role, address in line.places:
-            _look_at_one(bench, role, address, line.found[role])
-    finally:
-        lock.release()
 
 
 def _look_at_one(bench: Bench, role: Kind, address: Address, found: list[Finding]) -> None:

@@ -14,7 +14,7 @@ from benchctl.explain.entry import Entry, Group
 from benchctl.explain.glossary import term_entries
 from benchctl.explain.metrics import metric_entries
 from benchctl.limits import cut
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 _BRITISH = (("z", "s"), ("fiber", "fibre"), ("center", "centre"), ("aging", "ageing"))
 _SYMBOL = 2

@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from benchctl.explain.entry import Entry, Group
 from benchctl.explain.glossary import beside, shared, tables
 from benchctl.reports import vocabulary
-from instruments.physics.chamber_effects.registry import chamber_effects
-from instruments.physics.drive_effects.registry import drive_effects
-from instruments.physics.effects.effect import DescribedEffect, Parameter
-from instruments.physics.effects.numbered import numbered
-from instruments.physics.effects.registry import effects
+from benchctl.reports.advice import advice_for
+from benchctl_instruments.physics.chamber_effects.registry import chamber_effects
+from benchctl_instruments.physics.drive_effects.registry import drive_effects
+from benchctl_instruments.physics.effects.effect import DescribedEffect, Parameter
+from benchctl_instruments.physics.effects.numbered import numbered
+from benchctl_instruments.physics.effects.registry import effects
 
 _LETTER = "[A-Za-zΑ-ω0-9_]"
 """What a name in an equation is made of; powers, ω², do not belong to it."""
@@ -98,6 +99,9 @@ def _facts(group: Group, kind: type[DescribedEffect]) -> Iterator[tuple[str, str
         yield "Found by", "benchctl diagnose RECORDING"
     else:
         yield "Found by", f"benchctl diagnose RECORDING --part {group}"
+    if (advice := advice_for(kind.identifier)) is not None:
+        yield "Calibration", advice.calibration
+        yield "At the bench", advice.bench
     table = "effects" if group == "gyro" else f"parts.{group}.effects"
     second = f"; a further one is [{table}.{numbered(kind.identifier, 2)}]" if kind.several else ""
     yield "In a model file", f"[{table}.{kind.identifier}]{second}"

@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 
 from benchctl.proof.sizes import DRAWN, drawn_size
-from instruments.physics.effects.registry import effects
-from instruments.physics.gyro import GyroParameters
+from benchctl_instruments.physics.effects.registry import effects
+from benchctl_instruments.physics.gyro import GyroParameters
 
 K0_V_PER_DPS, RANGE_DPS, NOISE_V = 0.05, 200.0, 1.5e-3
 """The typical unit: 10 V at 200 °/s, and white noise of a sample as many trials have it."""

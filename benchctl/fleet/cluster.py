@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from typing import Any
 
-from instruments.errors import UsageError, in_line
+from benchctl_instruments.errors import UsageError, in_line
 
 _CONNECT_S = 5.0
 _ENOUGH = 1_000_000
@@ -45,7 +45,7 @@ def connected(scheduler: str | None, workers: int) -> Iterator[Any]:
     Raises
     ------
     UsageError
-        Where no scheduler answers at the address.
+        Where no scheduler answers at the address, or no processes can be started.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # dask's own, on versions and ports: what fails because of them is told
@@ -106,14 +106,20 @@ def _own_workers(count: int) -> Iterator[Any]:
     """Processes with a thread each. Ctrl-C in a terminal reaches all: they leave it to this process to end them."""
     from distributed import LocalCluster
 
-    with _deaf():
-        cluster = LocalCluster(
-            n_workers=count,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address=None,
-            silence_logs=logging.CRITICAL,
-        )
+    try:
+        with _deaf():
+            cluster = LocalCluster(
+                n_workers=count,
+                threads_per_worker=1,
+                processes=True,
+                dashboard_address=None,
+                silence_logs=logging.CRITICAL,
+            )
+    except (OSError, RuntimeError) as err:
+        raise UsageError(
+            f"{count} worker processes cannot be started here: {in_line(str(err))}; check the limits on memory and "
+            "processes, or take fewer (--workers)"
+        ) from err
     with cluster:
         yield cluster
 

@@ -15,7 +15,7 @@ from benchctl.fleet.running import outcomes
 from benchctl.reports.fleet_facts import Fleet, Member
 from benchctl.reports.fleet_stated import REPORTS, VERBS, FleetVerb
 from benchctl.side_by_side import cores
-from instruments.errors import BenchError, LinkError
+from benchctl_instruments.errors import BenchError, LinkError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,10 +14,10 @@ import benchctl
 from benchctl.fleet.located import Located
 from benchctl.fleet.places import Place
 from benchctl.reports.fleet_stated import DOCUMENTS, FleetVerb, Stated
-from instruments.errors import BenchError
+from benchctl_instruments.errors import BenchError
 
 if TYPE_CHECKING:  # whoever hands jobs out does no arithmetic
-    from benchctl.diagnosis.parts import Part
+    from benchctl.diagnosis.result import Part
     from benchctl.metrology.limit_file import Limits
 
 Schema = Literal["benchctl-fleet-job/1"]

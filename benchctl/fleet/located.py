@@ -12,7 +12,7 @@ from typing import Literal
 from benchctl.limits import listed
 from benchctl.recordings.reader import OPEN_DESCRIPTION
 from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, RECORDING, STEPS, UNREADABLE
-from instruments.errors import UsageError, reason
+from benchctl_instruments.errors import UsageError, reason
 
 Kind = Literal["file", "campaign", "open"]
 

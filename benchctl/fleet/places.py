@@ -23,7 +23,7 @@ from benchctl.fleet.located import Located, is_url
 from benchctl.fleet.remote import filesystem, remote_errors
 from benchctl.recordings.campaign_manifest import add_to_manifest
 from benchctl.reports.fleet_stated import FleetVerb
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 KINDS: Mapping[FleetVerb, str] = {"fit": "fit", "diagnose": "diagnosis", "accept": "acceptance"}
 """What the folders of results are called by, as those of the single verbs are."""

@@ -15,7 +15,7 @@ from typing import Any
 
 from benchctl.fleet.located import Kind, Located, kind_of, owner_of
 from benchctl.recordings.schema import RECORDING
-from instruments.errors import UsageError, in_line
+from benchctl_instruments.errors import UsageError, in_line
 
 _VERSIONS = ("ETag", "etag", "md5Hash", "version_id", "CRC")
 _CHANGES = ("mtime", "LastModified", "last_modified", "updated", "modified")

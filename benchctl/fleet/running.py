@@ -13,7 +13,7 @@ import benchctl
 from benchctl.campaign.stop import StopRequest
 from benchctl.fleet.job import Job, Outcome
 from benchctl.fleet.work import MOST_STARTS, starts_of, work
-from instruments.errors import BenchError, LinkError, in_line
+from benchctl_instruments.errors import BenchError, LinkError, in_line
 
 _LOOK_S = 0.02
 _AHEAD = 256

@@ -17,7 +17,7 @@ from benchctl.fleet.job import SCHEMA, Job, JobRecord, Outcome, earlier, record_
 from benchctl.fleet.located import files_of
 from benchctl.fleet.remote import fetch
 from benchctl.reports.fleet_stated import DOCUMENTS, stated_in
-from instruments.errors import BenchError, in_line, reason
+from benchctl_instruments.errors import BenchError, in_line, reason
 
 MOST_STARTS = 2
 """Workers that a job may kill before it is taken for what kills them."""

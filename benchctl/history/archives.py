@@ -24,7 +24,7 @@ from typing import IO, cast
 from benchctl.atomic import free_bytes
 from benchctl.history.found import is_wanted
 from benchctl.limits import FREE_BYTES, MOST_DESCRIPTION_BYTES, MOST_TEXT_INFLATION, shown
-from instruments.errors import UsageError, in_line, reason
+from benchctl_instruments.errors import UsageError, in_line, reason
 
 _MOST_MEMBERS = 1 << 17
 """Names in an archive: ten thousand campaigns, each with all that lies beside it."""

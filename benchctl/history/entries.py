@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections import Counter
 from collections.abc import Mapping
@@ -16,7 +17,7 @@ from benchctl.limits import cut, shown
 from benchctl.recordings.descriptions import read_meta
 from benchctl.recordings.hdf5_files import open_ours
 from benchctl.recordings.hdf5_guard import attribute
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 ACCEPTANCE = "benchctl-acceptance/1"
 _LEVELS = ("raw", "stage_1", "stage_2", "joint")
@@ -43,12 +44,22 @@ def read_campaign(path: Path, key: str) -> Campaign:
         started_utc=_moment(meta.provenance.get("started_utc", "")),
         status=words(meta.status),
         digest=words(digest),
+        parameters=_parameters(meta.provenance.get("parameters", "")),
     )
 
 
 def read_document(path: Path, source: Source) -> Document:
     """The figures that a file states; `UsageError` where it is none of ours, or not as it should be."""
     return _coefficients(path) if source == "coefficients" else _acceptance(path)
+
+
+def _parameters(text: str) -> str:
+    """The parameters of a procedure in one spelling; empty where the text is not a table in JSON."""
+    try:
+        found = json.loads(text)
+    except ValueError:
+        return ""
+    return json.dumps(found, sort_keys=True) if isinstance(found, dict) else ""
 
 
 def words(text: object) -> str:

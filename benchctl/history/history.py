@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 from benchctl.history.control import Control, control_of
+from benchctl.history.entries import words
 from benchctl.history.flags import Flag, flags_of
 from benchctl.history.found import find
 from benchctl.history.index import keep, opened, place_of, refresh
@@ -17,7 +19,8 @@ from benchctl.history.linking import link
 from benchctl.history.model import SOURCES, Campaign, Problem, Source
 from benchctl.history.series import Drift, Point, Series, drifts
 from benchctl.history.siblings import Siblings, siblings_of
-from instruments.errors import UsageError
+from benchctl.limits import listed
+from benchctl_instruments.errors import UsageError
 
 _Kind = tuple[str, Source, str, str]
 """What is compared: model, source, name and unit of a figure."""
@@ -60,23 +63,32 @@ class History:
 
 
 def history_of(
-    folder: Path, name: str, say: Callable[[str], None], *, kept: bool = True, kept_at: Path | None = None
+    folder: Path,
+    name: str,
+    say: Callable[[str], None],
+    *,
+    kept: bool = True,
+    kept_at: Path | None = None,
+    all_parameters: bool = False,
+    follow_links: bool = True,
 ) -> History:
     """The history of a folder, by its index, which is brought up to date and, where `kept`, put back.
 
     The index is at `kept_at`, by default in the folder. `name` is what an error calls the folder; `say` hears of an
-    index that is damaged or cannot be put back, on which the history does not depend.
+    index that is damaged or cannot be put back, on which the history does not depend. Of a unit's runs of one procedure
+    those with other parameters than the latest are not charted or compared, unless `all_parameters`. Symbolic links in
+    the folder are followed only with `follow_links`.
 
     Raises
     ------
     UsageError
         Where there is no campaign in the folder.
     """
-    files, problems = find(folder)
+    files, problems = find(folder, follow_links=follow_links)
     place = (kept_at or place_of(folder)) if kept else None
     with closing(opened(place, say)) as index:
         changed = refresh(index, files)
-        counted, unlinked = link(index)
+        counted, unlinked = link(index, {file.key: file.path for file in files})
         if place is not None and counted and (changed or not place.exists()):
             try:
                 keep(index, place)
@@ -89,17 +101,46 @@ def history_of(
             more = f", and {len(problems) - 1} more" if len(problems) > 1 else ""
             found = f" ({problems[0]}{more})" if problems else ""
             raise UsageError(f"{name}: holds no campaign: expected recordings (*.h5) in it or below{found}")
-        return History(units=_units(index, counted), problems=tuple(problems), index=place)
+        index.row_factory = sqlite3.Row
+        unlike, left_out = (set[str](), list[Problem]()) if all_parameters else _unlike(index)
+        return History(units=_units(index, counted, unlike), problems=(*left_out, *problems), index=place)
 
 
-def _units(index: sqlite3.Connection, counted: set[str]) -> tuple[UnitHistory, ...]:
-    index.row_factory = sqlite3.Row
+def _unlike(index: sqlite3.Connection) -> tuple[set[str], list[Problem]]:
+    """Find the campaigns with other parameters than their unit's latest of that procedure, by their paths.
+
+    Campaigns without figures are passed over. A sentence for each unit and procedure says how many there are, and why.
+    """
+    runs: dict[tuple[str, str, str], list[tuple[str, dict[str, object]]]] = defaultdict(list)
+    for row in index.execute(
+        "SELECT path, model, serial, procedure, parameters FROM campaigns WHERE procedure <> '' AND parameters <> '' "
+        "AND path IN (SELECT campaign FROM documents) ORDER BY started_utc, path"
+    ):
+        runs[row["model"], row["serial"], row["procedure"]].append((row["path"], json.loads(row["parameters"])))
+    unlike: set[str] = set()
+    problems = []
+    for (_, serial, procedure), found in runs.items():
+        latest = found[-1][1]
+        others = [(path, own) for path, own in found if own != latest]
+        if others:
+            unlike |= {path for path, _ in others}
+            names = {name for _, own in others for name in latest | own if latest.get(name) != own.get(name)}
+            says = (
+                f"{len(others)} of {len(found)} runs of {words(procedure)} have other parameters than the latest "
+                f"({words(listed(sorted(names)))}) and are not compared with it; --all-parameters compares them"
+            )
+            problems.append(Problem(serial, says))
+    return unlike, problems
+
+
+def _units(index: sqlite3.Connection, counted: set[str], unlike: set[str]) -> tuple[UnitHistory, ...]:
     campaigns: dict[tuple[str, str], list[Campaign]] = defaultdict(list)
-    for row in index.execute("SELECT * FROM campaigns ORDER BY started_utc, path"):
+    columns = ", ".join(field.name for field in fields(Campaign))
+    for row in index.execute(f"SELECT {columns} FROM campaigns ORDER BY started_utc, path"):  # noqa: S608 - of ours
         if row["path"] in counted:
             campaigns[row["model"], row["serial"]].append(Campaign(**row))
     charted: dict[tuple[str, str], list[Charted]] = defaultdict(list)
-    for one in _charted(_series(index)):
+    for one in _charted(_series(index, unlike)):
         charted[one.series.model, one.series.serial].append(one)
     accepted: dict[tuple[str, str], tuple[str, str]] = {}
     for row in index.execute(
@@ -120,17 +161,20 @@ def _units(index: sqlite3.Connection, counted: set[str]) -> tuple[UnitHistory, .
     )
 
 
-def _series(index: sqlite3.Connection) -> list[Series]:
-    """All series: by source, and within it in the order in which figures are stated."""
+def _series(index: sqlite3.Connection, unlike: set[str]) -> list[Series]:
+    """All series without the campaigns `unlike`: by source, and within it in the order in which figures are stated."""
     points: dict[tuple[str, str, Source, str, str], list[Point]] = defaultdict(list)
     calibrated = {
         row["campaign"] for row in index.execute("SELECT campaign FROM documents WHERE source = 'coefficients'")
     }
     rows = index.execute(
-        "SELECT c.serial, c.model, c.started_utc, c.path, f.* FROM figures f JOIN campaigns c ON f.campaign = c.path "
+        "SELECT c.serial, c.model, c.started_utc, c.path, d.integrity, f.* FROM figures f "
+        "JOIN campaigns c ON f.campaign = c.path JOIN documents d ON f.document = d.path "
         "ORDER BY c.started_utc, c.path, f.rowid"
     )
     for row in rows:
+        if row["path"] in unlike:
+            continue
         points[row["serial"], row["model"], row["source"], row["name"], row["unit"]].append(
             Point(
                 started_utc=row["started_utc"],
@@ -146,7 +190,7 @@ def _series(index: sqlite3.Connection) -> list[Series]:
     return sorted(series, key=lambda one: SOURCES.index(one.source))
 
 
-_AS_STATED = ("value", "uncertainty", "temperature_c", "bound", "verdict", "low", "high")
+_AS_STATED = ("value", "uncertainty", "temperature_c", "bound", "verdict", "low", "high", "integrity")
 
 
 def _charted(series: Sequence[Series]) -> list[Charted]:

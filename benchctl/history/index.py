@@ -5,11 +5,13 @@ and put back whole, in one move, so that of two processes at once each reads and
 stays. A file that is damaged, of another version, or no index at all, is left aside and made anew.
 
     files      key, size, mtime_ns, problem        key: path in the folder; problem: why it cannot be read, or empty
-    campaigns  path, serial, model, procedure, started_utc, status, digest
-    documents  path, source, verdict, digests, campaign
+    campaigns  path, serial, model, procedure, started_utc, status, digest, parameters, integrity, content
+    documents  path, source, verdict, digests, campaign, sha256, integrity
+    sealed     manifest, file, sha256, bytes, digest    what manifests say of the files
     figures    document, campaign, name, unit, value, uncertainty, temperature_c, bound, source, verdict, low, high
 
-`uncertainty` is expanded (k = 2); `campaign` is null until the document's recording is found.
+`uncertainty` is expanded (95.45 %); `campaign` is null until the document's recording is found. `integrity` is set when
+the index is linked; `content` of a recording is empty until its digests were checked, then `intact` or what changed.
 """
 
 from __future__ import annotations
@@ -17,26 +19,29 @@ from __future__ import annotations
 import hashlib
 import os
 import sqlite3
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import closing
 from dataclasses import astuple
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from benchctl.atomic import whole_file
-from benchctl.history.entries import read_campaign, read_document
-from benchctl.history.found import FoundFile
+from benchctl.history.entries import read_campaign, read_document, words
+from benchctl.history.found import FoundFile, is_wanted
 from benchctl.history.model import SOURCES, Campaign, Document
-from instruments.errors import UsageError, reason
+from benchctl.recordings.campaign_manifest import Entry, content_of, entries_of
+from benchctl_instruments.errors import UsageError, reason
 
 NAME = ".benchctl-history.sqlite"
-VERSION = 1
+VERSION = 3
 _MOST_BYTES = 256 << 20
 """An index of a hundred thousand campaigns; it is held in memory."""
 
 _COLUMNS = {
     "files": "key text, size integer, mtime_ns integer, problem text",
-    "campaigns": "path text, serial text, model text, procedure text, started_utc text, status text, digest text",
-    "documents": "path text, source text, verdict text, digests text, campaign text?",
+    "campaigns": "path text, serial text, model text, procedure text, started_utc text, status text, digest text, "
+    "parameters text, integrity text, content text",
+    "documents": "path text, source text, verdict text, digests text, campaign text?, sha256 text, integrity text",
+    "sealed": "manifest text, file text, sha256 text, bytes integer, digest text",
     "figures": "document text, campaign text?, name text, unit text, value real, uncertainty real?, "
     "temperature_c real?, bound text, source text, verdict text, low real?, high real?",
 }
@@ -44,8 +49,10 @@ _COLUMNS = {
 _CONSTRAINTS = {
     "files": "PRIMARY KEY (key)",
     "campaigns": "PRIMARY KEY (path), FOREIGN KEY (path) REFERENCES files ON DELETE CASCADE, "
-    "CHECK (started_utc GLOB '????-??-??T??:??:??+00:00' AND datetime(started_utc) IS NOT NULL)",
+    "CHECK (started_utc GLOB '????-??-??T??:??:??+00:00' AND datetime(started_utc) IS NOT NULL), "
+    "CHECK (CASE WHEN json_valid(parameters) THEN json_type(parameters) = 'object' ELSE parameters = '' END)",
     "documents": "PRIMARY KEY (path), FOREIGN KEY (path) REFERENCES files ON DELETE CASCADE",
+    "sealed": "FOREIGN KEY (manifest) REFERENCES files ON DELETE CASCADE",
     "figures": f"FOREIGN KEY (document) REFERENCES documents ON DELETE CASCADE, CHECK (source IN {SOURCES})",
 }
 
@@ -118,26 +125,52 @@ def refresh(index: sqlite3.Connection, files: Iterable[FoundFile]) -> bool:
 def _add(index: sqlite3.Connection, file: FoundFile) -> None:
     """Read a file into the index, or the reason why it cannot be."""
     add_file = "INSERT INTO files VALUES (?, ?, ?, ?)"
-    entry: Campaign | Document
+    entry: Campaign | Document | Mapping[str, Entry]
     try:
-        entry = read_campaign(file.path, file.key) if file.source is None else read_document(file.path, file.source)
+        match file.kind:
+            case "recording":
+                entry = read_campaign(file.path, file.key)
+            case "manifest":
+                entry = entries_of(file.path.parent)
+            case source:
+                entry = read_document(file.path, source)
     except UsageError as err:
         says = str(err).replace(f"{file.path}: ", "").replace(str(file.path), file.key)
         index.execute(add_file, (file.key, file.size, file.mtime_ns, says))
         return
     index.execute(add_file, (file.key, file.size, file.mtime_ns, ""))
     if isinstance(entry, Campaign):
-        index.execute("INSERT INTO campaigns VALUES (?, ?, ?, ?, ?, ?, ?)", astuple(entry))
+        index.execute("INSERT INTO campaigns VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, '')", astuple(entry))
         return
+    if not isinstance(entry, Document):
+        index.executemany("INSERT INTO sealed VALUES (?, ?, ?, ?, ?)", _sealed(file.key, entry))
+        return
+    sha256 = content_of(file.path)["sha256"]
     index.execute(
-        "INSERT INTO documents VALUES (?, ?, ?, ?, NULL)",
-        (file.key, entry.source, entry.verdict, " ".join(entry.digests)),
+        "INSERT INTO documents VALUES (?, ?, ?, ?, NULL, ?, 'not verified')",
+        (file.key, entry.source, entry.verdict, " ".join(entry.digests), sha256),
     )
     index.executemany(
         "INSERT INTO figures (document, source, name, unit, value, uncertainty, temperature_c, bound, verdict, low, "
         "high) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         [(file.key, entry.source, *astuple(figure)) for figure in entry.figures],
     )
+
+
+def _sealed(manifest: str, entries: Mapping[str, Entry]) -> list[tuple[str, str, str, int, str]]:
+    """What a manifest says of the files that the index holds."""
+    folder = PurePosixPath(manifest).parent
+    return [
+        (
+            manifest,
+            (folder / name).as_posix(),
+            words(entry.get("sha256", "")),
+            size if isinstance(size := entry.get("bytes"), int) and 0 <= size < 1 << 63 else -1,
+            words(entry.get("digest", "")),
+        )
+        for name, entry in entries.items()
+        if is_wanted(PurePosixPath(name).name)
+    ]
 
 
 def _empty() -> sqlite3.Connection:

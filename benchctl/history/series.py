@@ -7,13 +7,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from benchctl.history.model import Source
+from benchctl.recordings.campaign_manifest import Integrity
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Point:
     """A figure as one campaign states it, in the series' unit; the fields are those of `Campaign` and `Figure`.
 
-    `calibrated`: coefficients were fitted to that campaign.
+    `calibrated`: coefficients were fitted to that campaign. `integrity` is how the document that states the figure
+    agrees with the manifest beside it.
     """
 
     started_utc: str
@@ -26,6 +28,7 @@ class Point:
     low: float | None
     high: float | None
     calibrated: bool
+    integrity: Integrity = "not verified"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +57,7 @@ class Series:
 class Drift:
     """The latest value less an earlier one, in the series' unit.
 
-    `uncertainty` is √(U1² + U2²), expanded (k = 2), and `e_n` the difference over it, as ISO/IEC 17043 has it: beyond
+    `uncertainty` is √(U1² + U2²), expanded (95.45 %), and `e_n` the difference over it, as ISO/IEC 17043 has it: beyond
     ±1 the two disagree. Both are None where an uncertainty is not known. What both campaigns have in common, the same
     bench and its certificates, is in U1 and in U2 but not in the difference: `e_n` is then smaller than it could be.
     """

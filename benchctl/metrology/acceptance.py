@@ -28,7 +28,7 @@ from benchctl.metrology.stretches import LEAST_V2
 from benchctl.metrology.verdict import judged, overall, rule_of
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.stated import expired_of
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 _TESTS: tuple[Callable[[Seen], Iterator[Measured]], ...] = (
     scale_factor_tests,

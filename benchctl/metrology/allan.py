@@ -12,7 +12,7 @@ from benchctl.metrology.deviations import deviation
 from benchctl.metrology.misfit import Misfit, misfit_of
 from benchctl.metrology.scatter import AllanScatter, interval_of
 from benchctl.metrology.series import Series
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]

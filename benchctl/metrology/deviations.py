@@ -21,7 +21,7 @@ from benchctl.metrology.differences import sums_of_squares
 from benchctl.metrology.kernels import FloatArray, IntArray, Kernels, kernels_for
 from benchctl.metrology.moving import sums_of_squared_averages
 from benchctl.metrology.phase import integrated
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 Kind = Literal["adev", "oadev", "mdev", "tdev", "hdev", "ohdev", "totdev"]
 

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchctl.calibration.noise_model import MeansNoise, estimate, likely_noises, linear_means, walk_covariance
-from benchctl.calibration.uncertainty import Mixture
+from benchctl.calibration.uncertainty import Mixture, dof_of_mixture
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -35,10 +35,14 @@ class Means:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settled:
-    """Outputs with the drift taken off, and their covariance (n, n): the bias first where there was rest."""
+    """Outputs with the drift taken off, and their covariance (n, n): the bias first where there was rest.
+
+    `dof` are the degrees of freedom that go with the covariance: the fewer, the less the rest tells of the walk.
+    """
 
     output_v: FloatArray
     covariance_v2: FloatArray
+    dof: float
 
 
 Noises = Sequence[tuple[MeansNoise, float]]
@@ -84,10 +88,13 @@ def settled(means: Means, noises: Noises) -> Settled:
     parts = [_settled(means, noise) for noise, _ in noises]
     mixture = Mixture(
         weights=np.array([weight for _, weight in noises]),
-        means=np.array([part.output_v for part in parts]),
-        covariances=np.array([part.covariance_v2 for part in parts]),
+        means=np.array([output_v for output_v, _ in parts]),
+        covariances=np.array([covariance_v2 for _, covariance_v2 in parts]),
     )
-    return Settled(output_v=mixture.mean, covariance_v2=mixture.covariance)
+    variances = [float(np.trace(part)) for _, part in parts]
+    return Settled(
+        output_v=mixture.mean, covariance_v2=mixture.covariance, dof=dof_of_mixture(mixture.weights, variances)
+    )
 
 
 def _walk(means: Means) -> FloatArray:
@@ -95,7 +102,8 @@ def _walk(means: Means) -> FloatArray:
     return walk_covariance(means.middle_s - begin_s, means.duration_s)
 
 
-def _settled(means: Means, noise: MeansNoise) -> Settled:
+def _settled(means: Means, noise: MeansNoise) -> tuple[FloatArray, FloatArray]:
+    """Outputs and covariance of `settled` for one strength of the walk."""
     together = noise.walk * _walk(means) + noise.excess * np.diag(means.white_v2)
     rest, moving = np.flatnonzero(means.rest), np.flatnonzero(~means.rest)
     taken = np.zeros((moving.size + (rest.size > 0), means.output_v.size))
@@ -109,4 +117,4 @@ def _settled(means: Means, noise: MeansNoise) -> Settled:
         # the drift at a reading, by the zeros: C_xz·C_zz⁻¹·(z − bias)
         known = np.linalg.solve(at_rest, together[np.ix_(rest, moving)]).T
         taken[1:, rest] = -(known - np.outer(known @ ones, bias))
-    return Settled(output_v=taken @ means.output_v, covariance_v2=taken @ together @ taken.T)
+    return taken @ means.output_v, taken @ together @ taken.T

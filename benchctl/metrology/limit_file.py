@@ -1,7 +1,7 @@
 """The file of limits: what an accepted unit may show, in which units, and how near to a limit a value may lie.
 
 title = "Acceptance of VG910"
-guard = 1.0                      # guard band in expanded uncertainties (k = 2); 0: simple acceptance
+guard = 1.0                      # guard band in expanded uncertainties (95.45 %); 0: simple acceptance
 
 [settings]                       # what belongs to the tests' definitions
 low_rate_dps = 40.0
@@ -29,7 +29,7 @@ from benchctl.metrology.seen import Settings
 from benchctl.tables import Table
 from benchctl.toml_file import line_of, parse_toml, read_text
 from benchctl.units import factor_between
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 class _LimitEntry(Table):

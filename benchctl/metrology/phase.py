@@ -6,7 +6,7 @@ import numpy as np
 
 from benchctl.metrology.kernels import FloatArray, Kernels, room
 from benchctl.side_by_side import cores, in_order
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 _ROWS = 2
 """Of a core's piece, each added up by itself: compiled, two at once take as long as one."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -27,9 +28,10 @@ _ARCSEC_PER_DEG = 3600.0
 class Points:
     """Outputs over rates, (n,) each; of every stretch the rest first, as one point, then its rates in time order.
 
-    `output_v` has the bias in it and the drift taken off, `covariance_v2` (n, n) is its own. `leg`: `UP` where the rate
-    before of the same sign was smaller or there was none, `DOWN` where it was larger, `REST`. `stretch` counts
-    stretches, `step` is the recording's index, of rest that of its first; `rest_steps` has all of them, by stretch.
+    `output_v` has the bias in it and the drift taken off; its covariance `covariance_v2` (n, n) has `dof` degrees of
+    freedom. `leg`: `UP` where the rate before of the same sign was smaller or there was none, `DOWN` where it was
+    larger, `REST`. `stretch` counts stretches, `step` is the recording's index, of rest that of its first; `rest_steps`
+    has all of them, by stretch.
     `swept` are those that a line is fitted to: rest, and of every rate from 1 °/s in both directions its first visit on
     either leg, so that a rate that is come back to, or small changes about one, do not weigh more. `begins_s` is when
     the point's stretch begins, `walk_v2_per_s` how strongly the bias walks.
@@ -48,6 +50,7 @@ class Points:
     swept: BoolArray
     begins_s: FloatArray
     walk_v2_per_s: float
+    dof: float
     rest_steps: Mapping[int, tuple[int, ...]]
 
     @property
@@ -59,12 +62,13 @@ class Points:
     def of(self, chosen: BoolArray | IntArray) -> Points:
         """Some of the points."""
         places = np.flatnonzero(chosen) if chosen.dtype == np.bool_ else chosen
-        whole = ("covariance_v2", "walk_v2_per_s", "rest_steps")
+        whole = ("covariance_v2", "walk_v2_per_s", "dof", "rest_steps")
         own = {name: getattr(self, name)[places] for name in self.__dataclass_fields__ if name not in whole}
         return Points(
             **own,
             covariance_v2=self.covariance_v2[np.ix_(places, places)],
             walk_v2_per_s=self.walk_v2_per_s,
+            dof=self.dof,
             rest_steps=self.rest_steps,
         )
 
@@ -77,7 +81,7 @@ class Points:
         covariance = self.covariance_v2 + (self.walk_v2_per_s * walked_s if drifting else 0.0)
         per_angle = np.sqrt(2.0) * stated.encoder_arcsec.standard / _ARCSEC_PER_DEG
         return [
-            scattered("scatter", covariance, "scatter of the readings, drift of the bias included"),
+            scattered("scatter", covariance, "scatter of the readings, drift of the bias included", self.dof),
             independent("encoder", per_angle / self.duration_s * (self.leg != REST), stated.encoder_arcsec.says),
             single("clock", 1e-6 * stated.clock_ppm.standard, stated.clock_ppm.says),
             single("mounting", float(np.deg2rad(stated.mounting_deg.standard)), stated.mounting_deg.says),
@@ -118,6 +122,7 @@ def points_of(stretches: Sequence[Stretch], noises: Noises) -> Points:
         swept=_swept(rows),
         begins_s=np.array([begins_s[row.stretch] for row in rows]),
         walk_v2_per_s=float(sum(weight * noise.walk for noise, weight in noises)),
+        dof=min((part.dof for part in parts), default=math.inf),
         rest_steps={
             number: tuple(sorted({one.step for one in stretch.readings if one.set_dps == 0.0}))
             for number, stretch in enumerate(stretches)

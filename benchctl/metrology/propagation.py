@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchctl.calibration.result import Contribution
+from benchctl.calibration.uncertainty import LEVEL, coverage_factor, effective_dof
 from benchctl.metrology.result import Uncertainty
 from benchctl.metrology.said import said
 
@@ -27,9 +28,6 @@ Offsets = Mapping[str, FloatArray]
 Function = Callable[[Offsets], FloatArray]
 """Of each of the tries: the result, shape (d,), or numbers that it is made of, shape (d, n)."""
 
-K = 2.0
-COVERAGE = math.erf(K / math.sqrt(2.0))
-"""The probability that an interval of k = 2 holds, 95.45 %."""
 AGREE = 0.05
 """Up to this part of the expanded uncertainty the two ways are held to agree."""
 _DRAWS = 20_000
@@ -40,7 +38,8 @@ _SEED = 952
 class Quantity:
     """What a result depends on: n numbers with the covariance root·rootᵀ, `root` of shape (n, m).
 
-    `uniform`: a rectangle of that standard deviation rather than a bell. `kind` after GUM, 4.2 and 4.3.
+    `uniform`: a rectangle of that standard deviation rather than a bell. `kind` after GUM, 4.2 and 4.3. With finite
+    degrees of freedom `dof` the offsets have Student's t distribution (JCGM 101, 6.4.9).
     """
 
     name: str
@@ -48,12 +47,15 @@ class Quantity:
     kind: Literal["A", "B"]
     says: str
     uniform: bool = False
+    dof: float = math.inf
 
     def drawn(self, random: np.random.Generator, tries: int) -> FloatArray:
         """Offsets of shape (tries, n)."""
         shape = (tries, self.root.shape[1])
         half = math.sqrt(3.0)
         standard = random.uniform(-half, half, shape) if self.uniform else random.standard_normal(shape)
+        if math.isfinite(self.dof):
+            standard *= np.sqrt(self.dof / random.chisquare(self.dof, tries))[:, None]
         return np.asarray(standard @ self.root.T)
 
 
@@ -67,10 +69,10 @@ def independent(name: str, standard: FloatArray, says: str, *, uniform: bool = F
     return Quantity(name=name, root=np.diag(standard), kind="B", says=says, uniform=uniform)
 
 
-def scattered(name: str, covariance: FloatArray, says: str) -> Quantity:
-    """Numbers with a covariance of shape (n, n) that the data themselves tell (type A)."""
+def scattered(name: str, covariance: FloatArray, says: str, dof: float = math.inf) -> Quantity:
+    """Numbers with a covariance of shape (n, n) that the data themselves tell (type A), with its degrees of freedom."""
     values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
-    return Quantity(name=name, root=vectors * np.sqrt(np.maximum(values, 0.0)), kind="A", says=says)
+    return Quantity(name=name, root=vectors * np.sqrt(np.maximum(values, 0.0)), kind="A", says=says, dof=dof)
 
 
 def as_read(function: Function, quantities: Sequence[Quantity]) -> FloatArray:
@@ -115,20 +117,30 @@ def propagated(function: Function, quantities: Sequence[Quantity], *, null: Func
     value = float(as_read(function, quantities))
     contributors = sorted(
         (
-            Contribution(source=one.name, standard=_moved(function, quantities, one), kind=one.kind, says=one.says)
+            Contribution(
+                source=one.name,
+                standard=_moved(function, quantities, one),
+                kind=one.kind,
+                says=one.says,
+                dof=one.dof,
+            )
             for one in quantities
         ),
         key=lambda part: -part.standard,
     )
     standard = math.sqrt(math.fsum(part.standard**2 for part in contributors))
+    dof = effective_dof((part.standard, part.dof) for part in contributors)
+    own = [(part.standard, part.dof) for part in contributors if part.kind == "A"]
+    type_a = coverage_factor(effective_dof(own)) * math.hypot(*(deviation for deviation, _ in own))
+    gum = max(coverage_factor(dof) * standard, type_a)
     random = np.random.default_rng(_SEED)
     offsets = {one.name: one.drawn(random, _DRAWS) for one in quantities}
-    tails = np.array([0.5 * (1.0 - COVERAGE), 0.5 * (1.0 + COVERAGE)])
+    tails = np.array([0.5 * (1.0 - LEVEL), 0.5 * (1.0 + LEVEL)])
     low, high = np.quantile(function(offsets), tails).tolist()
     monte_carlo = 0.5 * (high - low)
-    apart = abs(K * standard - monte_carlo) / monte_carlo if monte_carlo > 0.0 else 0.0
+    apart = abs(gum - monte_carlo) / monte_carlo if monte_carlo > 0.0 else 0.0
     if apart <= AGREE:
-        expanded, says = K * standard, said("gum_agrees", difference_percent=100.0 * apart)
+        expanded, says = gum, said("gum_agrees", difference_percent=100.0 * apart)
     else:
         expanded = max(high - value, value - low)
         rectangle = next((one.name for one in quantities if one.uniform and one.name == contributors[0].source), None)
@@ -136,10 +148,15 @@ def propagated(function: Function, quantities: Sequence[Quantity], *, null: Func
             says = said("not_normal", difference_percent=100.0 * apart, source=rectangle)
         else:
             says = said("not_linear" if null is None else "size_of_changes", difference_percent=100.0 * apart)
-    if null is not None and value <= float(np.quantile(null(offsets), COVERAGE)):
+    if null is not None and value <= float(np.quantile(null(offsets), LEVEL)):
         expanded, says = max(expanded, value), said("not_told_from_zero")
     return Uncertainty(
-        standard=standard, expanded=expanded, monte_carlo=monte_carlo, contributors=tuple(contributors), says=says
+        standard=standard,
+        expanded=expanded,
+        dof=dof,
+        monte_carlo=monte_carlo,
+        contributors=tuple(contributors),
+        says=says,
     )
 
 

@@ -13,7 +13,7 @@ from benchctl.metrology.result import Judged
 class Compared:
     """A test in two runs, both in the unit of the first's result.
 
-    `difference` is the second value less the first, `uncertainty` √(U1² + U2²), expanded (k = 2), and `e_n` the
+    `difference` is the second value less the first, `uncertainty` √(U1² + U2²), expanded (95.45 %), and `e_n` the
     difference over it, as ISO/IEC 17043 has it: beyond ±1 the two disagree. What both runs have in common, as the same
     instruments and their certificates, is in U1 and in U2 but not in the difference: `e_n` is then smaller than it
     could be. All three are None where one has no value, or only a bound; the last two where an uncertainty is not

@@ -5,6 +5,7 @@ Every value, uncertainty and contribution of a test is in the unit of that test.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
@@ -25,17 +26,24 @@ Bound = Literal["", "at least", "at most"]
 class Uncertainty:
     """How well a value is known.
 
-    `standard` is the combined standard uncertainty by the law of propagation (GUM, 5.1), `monte_carlo` half the width
-    of the interval that holds 95 % of the values drawn by Monte Carlo (JCGM 101). `expanded` is what is stated: twice
-    `standard`, or `monte_carlo` where the two part by more than 5 %; `says` tells which and why. `contributors` are
+    `standard` is the combined standard uncertainty by the law of propagation (GUM, 5.1) and `dof` its effective degrees
+    of freedom. `monte_carlo` is half the width of the interval that holds 95.45 % of the values drawn by Monte Carlo
+    (JCGM 101). `expanded` is what is stated: `standard` times the coverage factor that `dof` demands (2 where it is
+    infinite), or `monte_carlo` where the two differ by more than 5 %; `says` tells which and why. `contributors` are
     sorted, the largest first.
     """
 
     standard: float
     expanded: float
+    dof: float = math.inf
     monte_carlo: float
     contributors: tuple[Contribution, ...]
     says: Said
+
+    @property
+    def k(self) -> float | None:
+        """The coverage factor that was used: expanded over standard; None where nothing contributes."""
+        return self.expanded / self.standard if self.standard > 0.0 else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,7 +16,7 @@ from benchctl.recordings.model import FRAME_CHANNELS, UNITS, StepInfo, axis_of
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.stored import StoredStep
 from benchctl.recordings.text_file import read_bytes
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 FloatArray = npt.NDArray[np.float64]
 

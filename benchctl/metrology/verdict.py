@@ -12,8 +12,8 @@ from dataclasses import replace
 
 from scipy.special import ndtr
 
+from benchctl.calibration.uncertainty import K
 from benchctl.metrology.names import PROCEDURES
-from benchctl.metrology.propagation import K
 from benchctl.metrology.result import Judged, Limit, Measured, Rule, Uncertainty, Verdict
 from benchctl.metrology.said import Said, said
 from benchctl.units import factor_between

@@ -23,10 +23,11 @@ from benchctl.plan.patterns import (
     whole_cycles,
     whole_revolutions,
 )
-from benchctl.plan.procedure import Parameter, Plan, Procedure, procedure
+from benchctl.plan.procedure import POSITIVE, Parameter, Plan, Procedure, Range, procedure
 from benchctl.plan.steps import Ask, ConstantRate, Mount, PowerCycle, Role, Sine, Soak, Static, Step, ThermalRamp
 
 __all__ = [
+    "POSITIVE",
     "Ask",
     "ConstantRate",
     "Mount",
@@ -34,6 +35,7 @@ __all__ = [
     "Plan",
     "PowerCycle",
     "Procedure",
+    "Range",
     "Role",
     "Sine",
     "Soak",

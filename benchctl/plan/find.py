@@ -12,9 +12,9 @@ from importlib.machinery import SourceFileLoader
 from pathlib import Path
 
 from benchctl.closeness import meant, there_are
-from benchctl.plan.procedure import Procedure
-from instruments.entry_points import leave_out, offers
-from instruments.errors import UsageError
+from benchctl.plan.procedure import Procedure, fault_in
+from benchctl_instruments.entry_points import leave_out, offers
+from benchctl_instruments.errors import UsageError
 
 GROUP = "benchctl.procedures"
 
@@ -72,7 +72,7 @@ def _from_file(path: Path) -> Procedure:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as err:
         # Whatever a user's script raises while it is loaded is a fault of the script, told in one line.
-        raise UsageError(f"procedure {path}: cannot be loaded: {type(err).__name__}: {err}") from err
+        raise UsageError(f"procedure {path}: cannot be loaded: {fault_in(str(path), err)}") from err
     found = [value for value in vars(module).values() if isinstance(value, Procedure)]
     if len(found) != 1:
         raise UsageError(f"procedure {path}: expected one function with @procedure, found {len(found)}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 
+from benchctl.limits import MOST_STEPS
 from benchctl.plan.steps import ConstantRate, Mount, PowerCycle, Role, Sine, Static
 
 LONGEST_REVOLUTION_S = 180.0
@@ -20,6 +21,7 @@ def levels(top: float, count: int) -> tuple[float, ...]:
     >>> levels(50.0, 5)
     (10.0, 20.0, 30.0, 40.0, 50.0)
     """
+    _require_count(count)
     return tuple(top * (i + 1) / count for i in range(count))
 
 
@@ -29,9 +31,15 @@ def set_points(coldest_c: float, hottest_c: float, count: int) -> tuple[float, .
     >>> set_points(-40.0, 60.0, 3)
     (-40.0, 10.0, 60.0)
     """
+    _require_count(count)
     if count == 1:
         return (coldest_c,)
     return tuple(round(coldest_c + (hottest_c - coldest_c) * i / (count - 1), 2) for i in range(count))
+
+
+def _require_count(count: int) -> None:
+    if not 1 <= count <= MOST_STEPS:
+        raise ValueError(f"expected a count of 1 to {MOST_STEPS}, got {count}")
 
 
 def alternating(rates_dps: Iterable[float]) -> tuple[float, ...]:

@@ -1,13 +1,15 @@
 """A procedure: a function that yields steps, with its parameters read off its signature.
 
-A parameter is a keyword with a default; its type is `float`, `int`, `bool`, `str` or `tuple[float, ...]`, and
-`Annotated[float, "what it is, in which unit"]` documents it.
+A parameter is a keyword with a default; its type is `float`, `int`, `bool`, `str` or `tuple[float, ...]`.
+`Annotated[int, "what it is, in which unit", Range(1, 100)]` documents it and declares which numbers it takes.
 """
 
 from __future__ import annotations
 
 import inspect
+import itertools
 import math
+import traceback
 import typing
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
@@ -15,10 +17,37 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from benchctl.closeness import meant
-from benchctl.limits import shown
+from benchctl.limits import MOST_STEPS, cut, shown
 from benchctl.plan.steps import Step
 from benchctl.quantities import quantity, unit_stated
-from instruments.errors import UsageError
+from benchctl_instruments.errors import BenchError, UsageError
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """The numbers that a parameter takes, in its own unit; of a list, each of its numbers.
+
+    `low` and `high` are in the range, `low` only where `above` is false.
+    """
+
+    low: float = -math.inf
+    high: float = math.inf
+    above: bool = False
+
+    def __contains__(self, value: float) -> bool:
+        return value <= self.high and (value > self.low if self.above else value >= self.low)
+
+    def __str__(self) -> str:
+        low, high = (f"{bound:g}" if math.isfinite(bound) else "" for bound in (self.low, self.high))
+        if self.above:
+            return f"more than {low}, at most {high}" if high else f"more than {low}"
+        return f"{low} to {high}" if low and high else f"{low} or more" if low else f"at most {high}" if high else ""
+
+
+POSITIVE = Range(0.0, above=True)
+"""More than 0, as a duration, a rate or a frequency is."""
+
+ANY = Range()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,6 +58,7 @@ class Parameter:
     type: Any
     default: Any
     says: str = ""
+    range: Range = ANY
 
     def parse(self, text: str) -> Any:
         """The value that a text on the command line stands for; numbers may bring a unit, see `benchctl.quantities`.
@@ -36,12 +66,22 @@ class Parameter:
         Raises
         ------
         UsageError
-            Where the text is not of the parameter's type.
+            Where the text is not of the parameter's type, or a number is out of its range.
         """
         try:
-            return _PARSERS[self.type](text, unit_stated(self.name))
+            value = _PARSERS[self.type](text, unit_stated(self.name))
+            self.require_in_range(value)
         except UsageError as err:
             raise UsageError(f"parameter {self.name}: {err}; its default is {self.default}") from err
+        return value
+
+    def require_in_range(self, value: Any) -> None:
+        """Raise `UsageError` where a value of the parameter's type has a number out of the range."""
+        if self.range == ANY:
+            return
+        for number in value if isinstance(value, tuple) else (value,):
+            if number not in self.range:
+                raise UsageError(f"expected {self.range}, got {shown(number)}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,8 +125,8 @@ class Procedure:
         Raises
         ------
         UsageError
-            For a parameter that it does not have, a value of the wrong type, a combination that it refuses, or where
-            it yields something else than steps.
+            For a parameter that it does not have, a value of the wrong type or out of range, a combination that it
+            refuses, or where it yields something else than steps or more than `MOST_STEPS`.
         """
         known = {parameter.name: parameter for parameter in self.parameters}
         values = {name: parameter.default for name, parameter in known.items()}
@@ -94,19 +134,25 @@ class Procedure:
             if name not in known:
                 raise UsageError(self._unknown(name, list(known)))
             values[name] = known[name].parse(text)
+        given = cut(str(values))
         try:
-            steps = tuple(self.function(**values))
+            steps = tuple(itertools.islice(self.function(**values), MOST_STEPS + 1))
         except (Exception, SystemExit) as err:
             # Whatever a user's procedure raises is a fault of it or of its parameters, told in one line.
+            where = fault_in(inspect.getfile(inspect.unwrap(self.function)), err)
             raise UsageError(
-                f"procedure {self.name}: these parameters give no plan ({type(err).__name__}: {err}): {values}"
+                f"procedure {self.name}: these parameters give no plan: {where}; they are {given}"
             ) from err
         if not steps:
-            raise UsageError(f"procedure {self.name}: these parameters give no steps: {values}")
+            raise UsageError(f"procedure {self.name}: these parameters give no steps: {given}")
+        if len(steps) > MOST_STEPS:
+            raise UsageError(
+                f"procedure {self.name}: these parameters give more than {MOST_STEPS} steps, which no plan may: {given}"
+            )
         for number, step in enumerate(steps, 1):
             if not isinstance(step, Step):
                 raise UsageError(
-                    f"procedure {self.name}: its step {number} is no step but {step!r}, expected one of benchctl.plan"
+                    f"procedure {self.name}: step {number} is {shown(step)}, expected a step of benchctl.plan"
                 )
         return Plan(
             procedure=self.name, parameters=values, steps=steps, calibrates=self.calibrates, source=self._source()
@@ -131,16 +177,31 @@ def procedure(*, calibrates: bool = False) -> Callable[[Callable[..., Iterable[S
 
 def _read_parameters(function: Callable[..., Iterable[Step]]) -> Iterable[Parameter]:
     hints = typing.get_type_hints(function, include_extras=True)
-    for name, parameter in inspect.signature(function).parameters.items():
-        hint, says = hints.get(name), ""
+    for name, signed in inspect.signature(function).parameters.items():
+        hint: Any = hints.get(name)
+        described: list[Any] = []
         if typing.get_origin(hint) is typing.Annotated:
-            hint, says = typing.get_args(hint)[:2]
-        if hint not in _PARSERS or parameter.default is inspect.Parameter.empty:
+            hint, *described = typing.get_args(hint)
+        if hint not in _PARSERS or signed.default is inspect.Parameter.empty:
             raise UsageError(
                 f"procedure {function.__name__}: parameter {name} needs a default and a type of "
                 "float, int, bool, str or tuple[float, ...]"
             )
-        yield Parameter(name=name, type=hint, default=parameter.default, says=says)
+        says = next((each for each in described if isinstance(each, str)), "")
+        limits = next((each for each in described if isinstance(each, Range)), ANY)
+        parameter = Parameter(name=name, type=hint, default=signed.default, says=says, range=limits)
+        try:
+            parameter.require_in_range(parameter.default)
+        except UsageError as err:
+            raise UsageError(f"procedure {function.__name__}: the default of {name}: {err}") from err
+        yield parameter
+
+
+def fault_in(file: str, err: BaseException) -> str:
+    """What an error says, in one line; it begins with the line of `file` that raised it, where that is known."""
+    lines = [frame.lineno for frame in traceback.extract_tb(err.__traceback__) if frame.filename == file]
+    says = str(err) if isinstance(err, BenchError) else f"{type(err).__name__}: {err}"
+    return f"{f'{file}, line {lines[-1]}: ' if lines else ''}{cut(' '.join(says.split()))}"
 
 
 def _parse_whole(text: str, unit: str) -> int:

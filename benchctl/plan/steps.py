@@ -8,10 +8,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
-from numbers import Real
+from numbers import Integral, Real
 from typing import ClassVar, Literal, get_args
 
-from instruments.mounting import Position
+from benchctl.limits import shown
+from benchctl_instruments.mounting import Position
 
 Role = Literal["fit", "verify"]
 """`verify` marks a run that is kept aside: no fit may see it."""
@@ -40,8 +41,8 @@ class BaseStep:
                 continue
             if words is not None and value not in words:
                 raise ValueError(f"{type(self).__name__}: {field.name} is {value!r}, expected one of {words}")
-            if words is None and not isinstance(value, Real):
-                raise TypeError(f"{type(self).__name__}: {field.name} is {value!r}, expected a number")
+            if words is None:
+                object.__setattr__(self, field.name, _plain(type(self).__name__, field.name, value))
 
     @property
     def label(self) -> str:
@@ -62,6 +63,17 @@ class BaseStep:
     def streamed_s(self) -> float:
         """How long the digitizer streams."""
         return 0.0
+
+
+def _plain(step: str, field: str, value: object) -> float:
+    """A number of any library as Python's own."""
+    if not isinstance(value, Real):
+        raise TypeError(f"{step}: {field} is {shown(value)}, expected a number")
+    try:
+        number = float(value)
+    except OverflowError:
+        raise ValueError(f"{step}: {field} is {shown(value)}, which is too large") from None
+    return int(value) if isinstance(value, Integral) else number
 
 
 def _require_line(step: str, field: str, value: object) -> None:

@@ -12,7 +12,7 @@ from benchctl.bench import SIMULATED, Bench, load_bench
 from benchctl.metrology.limit_file import Limits, read_limits
 from benchctl.plan import Plan
 from benchctl.toml_file import parse_toml, read_text
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 class _File(BaseModel):

@@ -11,7 +11,7 @@ import pytest
 from benchctl.campaign.stop import StoppedError
 from benchctl.pytest_plugin.document import BenchTest, read_bench_test
 from benchctl.pytest_plugin.judged import Judged, judged
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 class BenchTestFile(pytest.File):

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from benchctl.campaign.opened import OpenBench
     from benchctl.campaign.runner import Outcome
     from benchctl.plan import Plan, Procedure
-    from instruments.simulated.bench import SimulatedBench
-    from instruments.simulated.clock import VirtualClock
-    from instruments.simulated.faults.log import Fired
+    from benchctl_instruments.simulated.bench import SimulatedBench
+    from benchctl_instruments.simulated.clock import VirtualClock
+    from benchctl_instruments.simulated.faults.log import Fired
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +93,7 @@ def benchctl_bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[O
 @pytest.fixture
 def benchctl_clock(benchctl_bench: OpenBench) -> VirtualClock:
     """The virtual clock of this test's bench: `now()`, `sleep(seconds)`."""
-    from instruments.simulated.clock import VirtualClock
+    from benchctl_instruments.simulated.clock import VirtualClock
 
     clock = benchctl_bench.clock
     if not isinstance(clock, VirtualClock):
@@ -121,7 +121,7 @@ def benchctl_server(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[
     from benchctl.campaign.opened import simulated_bench
     from benchctl.campaign.served import bench_toml_at
     from benchctl.pytest_plugin.marked import bench_of
-    from instruments.simulated.clock import ScaledClock
+    from benchctl_instruments.simulated.clock import ScaledClock
 
     with ExitStack() as stack:
         with _in_a_line():
@@ -135,7 +135,7 @@ def benchctl_server(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[
 @contextmanager
 def _in_a_line() -> Iterator[None]:
     """A bench that cannot be had is told in a line."""
-    from instruments.errors import BenchError
+    from benchctl_instruments.errors import BenchError
 
     try:
         yield

@@ -14,7 +14,7 @@ from benchctl.pytest_plugin import ENDING
 from benchctl.pytest_plugin.document import BenchTest
 from benchctl.reports.acceptance.catalogue import catalogue
 from benchctl.reports.acceptance.junit import properties_of, verdict_says
-from instruments.errors import BenchError
+from benchctl_instruments.errors import BenchError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

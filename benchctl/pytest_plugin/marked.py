@@ -10,7 +10,7 @@ import pytest
 import tomli_w
 
 from benchctl.bench import SIMULATED, Bench, load_bench
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 def bench_of(node: pytest.Item, folder: Path) -> Bench:

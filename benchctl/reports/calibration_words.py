@@ -68,8 +68,8 @@ def conventions(result: CalibrationResult) -> list[tuple[str, str]]:
         ("Delay τ", "by how much the gyro's output is later than the encoder's angle in the recording."),
         (
             "Uncertainty",
-            "expanded with k = 2 (about 95 %) from a budget by contributor; an interval “by scatter” holds what the "
-            "data themselves show.",
+            "expanded (95.45 %) from a budget by contributor, k by its degrees of freedom; an interval “by scatter” "
+            "holds what the data themselves show.",
         ),
     ]
 

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from benchctl.calibration.result import CalibrationResult, JointFit, Parameter, PolynomialFactor, Stage
+from benchctl.calibration.result import CalibrationResult, JointFit, PolynomialFactor, Stage
+from benchctl.calibration.uncertainty import coverage_factor
 from benchctl.reports import text
-from benchctl.reports.law_curves import Z95
 
 _SYMBOLS: Mapping[str, str] = {
     "K0_v_per_dps": "K0",
     "S_rad_per_dps": "S",
     "U0_v": "U0",
     "delay_s": "τ",
+    "thermal_lag_s": "τ of the coil",
 }
+_MOST_DOF = 1000.0
+"""From here on degrees of freedom are as good as infinite."""
 _SUPERSCRIPT = "⁰¹²³⁴⁵⁶⁷⁸⁹"
 
 
@@ -23,6 +27,7 @@ _SUPERSCRIPT = "⁰¹²³⁴⁵⁶⁷⁸⁹"
 class Coefficient:
     """One line of a table of coefficients; `value` is unrounded, the rest is text."""
 
+    name: str
     symbol: str
     value: float
     stated: str
@@ -37,6 +42,8 @@ class BudgetLine:
     symbol: str
     unit: str
     standards: tuple[float | None, ...]
+    dof: str
+    k: float
     expanded: float
     largest: int
 
@@ -67,13 +74,14 @@ class StageTable:
 
 
 def joint_coefficients(joint: JointFit) -> list[Coefficient]:
-    """The parameters of a joint fit, those of the encoder last; ± is the expanded uncertainty (k = 2)."""
+    """The parameters of a joint fit, those of the encoder last; ± is the expanded uncertainty."""
     ordered = sorted(joint.parameters, key=lambda parameter: parameter.name.startswith("encoder"))
     return [
         Coefficient(
+            name=parameter.name,
             symbol=symbol(parameter.name),
             value=parameter.value,
-            stated=text.with_uncertainty(parameter.value, _expanded(parameter), text.unit_text(parameter.unit)),
+            stated=text.with_uncertainty(parameter.value, parameter.expanded, text.unit_text(parameter.unit)),
             interval=text.interval(*parameter.ci95),
             says=text.raised(parameter.says),
         )
@@ -83,7 +91,7 @@ def joint_coefficients(joint: JointFit) -> list[Coefficient]:
 
 def budget(joint: JointFit) -> Budget | None:
     """The budget of those parameters that more than the scatter of the data contributes to; None without any."""
-    stated = [parameter for parameter in joint.parameters if parameter.expanded and len(parameter.budget) > 1]
+    stated = [parameter for parameter in joint.parameters if len(parameter.budget) > 1]
     sources: dict[str, BudgetSource] = {}
     for part in (part for parameter in stated for part in parameter.budget):
         known = sources.get(part.source)
@@ -98,7 +106,9 @@ def budget(joint: JointFit) -> Budget | None:
                 symbol=symbol(parameter.name),
                 unit=text.unit_text(parameter.unit),
                 standards=standards,
-                expanded=parameter.expanded or 0.0,
+                dof=text.number(parameter.dof, 2) if parameter.dof < _MOST_DOF else "∞",
+                k=parameter.k,
+                expanded=parameter.expanded,
                 largest=max(range(len(standards)), key=lambda i: standards[i] or 0.0),
             )
         )
@@ -106,7 +116,7 @@ def budget(joint: JointFit) -> Budget | None:
 
 
 def stage_tables(result: CalibrationResult) -> list[StageTable]:
-    """The stages; ± is twice the standard uncertainty by the scatter of the data."""
+    """The stages; ± is the expanded uncertainty by the scatter of the data."""
     return [
         StageTable(stage=stage, coefficients=tuple(_of_stage(stage, result.output_unit))) for stage in result.stages
     ]
@@ -118,13 +128,9 @@ def symbol(name: str) -> str:
     return f"encoder, {encoder[1]} {encoder[2]}θ".replace(" 1θ", " θ") if encoder else _SYMBOLS.get(name, name)
 
 
-def _expanded(parameter: Parameter) -> float:
-    return parameter.expanded or 2 * parameter.standard
-
-
 def _of_stage(stage: Stage, output_unit: str) -> list[Coefficient]:
     volts = text.unit_text(output_unit)
-    known = stage.standard
+    known = {name: (standard, stage.dof.get(name, math.inf)) for name, standard in stage.standard.items()}
     rows = [
         _row("K0", stage.K0_v_per_dps, known.get("K0_v_per_dps"), text.scale_unit(volts), "scale factor at T0"),
         _row("U0", stage.U0_v, known.get("U0_v"), volts, "output at rest at T0"),
@@ -143,21 +149,23 @@ def _of_stage(stage: Stage, output_unit: str) -> list[Coefficient]:
 def _of_factor(name: str, factor: PolynomialFactor, terms: Sequence[tuple[str, str]]) -> list[Coefficient]:
     rows = []
     for i, coefficient in enumerate(factor.coefficients):
-        standard = float(factor.covariance[i][i]) ** 0.5 if factor.covariance else None
+        known = (float(factor.covariance[i][i]) ** 0.5, factor.dof) if factor.covariance else None
         rows.append(
-            _row(
-                f"{name}, {terms[i][0]}", coefficient, standard, terms[i][1], f"coefficient of {terms[i][0]} in {name}"
-            )
+            _row(f"{name}, {terms[i][0]}", coefficient, known, terms[i][1], f"coefficient of {terms[i][0]} in {name}")
         )
     return rows
 
 
-def _row(name: str, value: float, standard: float | None, unit: str, says: str) -> Coefficient:
+def _row(name: str, value: float, known: tuple[float, float] | None, unit: str, says: str) -> Coefficient:
+    """`known` are the standard uncertainty and its degrees of freedom."""
+    standard, dof = known or (math.nan, math.inf)
+    half = coverage_factor(dof, 0.95) * standard
     return Coefficient(
+        name=name,
         symbol=name,
         value=value,
-        stated=text.with_uncertainty(value, 2 * standard if standard else None, unit),
-        interval=text.interval(value - Z95 * standard, value + Z95 * standard) if standard else text.NOT_KNOWN,
+        stated=text.with_uncertainty(value, coverage_factor(dof) * standard, unit),
+        interval=text.interval(value - half, value + half) if half > 0.0 else text.NOT_KNOWN,
         says=says,
     )
 

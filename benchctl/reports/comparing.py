@@ -21,7 +21,7 @@ from benchctl.reports import text
 from benchctl.reports.comparison_page import comparison_page, sentence
 from benchctl.reports.html import write_page
 from benchctl.reports.results import make_folder, name_of, source_digest
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 REPORT = "comparison.html"
 LAB, NEW = "the lab's model", "the new model"

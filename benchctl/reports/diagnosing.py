@@ -9,10 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from benchctl import diagnosis
-from benchctl.diagnosis.chamber.problem import ChamberProblem
-from benchctl.diagnosis.drive.problem import DriveProblem
-from benchctl.diagnosis.parts import Part
-from benchctl.diagnosis.result import Diagnosis
+from benchctl.diagnosis.result import Diagnosis, Part
 from benchctl.model_file import Model, read_model, write_model
 from benchctl.part_models import EFFECTS
 from benchctl.recordings.joined import join
@@ -21,9 +18,8 @@ from benchctl.recordings.reader import open_recording
 from benchctl.reports import diagnosis_words as words
 from benchctl.reports.diagnosis_file import write_diagnosis_file
 from benchctl.reports.results import make_folder, name_of, source_digest
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
-_UNITS: Mapping[Part, str] = {"drive": DriveProblem.unit, "chamber": ChamberProblem.unit}
 REPORT, SUMMARY, MODEL = "diagnosis.html", "diagnosis.json", "model.toml"
 
 
@@ -61,7 +57,7 @@ def diagnose_recordings(
             meta=joined.meta,
             infos=joined.infos,
             digest=", ".join(source_digest(recording) for recording in recordings),
-            unit=words.unit(_UNITS.get(part) or joined.meta.output_unit),
+            unit=words.unit(found.fit.unit),
         )
 
 

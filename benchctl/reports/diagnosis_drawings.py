@@ -47,7 +47,7 @@ def drawings(diagnosis: Diagnosis, unit: str) -> Mapping[str, Drawing]:
                 "steps",
                 steps_figure(
                     diagnosis.steps,
-                    diagnosis.fit.noise_v,
+                    diagnosis.fit.noise,
                     unit,
                     changed=changed(diagnosis),
                     came=any(one.was is not None for one in diagnosis.baseline.values()),
@@ -70,8 +70,8 @@ def drawings(diagnosis: Diagnosis, unit: str) -> Mapping[str, Drawing]:
 
 def beyond_chance(diagnosis: Diagnosis) -> str:
     """Along which coordinates the residual is beyond chance, before and after."""
-    before = _beyond([(one, significance(one, one.before_v)) for one in diagnosis.slices])
-    after = _beyond([(one, significance(one, one.after_v)) for one in diagnosis.slices])
+    before = _beyond([(one, significance(one, one.before)) for one in diagnosis.slices])
+    after = _beyond([(one, significance(one, one.after)) for one in diagnosis.slices])
     if not predicts_otherwise(diagnosis):
         return f"With the model's own parameters refitted, beyond chance: {after}."
     return f"Beyond chance before: {before}. After: {after}."

@@ -66,11 +66,11 @@ def steps_figure(
     """Rms of each step's residual, in the order of time: as the model `came`, refitted, and with the findings."""
     ordered = sorted(steps, key=lambda step: step.t_start)
     figure = new_figure(2.4)
-    models = [(AFTER if changed else ONLY, np.array([step.after_v for step in ordered]))]
+    models = [(AFTER if changed else ONLY, np.array([step.after for step in ordered]))]
     if changed:
-        models.insert(0, (BEFORE, np.array([step.before_v for step in ordered])))
+        models.insert(0, (BEFORE, np.array([step.before for step in ordered])))
     if came:
-        models.insert(0, (AS_IT_CAME, np.array([step.as_it_came_v for step in ordered])))
+        models.insert(0, (AS_IT_CAME, np.array([step.as_it_came for step in ordered])))
     step_by_step(
         figure.subplots(),
         [StepMark(t_start=step.t_start, shaded=step.heldout) for step in ordered],
@@ -87,8 +87,8 @@ def traces_figure(traces: Sequence[Trace], unit: str, *, changed: bool = True) -
     figure = new_figure(0.35 + 1.55 * len(traces))
     grid = figure.subplots(len(traces), 2, squeeze=False, width_ratios=(1.0, 1.8))
     for (output, left), trace in zip(grid, traces, strict=True):
-        models = [(BEFORE, trace.before_v), (AFTER, trace.after_v)] if changed else [(ONLY, trace.after_v)]
-        excerpt(output, left, trace.time_s, trace.measured_v, models, unit, spoilt=trace.spoilt)
+        models = [(BEFORE, trace.before), (AFTER, trace.after)] if changed else [(ONLY, trace.after)]
+        excerpt(output, left, trace.time_s, trace.measured, models, unit, spoilt=trace.spoilt)
         output.set_title(f"{trace.step} (held out)" if trace.heldout else trace.step)
     spoilt = [spoilt_key()] if any(trace.spoilt.any() for trace in traces) else []
     name_excerpts(figure, [*([BEFORE.key, AFTER.key] if changed else [ONLY.key]), *spoilt])
@@ -105,14 +105,14 @@ def name_excerpts(figure: Figure, keys: Sequence[Line2D]) -> None:
 
 def _panel(axes: Axes, of: Slice, unit: str, changed: bool) -> None:
     held = of.count > 0
-    before, after = (np.where(held, mean, np.nan) for mean in (of.before_v, of.after_v))
-    chance = of.threshold * of.standard_error_v
+    before, after = (np.where(held, mean, np.nan) for mean in (of.before, of.after))
+    chance = of.threshold * of.standard_error
     models = [(BEFORE, before), (AFTER, after)] if changed else [(ONLY, after)]
-    factor = along(axes, of.coordinate, of.edges, models, of.standard_error_v, unit, chance=chance)
-    beyond = _in_errors(of, of.after_v) > of.threshold
+    factor = along(axes, of.coordinate, of.edges, models, of.standard_error, unit, chance=chance)
+    beyond = _in_errors(of, of.after) > of.threshold
     middle = bin_middles(of.coordinate, of.edges)
-    axes.plot(middle[beyond], factor * of.after_v[beyond], linestyle="none", marker="D", markersize=3.5, color=_BEYOND)
-    largest = [significance(of, mean) for mean in (of.before_v, of.after_v)]
+    axes.plot(middle[beyond], factor * of.after[beyond], linestyle="none", marker="D", markersize=3.5, color=_BEYOND)
+    largest = [significance(of, mean) for mean in (of.before, of.after)]
     axes.set_title(
         " → ".join(f"{one:.{0 if one >= 9.95 else 1}f}" for one in largest[0 if changed else 1 :]),
         loc="right",
@@ -126,5 +126,5 @@ def _panel(axes: Axes, of: Slice, unit: str, changed: bool) -> None:
 def _in_errors(of: Slice, mean_v: FloatArray) -> FloatArray:
     """|mean| in standard errors, (m,); NaN in bins without samples."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        ratio: FloatArray = np.where(of.count > 0, np.abs(mean_v) / of.standard_error_v, np.nan)
+        ratio: FloatArray = np.where(of.count > 0, np.abs(mean_v) / of.standard_error, np.nan)
     return ratio

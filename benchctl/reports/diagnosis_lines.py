@@ -25,9 +25,6 @@ def lines(diagnosis: Diagnosis, unit: str) -> Iterator[str]:
     if diagnosis.unexplained.significant:
         yield from _wrapped(f"unexplained: {words.prose(diagnosis.unexplained.says)}")
     yield from _wrapped(_fit(diagnosis, unit))
-    blind = [one.effect for one in diagnosis.not_found if one.smallest is None]
-    if blind:
-        yield from _wrapped(f"could not be seen in this recording: {', '.join(blind)}")
     for note in diagnosis.notes:
         yield from _wrapped(f"note: {words.prose(note)}")
     if diagnosis.next_experiment.says:
@@ -59,8 +56,8 @@ def _finding(number: int, finding: Finding) -> Iterator[str]:
 def _fit(diagnosis: Diagnosis, unit: str) -> str:
     fit = diagnosis.fit
     before, after = (
-        f"{words.size(rms, unit)} ({words.times_noise(rms, fit.noise_v)})"
-        for rms in (fit.heldout_before_v, fit.heldout_after_v)
+        f"{words.size(rms, unit)} ({words.times_noise(rms, fit.noise)})"
+        for rms in (fit.heldout_before, fit.heldout_after)
     )
     told = f"{before} before, {after} after" if changed(diagnosis) else f"{after}, the model's own parameters refitted"
     return f"residual on held-out steps, rms: {told}"

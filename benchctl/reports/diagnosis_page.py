@@ -31,7 +31,6 @@ def write_diagnosis_report(
 def diagnosis_page(diagnosis: Diagnosis, meta: Meta, infos: Sequence[StepInfo], *, digest: str, unit: str = "V") -> str:
     """The page as text; the same input gives the same bytes."""
     unit = words.unit(unit)
-    looked_for = [tables.not_found_row(one) for one in diagnosis.not_found]
     known = tables.known_effects()
     return render(
         "diagnosis.html.j2",
@@ -55,9 +54,7 @@ def diagnosis_page(diagnosis: Diagnosis, meta: Meta, infos: Sequence[StepInfo], 
         notes=[words.prose(note) for note in diagnosis.notes],
         separates=[title(name) for name in diagnosis.next_experiment.separates],
         next_command=next_command(diagnosis),
-        looked_for=[row for row in looked_for if row.smallest],
-        remarks=any(row.why for row in looked_for if row.smallest),
-        not_seen=[row for row in looked_for if not row.smallest],
+        looked_for=[tables.not_found_row(one) for one in diagnosis.not_found],
         fit_rows=tables.fit_rows(diagnosis, unit),
         baseline=tables.baseline_rows(diagnosis.baseline),
         held_out=sum(step.heldout for step in diagnosis.steps),
@@ -70,7 +67,7 @@ def diagnosis_page(diagnosis: Diagnosis, meta: Meta, infos: Sequence[StepInfo], 
 def _tiles(diagnosis: Diagnosis, unit: str) -> Iterator[tuple[str, str, str, str]]:
     """Level, name, value and remark of each size that stands at the head of the page."""
     fit = diagnosis.fit
-    yield "", "noise", words.size(fit.noise_v, unit), "of the recording itself, rms"
-    named = [("raw", "before", fit.heldout_before_v), ("joint", "after", fit.heldout_after_v)]
-    for level, name, rms in named if changed(diagnosis) else [("joint", "what the model leaves", fit.heldout_after_v)]:
-        yield level, name, words.size(rms, unit), words.times_noise(rms, fit.noise_v)
+    yield "", "noise", words.size(fit.noise, unit), "of the recording itself, rms"
+    named = [("raw", "before", fit.heldout_before), ("joint", "after", fit.heldout_after)]
+    for level, name, rms in named if changed(diagnosis) else [("joint", "what the model leaves", fit.heldout_after)]:
+        yield level, name, words.size(rms, unit), words.times_noise(rms, fit.noise)

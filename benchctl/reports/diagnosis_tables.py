@@ -9,11 +9,12 @@ from dataclasses import dataclass, replace
 from benchctl.diagnosis.result import Diagnosis, Estimate, Finding, NotFound
 from benchctl.reports import diagnosis_words as words
 from benchctl.reports import text
+from benchctl.reports.advice import Advice, advice_for
 from benchctl.reports.diagnosis_headline import Kind, changed, kind_of, title
-from instruments.physics.chamber_effects.registry import chamber_effects
-from instruments.physics.drive_effects.registry import drive_effects
-from instruments.physics.effects.effect import DescribedEffect
-from instruments.physics.effects.registry import effects
+from benchctl_instruments.physics.chamber_effects.registry import chamber_effects
+from benchctl_instruments.physics.drive_effects.registry import drive_effects
+from benchctl_instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.physics.effects.registry import effects
 
 _SHARES: Mapping[Kind, str] = {
     "physics": "what the noise does not account for",
@@ -53,17 +54,17 @@ class FindingSection:
     evidence: tuple[tuple[str, str], ...]
     alternatives: tuple[tuple[str, str, str], ...]
     alone: bool
+    advice: Advice | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NotFoundRow:
-    """An effect that was looked for, and the smallest size of it that would have shown; `why` where none would."""
+    """An effect that was looked for, and the smallest size of it that was found again once added."""
 
     title: str
     effect: str
     smallest: str
     held: str
-    why: str
 
 
 def known_effects() -> dict[str, type[DescribedEffect]]:
@@ -94,6 +95,7 @@ def finding_section(
             for other in finding.alternatives
         ),
         alone=kind_of(finding.effect) == "physics" and not finding.alternatives,
+        advice=advice_for(finding.effect),
     )
 
 
@@ -117,15 +119,11 @@ def _evidence(finding: Finding, threshold: float) -> Iterator[tuple[str, str]]:
 
 def not_found_row(one: NotFound) -> NotFoundRow:
     """A line of what was looked for; the size is that of its parameter, the others being held."""
-    smallest = ""
-    if one.smallest is not None:
-        smallest = f"{one.parameter} = {text.with_unit(text.number(one.smallest, 2), words.unit(one.unit))}"
     return NotFoundRow(
         title=title(one.effect),
         effect=one.effect,
-        smallest=smallest,
+        smallest=f"{one.parameter} = {text.with_unit(text.number(one.smallest, 2), words.unit(one.unit))}",
         held=", ".join(f"{name} = {_held(value)}" for name, value in one.others.items()),
-        why=words.prose(one.says),
     )
 
 
@@ -143,19 +141,19 @@ def fit_rows(diagnosis: Diagnosis, unit: str) -> list[tuple[str, str, str]]:
     """Rms of the residuals, each beside the noise."""
     fit = diagnosis.fit
     rows: Sequence[tuple[str, float]] = (
-        ("noise of the recording", fit.noise_v),
-        ("fitted steps, before", fit.before_v),
-        ("fitted steps, after", fit.after_v),
-        ("held-out steps, before (parameters refitted)", fit.heldout_before_v),
-        ("held-out steps, after (parameters refitted, with the findings)", fit.heldout_after_v),
+        ("noise of the recording", fit.noise),
+        ("fitted steps, before", fit.before),
+        ("fitted steps, after", fit.after),
+        ("held-out steps, before (parameters refitted)", fit.heldout_before),
+        ("held-out steps, after (parameters refitted, with the findings)", fit.heldout_after),
     )
     if not changed(diagnosis):
         rows = (
             rows[0],
-            ("fitted steps, its parameters refitted", fit.before_v),
-            ("held-out steps", fit.heldout_before_v),
+            ("fitted steps, its parameters refitted", fit.before),
+            ("held-out steps", fit.heldout_before),
         )
-    return [(name, words.size(rms, unit), words.times_noise(rms, fit.noise_v)) for name, rms in rows]
+    return [(name, words.size(rms, unit), words.times_noise(rms, fit.noise)) for name, rms in rows]
 
 
 def _parameter(

@@ -15,7 +15,7 @@ from benchctl.metrology.result import Judged
 from benchctl.reports.acceptance.as_json import SCHEMA
 from benchctl.reports.acceptance.write import JSON
 from benchctl.reports.results import results_folder
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 _SHARE = 0.01
 """Of an expanded uncertainty: what is less is in no printed digit."""

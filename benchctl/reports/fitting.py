@@ -16,10 +16,13 @@ from benchctl.recordings.joined import join
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.static_points import KIND, StaticPoints
 from benchctl.recordings.verify import opened_unchanged
+from benchctl.reports import text
 from benchctl.reports.calibration_page import write_calibration_report
+from benchctl.reports.coefficient_tables import joint_coefficients, stage_tables
+from benchctl.reports.points_page import coefficients as points_of
 from benchctl.reports.points_page import write_static_points_report
 from benchctl.reports.results import make_folder, may_be_made, source_digest
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,7 +100,7 @@ def _fit_runs(joined: Recording, recordings: Sequence[Recording]) -> Calibrated:
     result = calibrate(joined.stored_steps(), joined.meta)
     meta, infos = joined.meta, joined.infos
     digest = ", ".join(source_digest(recording) for recording in recordings)
-    content = coefficients(result, _sources(recordings))
+    content = _with_stated(coefficients(result, _sources(recordings)))
     values = {
         "error_percent": dict(result.error_percent),
         "rms_percent": dict(result.rms_percent),
@@ -107,8 +110,8 @@ def _fit_runs(joined: Recording, recordings: Sequence[Recording]) -> Calibrated:
         "joint": {
             "law": result.best.law,
             "parameters": {
-                p.name: {"value": p.value, "ci95": list(p.ci95), "expanded": p.expanded, "unit": p.unit}
-                for p in result.best.parameters
+                name: {key: told[key] for key in ("value", "ci95", "expanded", "k", "dof", "unit", "stated")}
+                for name, told in content["uncertainty"]["parameters"].items()
             },
         },
         "warnings": list(result.warnings),
@@ -129,8 +132,8 @@ def _fit_points(recordings: Sequence[Recording]) -> Calibrated:
     result = fit_static_points(points.rate_dps, points.mean_v, points.std_v)
     meta, digest = recording.meta, source_digest(recording)
     celsius = None if points.temperature_c is None else float(points.temperature_c.mean())
-    content = points_coefficients(
-        result, unit=recording.meta.unit.serial, temperature_c=celsius, source=_sources(recordings)
+    content = _with_stated(
+        points_coefficients(result, unit=recording.meta.unit.serial, temperature_c=celsius, source=_sources(recordings))
     )
     values = {
         "error_percent": {},
@@ -152,6 +155,13 @@ def _sources(recordings: Sequence[Recording]) -> list[tuple[str, str]]:
     return [(str(recording.path), source_digest(recording)) for recording in recordings]
 
 
+def _with_stated(content: dict[str, Any]) -> dict[str, Any]:
+    """The coefficients, each parameter also as the report prints it."""
+    for told in content["uncertainty"]["parameters"].values():
+        told["stated"] = text.with_uncertainty(told["value"], told["expanded"], text.unit_text(told.get("unit", "")))
+    return content
+
+
 def _beside(path: Path) -> Path:
     return path if path.is_dir() else path.parent
 
@@ -168,15 +178,11 @@ def _in_words(result: CalibrationResult) -> str:
             f"free motion, in angle: residual {free.before_deg:.3f}° before, {free.after_deg:.3f}° after, rms in "
             f"{free.band_hz[0]:g} to {free.band_hz[1]:g} Hz",
         ]
-    last = result.stages[-1]
-    lines.append(
-        f"two stages, after {last.name}: K0 = {last.K0_v_per_dps:.7g}, U0 = {last.U0_v:.5g}, "
-        f"delay {1e3 * last.delay_s:.4g} ms"
-    )
-    lines.append(f"joint fit, law {result.best.law}, ± expanded uncertainty (k = 2), [95 % interval by scatter alone]:")
-    for p in result.best.parameters:
-        expanded = "not known" if p.expanded is None else f"{p.expanded:.2g}"
-        lines.append(f"  {p.name} = {p.value:.9g} ± {expanded} {p.unit}  [{p.ci95[0]:.9g}, {p.ci95[1]:.9g}]")
+    last = stage_tables(result)[-1]
+    told = ", ".join(f"{row.symbol} = {row.stated}" for row in last.coefficients if row.symbol in ("K0", "U0", "τ"))
+    lines.append(f"two stages, after {last.stage.name}: {told}")
+    lines.append(f"joint fit, law {result.best.law}, ± expanded uncertainty, [95 % interval by scatter alone]:")
+    lines += [f"  {row.name} = {row.stated}  {row.interval}" for row in joint_coefficients(result.best)]
     lines += [f"note: {warning}" for warning in result.warnings]
     return "\n".join(lines)
 
@@ -191,8 +197,7 @@ def _points_in_words(result: StaticPointsResult) -> str:
     return "\n".join(
         [
             *lines,
-            f"S = {fit.S_rad_per_dps:.6f} rad/(deg/s), 95 % {fit.S_ci95[0]:.6f} to {fit.S_ci95[1]:.6f}",
-            f"K0 = {fit.K0_v_per_dps:.6f} V/(deg/s), 95 % {fit.K0_ci95[0]:.6f} to {fit.K0_ci95[1]:.6f}",
+            *(f"{row.symbol} = {row.stated}  {row.interval}" for row in points_of(fit, "V")),
             result.says,
         ]
     )

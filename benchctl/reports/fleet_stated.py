@@ -12,7 +12,7 @@ from benchctl.documents import read_json
 from benchctl.history.entries import read_document
 from benchctl.history.model import Figure, Source
 from benchctl.limits import shown
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 FleetVerb = Literal["fit", "diagnose", "accept"]
 

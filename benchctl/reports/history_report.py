@@ -8,11 +8,13 @@ from typing import Any
 from benchctl.closeness import meant, nearest
 from benchctl.history.flags import Flag
 from benchctl.history.history import Charted, History, UnitHistory
-from benchctl.history.series import Drift, Point
+from benchctl.history.series import Drift, Point, Series
 from benchctl.limits import listed
-from instruments.errors import UsageError
+from benchctl.reports.history_charts import stated
+from benchctl_instruments.errors import UsageError
 
 _MOST_DATES = 3
+_CAMPAIGN = ("path", "procedure", "started_utc", "status", "digest", "integrity")
 MOST_PROBLEMS = 20
 """Problems that a reader is shown; programs are told all."""
 
@@ -61,10 +63,7 @@ def values(history: History, units: Sequence[UnitHistory]) -> dict[str, Any]:
                 "model": unit.model,
                 "verdict": unit.verdict or None,
                 "accepted_utc": unit.accepted_utc or None,
-                "campaigns": [
-                    {name: getattr(one, name) for name in ("path", "procedure", "started_utc", "status", "digest")}
-                    for one in unit.campaigns
-                ],
+                "campaigns": [{name: getattr(one, name) for name in _CAMPAIGN} for one in unit.campaigns],
                 "figures": [_figure(one) for one in unit.figures],
             }
             for unit in units
@@ -80,7 +79,7 @@ def _figure(charted: Charted) -> dict[str, Any]:
         "name": charted.series.name,
         "unit": charted.series.unit,
         "source": charted.series.source,
-        "points": [_point(point) for point in charted.series.points],
+        "points": [_point(charted.series, point) for point in charted.series.points],
         "control": control and {"centre": control.centre, "low": control.low, "high": control.high},
         "drift": _drift(charted.drift),
         "drift_since_first": _drift(charted.drift_since_first),
@@ -96,12 +95,14 @@ def _figure(charted: Charted) -> dict[str, Any]:
     }
 
 
-def _point(point: Point) -> dict[str, Any]:
+def _point(series: Series, point: Point) -> dict[str, Any]:
     return {
         "started_utc": point.started_utc,
+        "stated": stated(series, point),
         "value": point.value,
         "uncertainty": point.uncertainty,
         "campaign": point.campaign,
+        "integrity": point.integrity,
         "verdict": point.verdict or None,
         "bound": point.bound,
         "temperature_c": point.temperature_c,

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from benchctl.calibration.laws_fit import law_of
 from benchctl.calibration.model import Law, factor
 from benchctl.calibration.result import CalibrationResult, JointFit, MeanPoints, PolynomialFactor, Stage
+from benchctl.calibration.uncertainty import coverage_factor
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -33,34 +35,19 @@ def factor_curve(of: PolynomialFactor, argument: FloatArray) -> Curve:
     powers = np.stack([argument ** (i + 1) for i in range(len(of.coefficients))], axis=-1)
     covariance = np.array(of.covariance, dtype=np.float64).reshape(len(of.coefficients), -1)
     variance = np.einsum("ni,ij,nj->n", powers, covariance, powers)
-    return Curve(value=factor(of.coefficients, argument), half=Z95 * np.sqrt(np.maximum(variance, 0.0)))
-
-
-def law_of(joint: JointFit) -> tuple[Law, FloatArray]:
-    """The law of a joint fit with its parameters in the law's order, shape (p,)."""
-    names = {parameter.name for parameter in joint.parameters}
-    rate_terms = 1 if joint.law == "sine" else sum(f"b{2 * i}" in names for i in range(1, 5))
-    letter = "g" if joint.law == "sine" else "a"
-    law = Law(
-        name=joint.law,
-        rate_terms=rate_terms,
-        temperature_terms=sum(f"{letter}{i}" in names for i in range(1, 5)),
-    )
-    return law, np.array([joint.value(name) for name in law.names])
+    half = coverage_factor(of.dof, 0.95) * np.sqrt(np.maximum(variance, 0.0))
+    return Curve(value=factor(of.coefficients, argument), half=half)
 
 
 def bias(joint: JointFit, dt_c: FloatArray) -> FloatArray:
     """The output at rest, by a joint fit; shape as ΔT."""
-    names = {parameter.name for parameter in joint.parameters}
-    terms = [joint.value(f"c{i}") for i in range(1, 5) if f"c{i}" in names]
-    return np.asarray(
-        joint.value("U0_v") + sum((c * dt_c ** (i + 1) for i, c in enumerate(terms)), np.zeros_like(dt_c))
-    )
+    _, _, offset, terms = law_of(joint)
+    return offset + factor(terms, dt_c) - 1.0
 
 
 def joint_curve(joint: JointFit, function: Callable[[Law, FloatArray], FloatArray]) -> Curve:
     """A function of a law and its parameters, with the band that the parameters' covariance gives it."""
-    law, best = law_of(joint)
+    law, best, *_ = law_of(joint)
     order = [[parameter.name for parameter in joint.parameters].index(name) for name in law.names]
     covariance = np.asarray(joint.covariance)[np.ix_(order, order)]
     steps = np.sqrt(np.diag(covariance))

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from benchctl.calibration.laws_fit import law_of
 from benchctl.calibration.model import Law
 from benchctl.calibration.result import CalibrationResult, JointFit
 from benchctl.reports.figures import GREY, INK, LEVEL_COLOURS, FloatArray, new_figure
@@ -19,7 +20,6 @@ from benchctl.reports.law_curves import (
     factor_curve,
     indicated,
     joint_curve,
-    law_of,
     zero_reading,
 )
 
@@ -142,7 +142,7 @@ _POINTS: dict[str, Any] = {
 
 
 def _volts(joint: JointFit, rate_dps: FloatArray, dt_c: FloatArray) -> FloatArray:
-    law, parameters = law_of(joint)
+    law, parameters, *_ = law_of(joint)
     return np.asarray(bias(joint, dt_c) + law.volts(parameters, rate_dps, dt_c))
 
 

@@ -8,7 +8,7 @@ from benchctl.calibration.compensating import Compensation, read_compensation
 from benchctl.recordings.reader import OPEN_DESCRIPTION, open_recording
 from benchctl.recordings.schema import CAMPAIGN, RECORDING
 from benchctl.reports.results import source_digest
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 COEFFICIENTS = "coefficients.json"
 

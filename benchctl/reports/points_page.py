@@ -44,7 +44,7 @@ def static_points_page(result: StaticPointsResult, points: StaticPoints, meta: M
         verdict=_sentence(result),
         setup=_facts(points, meta),
         drawing=_drawing(result, points, output_unit),
-        coefficients=_coefficients(result.rotating, output_unit),
+        coefficients=coefficients(result.rotating, output_unit),
         fits=_fits(result),
         output_unit=output_unit,
         scale_unit=text.scale_unit(output_unit),
@@ -86,17 +86,18 @@ def _drawing(result: StaticPointsResult, points: StaticPoints, output_unit: str)
     )
 
 
-def _coefficients(fit: PointsFit, output_unit: str) -> list[Coefficient]:
+def coefficients(fit: PointsFit, output_unit: str) -> list[Coefficient]:
+    """The parameters of the sine law with their expanded uncertainties."""
     return [
-        _row("K0", fit.K0_v_per_dps, fit.K0_ci95, text.scale_unit(output_unit), "scale factor at low rates"),
-        _row("U0", fit.U0_v, fit.U0_ci95, output_unit, "output at rest, by the rotating points"),
-        _row("S", fit.S_rad_per_dps, fit.S_ci95, "rad/(°/s)", "interferometer's phase per rate: the sine's argument"),
+        _row(fit, "K0", fit.K0_v_per_dps, fit.K0_ci95, text.scale_unit(output_unit), "scale factor at low rates"),
+        _row(fit, "U0", fit.U0_v, fit.U0_ci95, output_unit, "output at rest, by the rotating points"),
+        _row(fit, "S", fit.S_rad_per_dps, fit.S_ci95, "rad/(°/s)", "interferometer's phase per rate: sine's argument"),
     ]
 
 
-def _row(symbol: str, value: float, ends: tuple[float, float], unit: str, says: str) -> Coefficient:
-    stated = text.with_uncertainty(value, (ends[1] - ends[0]) / 2, unit)
-    return Coefficient(symbol=symbol, value=value, stated=stated, interval=text.interval(*ends), says=says)
+def _row(fit: PointsFit, symbol: str, value: float, ends: tuple[float, float], unit: str, says: str) -> Coefficient:
+    stated = text.with_uncertainty(value, fit.expanded(ends), unit)
+    return Coefficient(name=symbol, symbol=symbol, value=value, stated=stated, interval=text.interval(*ends), says=says)
 
 
 def _fits(result: StaticPointsResult) -> list[FitLine]:

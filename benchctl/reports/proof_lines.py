@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 from benchctl.proof.classes import CLASSES
 from benchctl.proof.summary import ArmFigures, ClassRow, Share, Summary
@@ -19,6 +20,20 @@ def lines(summary: Summary) -> Iterator[str]:
     yield from _figures("diagnosis", summary.physics)
     if summary.generic is not None:
         yield from _figures("sparse regression", summary.generic)
+
+
+def lines_on(values: Mapping[str, Any]) -> Iterator[str]:
+    """Trials on a real recording, by effect and over all; `values` as `--json` gives them."""
+    yield f"untouched: {', '.join(values['untouched']) or 'nothing found'}"
+    yield f"{'':<34} {'named':>10} {'smallest named':>16} {'largest missed':>16}   (rms, by what is left untouched)"
+    for row in values["effects"]:
+        sizes = ["" if row[name] is None else f"{row[name]:.2f}" for name in ("smallest_named", "largest_missed")]
+        named = f"{row['named']:>4} of {row['trials']:<3}"
+        yield f"{row['effect'].replace('_', ' '):<34} {named} {sizes[0]:>16} {sizes[1]:>16}"
+    yield (
+        f"named {percent(Share(count=values['named'], of=values['trials']))}; its own findings lost in {values['lost']}"
+        f" trials, something made up in {values['made_up']}"
+    )
 
 
 def percent(share: Share) -> str:

@@ -9,7 +9,7 @@ from benchctl.documents import json_document
 from benchctl.limits import shown
 from benchctl.recordings.reader import OPEN_DESCRIPTION, Recording
 from benchctl.recordings.schema import CAMPAIGN, RECORDING
-from instruments.errors import UsageError, reason
+from benchctl_instruments.errors import UsageError, reason
 
 
 def make_folder(folder: Path) -> None:

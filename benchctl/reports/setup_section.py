@@ -10,7 +10,7 @@ from benchctl.documents import json_document
 from benchctl.limits import cut
 from benchctl.recordings.model import Meta, StepInfo
 from benchctl.reports import text
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 _KIND_NAMES: Mapping[str, str] = {
     "soak": "soak",
@@ -66,13 +66,19 @@ def facts(meta: Meta, infos: Sequence[StepInfo]) -> list[tuple[str, str]]:
         ("Parameters", ", ".join(f"{name} = {_listed(value)}" for name, value in parameters(meta).items())),
         ("Duration", text.duration(max(i.t_end for i in infos) - min(i.t_start for i in infos)) if infos else ""),
         ("Samples", f"{text.count(sum(i.samples for i in infos))} in {len(recorded)} recorded steps of {len(infos)}"),
-        ("Sample rate", text.plain(bench.sample_rate_hz, "Hz", 3)),
+        ("Sample rate", text.plain(sample_rate_hz(meta, infos), "Hz", 3)),
         ("Encoder", _encoder(meta)),
         ("Converter", f"{bench.adc_bits} bits over ±{text.plain(bench.adc_range_v, 'V')}" if bench.adc_bits else ""),
         ("Latitude", text.plain(bench.latitude_deg, "°", 3) if bench.latitude_deg is not None else ""),
         ("Treatment of the import", told.get("treatment", "")),
     ]
     return [(name, value) for name, value in rows if value]
+
+
+def sample_rate_hz(meta: Meta, infos: Sequence[StepInfo]) -> float:
+    """The rate at which the steps were sampled; where they differ or do not state it, the one that was asked for."""
+    rates_hz = {info.sample_rate_hz for info in infos if info.samples}
+    return (rates_hz.pop() if len(rates_hz) == 1 else None) or meta.bench.sample_rate_hz
 
 
 def parameters(meta: Meta) -> dict[str, object]:

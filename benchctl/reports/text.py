@@ -1,7 +1,7 @@
 """Numbers, units and durations as a reader of a report expects them.
 
-A value with an uncertainty is rounded to two significant digits of the uncertainty (GUM 7.2.6), with a power of ten
-that is a multiple of three where it is small or large. The minus sign is U+2212; no line breaks before a unit.
+A value with an uncertainty is rounded to two significant digits of the uncertainty (GUM 7.2.6). Every face of benchctl
+prints it by `with_uncertainty`. The minus sign is U+2212; no line breaks before a unit.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ from typing import TypeGuard
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _NO_SPACE_BEFORE = ("°", "″")
-_SMALLEST_PLAIN, _SMALLEST_PLAIN_STATED, _LARGEST_PLAIN = 1e-3, 0.1, 1e5
+_SMALLEST_PLAIN, _LARGEST_PLAIN = 1e-3, 1e5
+_PLAIN_UNCERTAINTY, _LARGEST_STATED = 1e-5, 1e6
 _MOST_DECIMALS = 12
 
 NOT_KNOWN = "–"
@@ -31,7 +32,11 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def with_uncertainty(value: float, expanded: float | None, unit: str = "") -> str:
-    """`(50.0012 ± 0.0034) × 10⁻³ V`; without an uncertainty the value to six significant digits."""
+    """`(0.05000 ± 0.00012) V`, `(50.0012 ± 0.0034) × 10⁻³ V`; without an uncertainty six significant digits.
+
+    The power of ten is a multiple of three. It stands where the uncertainty is below 10⁻⁵, or the larger of both below
+    10⁻³ or from 10⁶ on.
+    """
     if not _is_uncertainty(expanded):
         return with_unit(number(value, 6), unit)
     exponent, decimals = _rounding(value, expanded)
@@ -123,7 +128,8 @@ def _is_uncertainty(value: float | None) -> TypeGuard[float]:
 def _rounding(value: float, uncertainty: float) -> tuple[int, int]:
     """The power of ten to take out, and the decimals that leave two significant digits of the uncertainty."""
     size = max(abs(value), uncertainty)
-    exponent = 0 if _SMALLEST_PLAIN_STATED <= size < _LARGEST_PLAIN else 3 * math.floor(math.log10(size) / 3)
+    plain = uncertainty >= _PLAIN_UNCERTAINTY and _SMALLEST_PLAIN <= size < _LARGEST_STATED
+    exponent = 0 if plain else 3 * math.floor(math.log10(size) / 3)
     decimals = 1 - _order(uncertainty / 10.0**exponent, 2)
     return exponent, min(decimals, _MOST_DECIMALS)
 

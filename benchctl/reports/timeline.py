@@ -17,7 +17,7 @@ from benchctl.bench import Limits
 from benchctl.campaign.timing import timeline
 from benchctl.plan import Plan, Step
 from benchctl.reports.figures import INK, new_figure, style
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 KIND_COLOURS: Mapping[str, str] = {
     "soak": "#b9c0c7",

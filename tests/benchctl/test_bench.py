@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from benchctl.bench import Interlock, load_bench, template
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 def _written(folder: Path, old: str, new: str) -> str:
@@ -23,24 +23,42 @@ def test_the_template_is_the_simulated_bench() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "line", "says"),
     [
-        ("latitude_deg = 58.5", "lattitude_deg = 58.5", 42, "site.lattitude_deg: there is no such field"),
+        ("latitude_deg = 58.5", "lattitude_deg = 58.5", 44, "site.lattitude_deg: there is no such field"),
         ("simulated = true", "simulated = true\ntext = 'a'", 9, "text: there is no such field"),
         ("range_dps = 175.0", "range_dps = 'fast'", 14, "unit.range_dps: expected a number"),
         ("ramp_c_per_min = 2.0", "# gone", 17, "limits.ramp_c_per_min: this field is needed and is not there"),
-        ("coldest_c = -55.0", "coldest_c = 90.0", 17, "coldest_c (90) must be below hottest_c (85)"),
-        ("chamber_c = 23.0", "chamber_c = 99.0", 1, "safe.chamber_c (99) lies outside"),
-        ("simulated = true", "simulated = false", 1, "rate_table.address is needed where simulated is not true"),
-        ("encoder_sign = 1 ", "encoder_sign = 2 ", 67, "digitizer.encoder_sign: expected 1 or -1, got 2"),
-        ("thermistor_c_per_v = 20.0", "thermistor_c_per_v = 0.0", 69, "thermistor_c_per_v: expected another number"),
+        (
+            "rate_dps = 300.0",
+            "rate_dsp = 300.0",
+            18,
+            "limits.rate_dsp: there is no such field: did you mean rate_dps?",
+        ),
+        (
+            "rate_dps = 300.0\nacceleration_dps2 = 1500.0",
+            "rate_dsp = 300.0",
+            18,
+            "rate_dsp: there is no such field: did you mean rate_dps?; needed and not there: limits.acceleration_dps2",
+        ),
+        ("seed = 1", "seed = -1", 127, "[physics] seed is -1; give a whole number, 0 or more"),
+        ("coldest_c = -55.0", "coldest_c = 90.0", 20, "coldest_c (90) must be below hottest_c (85)"),
+        ("chamber_c = 23.0", "chamber_c = 99.0", 30, "safe.chamber_c (99) lies outside"),
+        (
+            "simulated = true",
+            "simulated = false",
+            47,
+            "rate_table.address, chamber.address, digitizer.address must be given",
+        ),
+        ("encoder_sign = 1 ", "encoder_sign = 2 ", 69, "digitizer.encoder_sign: expected 1 or -1, got 2"),
+        ("thermistor_c_per_v = 20.0", "thermistor_c_per_v = 0.0", 71, "thermistor_c_per_v: expected another number"),
         ("rate_dps = 300.0", "rate_dps = nan", 18, "limits.rate_dps: expected"),
-        ("hang_s = 60.0", "hang_s = 10.0", 1, "safe.hang_s (10) must be longer than limits.silence_s (10)"),
+        ("hang_s = 60.0", "hang_s = 10.0", 31, "safe.hang_s (10) must be longer than limits.silence_s (10)"),
         (
             "[site]",
             "[[interlocks]]\nquantity = 'air_k'\nabove = 1\n[site]",
-            42,
+            44,
             "expected 'rate_dps', 'acceleration_dps2'",
         ),
-        ("[site]", "[[interlocks]]\nquantity = 'air_c'\n[site]", 41, "air_c: expected above, below or both"),
+        ("[site]", "[[interlocks]]\nquantity = 'air_c'\n[site]", 43, "air_c: expected above, below or both"),
     ],
 )
 def test_a_wrong_field_is_named_with_its_file_and_line(
@@ -53,6 +71,58 @@ def test_a_wrong_field_is_named_with_its_file_and_line(
     assert message.startswith(f"{path}, line {line}: ")
     assert says in message
     assert "\n" not in message
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (
+            'name = "a"\n[unit]\nserail = "x"\n[limits]\nrate_dsp = 1.0\nsilence_s = -1\n',
+            "line 3: unit.serail: there is no such field: did you mean serial?; needed and not there: unit.range_dps, "
+            "limits.acceleration_dps2, limits.coldest_c, limits.hottest_c, limits.ramp_c_per_min, rate_table, chamber, "
+            "digitizer (and 2 more)",
+        ),
+        (
+            "",
+            "line 1: name, unit, limits, rate_table, chamber, digitizer: these fields are needed and are not there",
+        ),
+        (
+            template().replace("rate_dps = 300.0", "").replace("coldest_c = -55.0", "") + "[gyro]\n",
+            "line 17: limits.rate_dps, limits.coldest_c, gyro.model: these fields are needed and are not there",
+        ),
+    ],
+)
+def test_all_missing_fields_are_named_at_once_and_no_misspelt_one_among_them(
+    tmp_path: Path, text: str, says: str
+) -> None:
+    (tmp_path / "bench.toml").write_text(text)
+    with pytest.raises(UsageError) as caught:
+        load_bench(str(tmp_path / "bench.toml"))
+    assert str(caught.value) == f"{tmp_path}/bench.toml, {says}"
+
+
+@pytest.mark.parametrize(
+    ("table", "says"),
+    [
+        (
+            '[[faults]]\non = "chamber"\nkind = "late"\nevrey = 3\n',
+            "faults.0.late.evrey: there is no such field: did you ",
+        ),
+        (
+            '[[interlocks]]\nquantity = "air_c"\nabve = 3\n',
+            "interlocks.0.abve: there is no such field: did you mean above?",
+        ),
+        ('[gyro]\nmodel = "kvh_dsp1760"\nframe_rate = 3\n', "did you mean frame_rate_hz?"),
+        ('[chamber.certificate]\nair = 3\nnumber = "1"\n', "did you mean air_c?"),
+        ("[limts]\n", "limts: there is no such field: did you mean limits?"),
+        ("[gremlins]\n", "gremlins: there is no such field"),
+    ],
+)
+def test_a_misspelt_key_of_any_table_gets_a_suggestion(tmp_path: Path, table: str, says: str) -> None:
+    (tmp_path / "bench.toml").write_text(f"{template()}\n{table}")
+    with pytest.raises(UsageError) as caught:
+        load_bench(str(tmp_path / "bench.toml"))
+    assert says in str(caught.value)
 
 
 def test_a_file_that_is_not_toml_names_the_place(tmp_path: Path) -> None:
@@ -104,7 +174,9 @@ def test_effects_of_a_bench_are_checked_when_it_is_read(tmp_path: Path) -> None:
     path = _written(tmp_path, "[physics]", "[effects.thermal_lag]\ntau_s = 312.0\n[physics]")
     assert load_bench(path).effects == {"thermal_lag": {"tau_s": 312.0}}
     path = _written(tmp_path, "[physics]", "[effects.thermal_lag]\ntau = 312.0\n[physics]")
-    with pytest.raises(UsageError, match=r"bench\.toml, \[effects\.thermal_lag\] tau: no such field; there are tau_s$"):
+    with pytest.raises(
+        UsageError, match=r"bench\.toml, line 127: \[effects\.thermal_lag\] tau: no such field; there are tau_s$"
+    ):
         load_bench(path)
 
 

@@ -11,8 +11,8 @@ from benchctl.campaign.opened import open_bench
 from benchctl.campaign.runner import run_campaign
 from benchctl.plan import Plan, Static
 from benchctl.recordings.reader import open_recording
-from instruments.errors import UsageError
-from instruments.simulated.faults.link_kinds import Cut, Silence
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.simulated.faults.link_kinds import Cut, Silence
 
 
 def bench_with(tmp_path: Path, tables: str) -> Bench:

@@ -9,11 +9,13 @@ import pytest
 
 from benchctl.bench import Bench, load_bench, template
 from benchctl.campaign.check import room_problems
-from benchctl.campaign.opened import open_bench
+from benchctl.campaign.opened import driver_at, open_bench
 from benchctl.campaign.reserved import reserved
 from benchctl.cli.sim import _write_bench
 from benchctl.plan import Plan, Static
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.simulated.clock import VirtualClock
+from tests.benchctl.lock_place import own_lock_place
 
 GYRO = """
 [gyro]
@@ -66,12 +68,18 @@ def test_what_makes_no_sense_is_refused_in_one_line(tmp_path: Path, tables: str,
         ('[gyro]\nmodel = "kvh_dsp1670"', "there is no twin of|did you mean kvh_dsp1760"),
         ('[gyro]\nmodel = "kvh_dsp1760"\n[gyro.options]\naxis = "up"', "axis 'up'"),
         ('[gyro]\nmodel = "sensonor_stim300"\nframe_rate_hz = 300.0', "a simulated STIM300 has one of"),
-        ('[gyro]\nmodel = "kvh_dsp1760"\nframe_rate_hz = 1e6', "do not fit through 921600 baud"),
+        ('[gyro]\nmodel = "kvh_dsp1760"\nframe_rate_hz = 300.0', "a simulated KVH DSP-1760 has one of"),
     ],
 )
 def test_a_gyro_that_cannot_be_is_refused_before_anything_moves(tmp_path: Path, tables: str, says: str) -> None:
     with pytest.raises(UsageError, match=says), open_bench(bench_with(tmp_path, tables)):
         pass
+
+
+def test_a_rate_that_a_real_gyro_does_not_have_is_refused_before_any_instrument_is_asked(tmp_path: Path) -> None:
+    bench = bench_with(tmp_path, '[gyro]\nmodel = "kvh_dsp1760"\nframe_rate_hz = 125.0')
+    with pytest.raises(UsageError, match=r"^gyro\.frame_rate_hz = 125: .* kvh_dsp1760, 1, 5, 10, .*, 750, 1000 Hz$"):
+        driver_at(bench, "gyro", VirtualClock(), {"gyro": "socket://127.0.0.1:9"})
 
 
 def test_a_simulation_without_wires_has_no_line_for_frames_and_says_so(tmp_path: Path) -> None:
@@ -80,11 +88,11 @@ def test_a_simulation_without_wires_has_no_line_for_frames_and_says_so(tmp_path:
 
 
 def test_a_real_gyro_needs_an_address_and_is_one_process_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    own_lock_place(tmp_path, monkeypatch)
     text = template().replace("simulated = true", "simulated = false")
     for name in ("rate_table", "chamber", "digitizer"):
         text = text.replace(f"[{name}]\n", f'[{name}]\naddress = "tcp://{name}:502"\n')
-    with pytest.raises(UsageError, match=r"gyro\.address is needed"):
+    with pytest.raises(UsageError, match=r"gyro\.address must be given"):
         bench_with(tmp_path, GYRO, text)
     address = 'serial = "DG-1"\naddress = "serial:///dev/ttyS9?baud=460800"'
     bench = bench_with(tmp_path, GYRO.replace('serial = "DG-1"', address), text)

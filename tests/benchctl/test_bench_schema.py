@@ -19,8 +19,8 @@ from benchctl.bench import Bench, bench_of_text, load_bench, template
 from benchctl.bench_schema import as_text, bench_schema, limits_schema, undescribed
 from benchctl.metrology.limit_file import limits_of_text
 from benchctl.metrology.limits_template import limits_template
-from instruments.catalog import models
-from instruments.errors import UsageError
+from benchctl_instruments.catalog import models
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.doctor.benches import bench_at
 
 SCHEMA = bench_schema()
@@ -103,11 +103,11 @@ def _refused_by_schema(document: dict[str, Any]) -> str:
 
 
 def _refused_by_reader(document: dict[str, Any]) -> str:
-    from benchctl.bench import _check_effects
+    from benchctl.bench import _check_simulation
 
     try:
         bench = bench_of_text(tomli_w.dumps(document), "bench.toml")
-        _check_effects(bench.effects, "bench.toml")
+        _check_simulation(bench.model_copy(update={"physics": {}}), "bench.toml")
     except UsageError as err:
         return str(err)
     return ""

@@ -9,7 +9,7 @@ from benchctl.campaign.opened import open_bench
 from benchctl.campaign.runner import run_campaign
 from benchctl.plan import Plan, Static
 from benchctl.recordings.reader import open_recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 STATED = """
 [simulation]

@@ -5,7 +5,7 @@ import pytest
 
 from benchctl.bench import Bench, load_bench, template
 from benchctl.certificates import Certificate, Expired, expired
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 CERTIFIED = """
 [rate_table.certificate]
@@ -81,7 +81,7 @@ def test_a_wrong_figure_is_named_with_its_file_and_line(tmp_path: Path, tables: 
 
 def test_the_uncertainty_of_the_latitude_cannot_be_negative(tmp_path: Path) -> None:
     text = template().replace("latitude_deg = 58.5 ", "latitude_uncertainty_deg = -1 ")
-    with pytest.raises(UsageError, match=r"line 42: site\.latitude_uncertainty_deg: expected a number of at least"):
+    with pytest.raises(UsageError, match=r"line 44: site\.latitude_uncertainty_deg: expected a number of at least"):
         load_bench(bench_with(tmp_path, "", text))
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from benchctl.locks import Lock, is_held
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 HOLDER = """
 import sys

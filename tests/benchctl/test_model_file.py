@@ -8,7 +8,7 @@ import pytest
 from benchctl.bench import load_bench
 from benchctl.campaign.opened import world_settings
 from benchctl.model_file import Model, read_model, write_model
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 LAB = {
     "K0_v_per_dps": 0.016,
@@ -99,7 +99,10 @@ def test_a_model_of_physics_alone_leaves_the_interferometer_and_the_belief() -> 
         ("speed = 1.0\n", "[physics] speed: no such field; there are gyro, table"),
         ("[physics.table]\nripple = 'much'\n", "[physics.table] ripple: expected a finite number, got 'much'"),
         ("room_c = 20.0\n[physics]\nseed = 1\n", "room_c: goes into [physics], which this file has"),
-        ("[effects.gremlins]\na = 1\n", "[effects] effect 'gremlins': there is no such effect; there are adc_coarse"),
+        (
+            "[effects.gremlins]\na = 1\n",
+            "[effects.gremlins] effect 'gremlins': there is no such effect; there are adc_coarse",
+        ),
         ("[effects.thermal_lag]\ntau = 1\n", "[effects.thermal_lag] tau: no such field; there are tau_s"),
         ("[effects.thermal_lag]\ntau_s = -3\n", "[effects.thermal_lag] tau_s: expected "),
     ],

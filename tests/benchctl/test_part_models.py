@@ -11,7 +11,7 @@ from benchctl.diagnosis.parts import problem_of
 from benchctl.model_file import Model, read_model, write_model
 from benchctl.recordings.importing import import_recording
 from benchctl.recordings.reader import open_recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 MODEL = Model(
     parts={

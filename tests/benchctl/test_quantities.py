@@ -11,7 +11,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from benchctl.quantities import ENDINGS, named_quantity, quantity, unit_stated
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from benchctl.bench import Bench, bench_of_text, template
 from benchctl.metrology.limit_file import limits_of_text
 from benchctl.model_file import read_model
 from benchctl.toml_file import toml_in_units
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 def bench_with(old: str, new: str) -> Bench:

@@ -8,7 +8,7 @@ from typing import Any
 
 from benchctl.bench import Bench
 from benchctl.recordings.model import Meta
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 _UNITS = {
     "rate_dps": "degree/s",

@@ -15,6 +15,7 @@ from typing import Any
 
 import benchctl
 from benchctl.atomic import whole_file
+from benchctl.confined import stat_of
 from benchctl.dashboard.data.documents import files_of
 from benchctl.dashboard.data.entries import brief_entry_of, entry_of
 from benchctl.dashboard.data.found import campaigns_below
@@ -23,8 +24,9 @@ from benchctl.dashboard.data.kinds import is_open_recording, recording_in
 from benchctl.dashboard.data.places import cache_folder
 from benchctl.documents import read_json
 from benchctl.limits import MOST_DESCRIPTION_BYTES
+from benchctl.recordings.campaign_manifest import MANIFEST
 from benchctl.recordings.import_open import DESCRIPTION
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 _ID_DIGITS = 16
 _FRESH_S = 1.0
@@ -164,8 +166,8 @@ def _stamp_of(path: Path) -> str:
     else:
         return ""
     told = []
-    for one in [*files, *files_of(path)]:
+    for one in [*files, *files_of(path), path / MANIFEST]:
         with suppress(OSError):
-            stat = one.stat()
+            stat = stat_of(one)
             told.append(f"{one.name} {stat.st_size} {stat.st_mtime_ns}")
     return ", ".join(told)

@@ -26,7 +26,7 @@ from benchctl.recordings.model import Meta, StepInfo
 from benchctl.recordings.reader import Recording, StepsInMemory, campaign_files
 from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, PART_SUFFIX, STEPS, group_name
 from benchctl.reports.results import source_digest
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 _MOST_FILES = 4096
 _ATTEMPTS = 5

@@ -10,7 +10,7 @@ from benchctl.dashboard.data.bench_limits import bench_of, limits_of
 from benchctl.dashboard.data.channels import described
 from benchctl.dashboard.data.contents import Piece, contents_of
 from benchctl.dashboard.data.journal import lines_after
-from benchctl.dashboard.data.plan import plan_in
+from benchctl.dashboard.data.run_state import RunState
 from benchctl.recordings.model import Meta
 
 _LONGEST = 300
@@ -18,16 +18,17 @@ _LONGEST = 300
 
 
 def details_of(path: Path) -> dict[str, Any]:
-    """Plan, steps, channels, end, limits, provenance, notes and digest of a campaign, as the page is told them.
+    """Plan, steps, channels, end, limits, provenance, notes and digest of a campaign, for the page.
 
-    `plan` is in the bench time of the plan, and empty where the recording keeps none; times of `steps` are those of the
-    recording. Raises `UsageError` where the campaign cannot be read.
+    `plan` has bench times as planned and, as `began_s`, when each step really began; it is empty where the recording
+    keeps none. Times of `steps` are those of the recording. Raises `UsageError` where the campaign cannot be read.
     """
     contents = contents_of(path)
-    events = (event for _, event in lines_after(path, 0) if event is not None)
+    state = RunState()
+    state.take(event for _, event in lines_after(path, 0) if event is not None)
     names = dict.fromkeys(name for piece in contents.pieces for name in piece.channels)
     return {
-        "plan": [step.as_json() for step in plan_in(events)],
+        "plan": [step.as_json(state.begun.get(step.index)) for step in state.plan],
         "steps": [_step(piece) for piece in contents.pieces],
         "channels": described(names, contents.meta),
         "t_end_s": contents.t_end_s,

@@ -17,7 +17,7 @@ from benchctl.dashboard.data.kinds import is_open_recording
 from benchctl.documents import read_json
 from benchctl.limits import read_whole, require_file
 from benchctl.reports.results import results_folder
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 Kind = Literal["calibration", "diagnosis", "acceptance"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
@@ -53,7 +53,7 @@ _FORMS: Mapping[Kind, _Form] = {
     "diagnosis": _Form(
         "diagnosis.json",
         "diagnosis.html",
-        "benchctl-diagnosis/1",
+        "benchctl-diagnosis/2",
         (
             *("verdict", "says", "baseline", "findings", "unexplained", "fit", "next_experiment", "not_found"),
             *("notes", "map"),
@@ -63,7 +63,7 @@ _FORMS: Mapping[Kind, _Form] = {
         "acceptance.json",
         "acceptance.html",
         "benchctl-acceptance/1",
-        ("verdict", "tests", "unit_under_test", "started_utc", "stage", "limits", "rule", "anomalies"),
+        ("verdict", "tally", "tests", "unit_under_test", "started_utc", "stage", "limits", "rule", "anomalies"),
     ),
 }
 _FOR_PROGRAMS = ("covariance", "text", "budget", "k_T", "k_omega", "standard", "shares", "U0_T")

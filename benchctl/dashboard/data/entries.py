@@ -6,18 +6,21 @@ from pathlib import Path
 from typing import Any
 
 from benchctl.dashboard.data.contents import Contents, contents_of
-from benchctl.dashboard.data.documents import KINDS, is_there
+from benchctl.dashboard.data.documents import KINDS, files_of, is_there
 from benchctl.dashboard.data.imports import import_of
 from benchctl.dashboard.data.journal import lines_after
 from benchctl.dashboard.data.kinds import is_open_recording, recording_in
 from benchctl.dashboard.data.places import cache_folder
 from benchctl.dashboard.data.state import DIED, died_says, status_of
+from benchctl.limits import listed
+from benchctl.recordings.campaign_manifest import MANIFEST, entries_of, integrity
 from benchctl.recordings.descriptions import read_meta
 from benchctl.recordings.hdf5_files import open_ours
 from benchctl.recordings.hdf5_guard import attribute
 from benchctl.recordings.import_open import read_description
 from benchctl.recordings.journal import planned_steps
-from instruments.errors import UsageError
+from benchctl.recordings.schema import RECORDING
+from benchctl_instruments.errors import UsageError
 
 _NOT_COUNTED = "its steps are not counted yet"
 
@@ -66,7 +69,26 @@ def _read(contents: Contents, planned: int | None) -> dict[str, Any]:
         "bench": told.get("bench", ""),
         "has": {kind: is_there(path, kind, contents.digest) for kind in KINDS},
         "says": died_says(path) if status == DIED and not contents.finished else "",
+        **_integrity(contents),
     }
+
+
+def _integrity(contents: Contents) -> dict[str, Any]:
+    """Whether recording, documents and reports agree with the campaign's manifest; the samples are not read."""
+    folder = contents.path
+    if not (folder / MANIFEST).exists():
+        return {}
+    try:
+        entries = entries_of(folder)
+        found = {RECORDING: integrity(entries.get(RECORDING), folder / RECORDING, contents.digest)}
+        there = [file for file in files_of(folder) if file.exists()]
+        found |= {file.name: integrity(entries.get(file.name), file) for file in there}
+    except (UsageError, OSError) as err:
+        return {"integrity": "altered", "altered": f"{MANIFEST}: {' '.join(str(err).split())}"}
+    if changed := [name for name, said in found.items() if said == "altered"]:
+        says = f"{listed(changed)}: altered since the manifest of this campaign was written; benchctl verify names more"
+        return {"integrity": "altered", "altered": says}
+    return {"integrity": "verified" if found[RECORDING] == "verified" else "not verified"}
 
 
 def _by_its_description(folder: Path) -> dict[str, Any]:
@@ -100,4 +122,6 @@ def _blank(path: Path) -> dict[str, Any]:
         "bench": "",
         "has": dict.fromkeys(KINDS, False),
         "says": "",
+        "integrity": "not verified",
+        "altered": "",
     }

@@ -69,6 +69,10 @@ def _frames_lost(event: Event) -> Told:
     return f"{_count(event, 'frames')} frames of the digital gyro are missing, at {where}", "warning"
 
 
+def _motion(event: Event) -> Told:
+    return f"the step is not complete: {_text(event, 'says')}", "bad"
+
+
 def _silence(event: Event) -> Told:
     return f"{_text(event, 'instrument').replace('_', ' ')} is silent: {_text(event, 'says')}", "warning"
 
@@ -144,6 +148,7 @@ _WORDS: Mapping[str, Callable[[Event], Told]] = {
     "gyro_fault": _gyro_fault,
     "hold": _hold,
     "interlock": _interlock,
+    "motion": _motion,
     "operator": _operator,
     "prepared": _prepared,
     "recover": _recover,

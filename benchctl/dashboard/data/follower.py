@@ -10,6 +10,7 @@ from typing import Any
 
 from benchctl.bench import Bench
 from benchctl.campaign.stop_file import is_asked
+from benchctl.confined import entries_in
 from benchctl.dashboard.data.bench_limits import BenchLimit, bench_of, limits_of, measured
 from benchctl.dashboard.data.contents import contents_of, known_file
 from benchctl.dashboard.data.events import in_words
@@ -23,17 +24,17 @@ from benchctl.dashboard.data.state import DIED, RUNNING, died_says, status_of
 from benchctl.dashboard.data.step_feed import StepFeed
 from benchctl.dashboard.data.trails import Trails
 from benchctl.dashboard.data.watch import Watch
-from benchctl.dashboard.data.words_of_run import doing
+from benchctl.dashboard.data.words_of_run import SoakFollower, doing, remaining_s, soak_json
 from benchctl.locks import is_held
 from benchctl.recordings.schema import CAMPAIGN, JOURNAL, LOCK, STEPS
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
-__all__ = ["Follower", "Watch"]
+__all__ = ["FIRST_EVENTS", "Follower", "Watch"]
 
 GONE = "unreadable"
 _LOCK_EVERY_S = 1.0
 _YOUNG_S = 5.0
-_FIRST_EVENTS = 20
+FIRST_EVENTS = 20
 """Events that the first look tells; who wants them all reads the journal (`events_after`)."""
 
 
@@ -74,7 +75,7 @@ class Follower:
             self._arrived_s = time.monotonic()
         now_s = max(self._readings.now_s or 0.0, self._state.last.bench_s if self._state.last else 0.0)
         return self._told(now_s, trouble) | {
-            "events": in_words(lines)[-_FIRST_EVENTS if first else 0 :],
+            "events": in_words(lines)[-FIRST_EVENTS if first else 0 :],
             "series": self._trails.watched(watches, now_s),
         }
 
@@ -83,6 +84,7 @@ class Follower:
 
     def _begin(self) -> None:
         self._readings = Readings()
+        self._soak = SoakFollower()
         self._steps = StepFeed(self._path)
         self._trails = Trails(self._path, self._steps)
 
@@ -122,6 +124,7 @@ class Follower:
         """Take the new samples; why not, in words, where that cannot be done."""
         try:
             for news in self._steps.news():
+                self._soak.take(news, self._state, self._bench)
                 for channel, time_s, values in self._readings.take(news):
                     self._trails.add(channel, time_s, values)
                 if news.over:
@@ -138,13 +141,17 @@ class Follower:
         age_s = time.monotonic() - self._arrived_s
         patience = patience_s(state, readings, self._bench)
         stalled = running and patience is not None and age_s > patience
+        soak = self._soak.watch(state) if running else None
+        waits_s = remaining_s(soak)
+        left = left_s(state, now_s, waits_s) if running else None
         return {
             "status": self._status,
-            "doing": doing(state, readings) if running else "",
+            "doing": doing(state, readings, soak) if running else "",
+            "soak": soak_json(soak, readings),
             "now_s": now_s,
-            "step": step_now(state),
-            "left_s": left_s(state, now_s) if running else None,
-            "ends_utc": ends_utc(state, now_s, time.time()) if running else None,
+            "step": step_now(state, now_s, waits_s),
+            "left_s": left,
+            "ends_utc": ends_utc(state, now_s, time.time(), left),
             "samples": self._samples_so_far() if self._status in (RUNNING, DIED) else self._samples,
             "values": {name: value for name, value in values.items() if name != "angle_deg"},
             "noise_says": readings.noise_says,
@@ -175,6 +182,6 @@ def _age_s(path: Path) -> float:
     """How long ago a campaign's folder was last written to, by its files."""
     latest_s = 0.0
     with suppress(OSError):
-        for file in ((path / JOURNAL), *(path / STEPS).iterdir()):
-            latest_s = max(latest_s, file.stat().st_mtime)
+        for file in (path / JOURNAL, *(path / STEPS / name for name in entries_in(path / STEPS))):
+            latest_s = max(latest_s, file.lstat().st_mtime)
     return max(0.0, time.time() - latest_s) if latest_s else 0.0

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from benchctl.confined import walk
 from benchctl.dashboard.data.kinds import is_open_recording
 from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, JOURNAL, RECORDING, STEPS, UNREADABLE
 
@@ -18,10 +18,9 @@ def campaigns_below(root: Path) -> Iterator[Path]:
     Of a campaign's folder that is the folder, and beside it any other recording there. Hidden folders are left out,
     and so are links: what they name inside the folder is found without them, and the rest is outside.
     """
-    for count, (place, folders, names) in enumerate(os.walk(root, followlinks=False)):
+    for count, (here, folders, names) in enumerate(walk(root)):
         if count == _MOST_FOLDERS:
             return
-        here = Path(place)
         begun = STEPS in folders and JOURNAL in names
         is_campaign = begun or CAMPAIGN in names or RECORDING in names
         inner = {STEPS, UNREADABLE} if is_campaign else set()

@@ -11,7 +11,7 @@ from benchctl.dashboard.data.cached import throw_out
 from benchctl.dashboard.data.stored import Stamp
 from benchctl.recordings.import_open import DESCRIPTION, read_open_recording, samples_of
 from benchctl.recordings.writer import write_recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 MOST_BYTES = 1 << 30
 """What they take in the cache at the most."""

@@ -8,13 +8,14 @@ from contextlib import closing
 from pathlib import Path
 from typing import IO, Any
 
+from benchctl.confined import open_file
 from benchctl.dashboard.data.kinds import is_open_recording, recording_in
 from benchctl.limits import MOST_JOURNAL_BYTES, MOST_LINE_BYTES, require_file
 from benchctl.recordings.hdf5_files import open_ours
 from benchctl.recordings.hdf5_guard import attribute
 from benchctl.recordings.journal import events_in
 from benchctl.recordings.schema import JOURNAL
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 Line = tuple[int, dict[str, Any] | None]
 """The number of a line, from 1, and the event that it is; None where it is none."""
@@ -47,7 +48,7 @@ def _opened(path: Path) -> IO[bytes]:
     if path.is_dir():
         require_file(journal, "journal ")
         try:
-            return journal.open("rb")
+            return open_file(journal)
         except FileNotFoundError:
             pass
         except OSError as err:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from benchctl.confined import open_file
 from benchctl.dashboard.data.journal import Line, event_of
 from benchctl.limits import MOST_JOURNAL_BYTES
 from benchctl.recordings.schema import JOURNAL
@@ -25,7 +26,7 @@ class JournalTail:
     def new_lines(self) -> list[Line]:
         """The whole lines since the last look; none where there is no journal, or none that can be read."""
         try:
-            with self._path.open("rb") as file:
+            with open_file(self._path) as file:
                 return self._read(file.fileno())
         except OSError:
             return []

@@ -12,7 +12,7 @@ from benchctl.dashboard.data.envelope import Envelope
 from benchctl.dashboard.data.pyramid import Pyramid, Run
 from benchctl.dashboard.data.tracks import Track
 from benchctl.recordings.model import FloatArray
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 MOST_SAMPLES = 2_000_000
 """Samples that a view reads from a recording at the most: 0.2 s."""

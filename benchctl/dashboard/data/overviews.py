@@ -13,7 +13,7 @@ from benchctl.dashboard.data.cached import Cache
 from benchctl.dashboard.data.overview import Blocks, BlocksInMemory, Overview
 from benchctl.dashboard.data.stored import ChangedError
 from benchctl.dashboard.data.tracks import Track
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 _THREADS = 2
 _KEPT_FROM = 1 << 19

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
+from benchctl.campaign.plan_events import SOAK
 from benchctl.dashboard.data.told import told_number
 from benchctl.limits import MOST_JOURNAL_LINES, cut
+from benchctl.plan import Soak
 
 _LONGEST = 200
 
 
 @dataclass(frozen=True, slots=True)
 class PlannedStep:
-    """A step of the plan: when it begins and ends in bench time, if nothing delays it; how long it streams."""
+    """A step of the plan: when it begins and ends in bench time, if nothing delays it; how long it streams.
+
+    `soak` is what a soak waits for, where the journal says so.
+    """
 
     index: int
     label: str
@@ -23,12 +28,12 @@ class PlannedStep:
     t_end_s: float
     streamed_s: float
     setpoint_c: float | None
+    soak: Soak | None = None
 
-    def as_json(self) -> dict[str, Any]:
-        """What the page is told of it."""
-        told = asdict(self)
-        del told["streamed_s"]
-        return told
+    def as_json(self, began_s: float | None) -> dict[str, Any]:
+        """The step for the page; `began_s` is when it really began, None where it has not."""
+        names = ("index", "label", "kind", "t_start_s", "t_end_s", "setpoint_c")
+        return {**{name: getattr(self, name) for name in names}, "began_s": began_s}
 
 
 def plan_in(events: Iterable[Mapping[str, Any]]) -> tuple[PlannedStep, ...]:
@@ -67,4 +72,13 @@ def _step(told: object) -> PlannedStep | None:
         t_end_s=end_s,
         streamed_s=told_number(told.get("streamed_s")) or 0.0,
         setpoint_c=told_number(told.get("setpoint_c")),
+        soak=_soak(told),
     )
+
+
+def _soak(told: Mapping[str, Any]) -> Soak | None:
+    setpoint_c, *numbers = (told_number(told.get(name)) for name in ("setpoint_c", *SOAK))
+    if setpoint_c is None or None in numbers:
+        return None
+    hold_s, tolerance_c, drift_c_per_min = (number or 0.0 for number in numbers)
+    return Soak(setpoint_c=setpoint_c, hold_s=hold_s, tolerance_c=tolerance_c, drift_c_per_min=drift_c_per_min)

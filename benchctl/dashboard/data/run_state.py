@@ -37,6 +37,7 @@ class BegunStep:
 class RunState:
     """What is known from the events so far.
 
+    `begun` has the bench time at which each step of the plan last began, by its number in the plan.
     `began` is when the program that runs now began, `last` the last moment that was told in both times. `ending` is
     `rest` once the bench was brought to rest, then `closing` while the recording is being closed, else empty.
     """
@@ -44,6 +45,7 @@ class RunState:
     plan: tuple[PlannedStep, ...] = ()
     planned: int | None = None
     step: BegunStep | None = None
+    begun: dict[int, float] = field(default_factory=dict)
     began: Instant | None = None
     last: Instant | None = None
     on_hold: str = ""
@@ -94,6 +96,7 @@ class RunState:
             number = event.get("number")
             label = cut(str(event.get("name", "")), _LONGEST)
             self.step = BegunStep(index, number if isinstance(number, int) else index, label, bench_s)
+            self.begun[self.step.number] = bench_s
 
     def _take_samples(self, event: Event) -> None:
         index, samples = event.get("index"), event.get("samples")

@@ -23,7 +23,7 @@ from benchctl.dashboard.data.overviews import Overviews
 from benchctl.dashboard.data.stored import ChangedError, Stamp
 from benchctl.dashboard.data.tracks import Stretch, Track, track_of
 from benchctl.limits import listed
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 MOST_PIXELS = 4000
 _MOST_TRACKS = 8192

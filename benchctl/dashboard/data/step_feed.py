@@ -28,7 +28,7 @@ from benchctl.recordings.model import Axis, FloatArray, StepInfo, axis_of
 from benchctl.recordings.opening import open_growing
 from benchctl.recordings.reader import campaign_files
 from benchctl.recordings.schema import FINISHED_SUFFIX, PART_SUFFIX, STEPS
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 _STRIDE = 1 << 17
 

@@ -18,11 +18,12 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
+from benchctl.confined import descriptor_of, stat_of
 from benchctl.recordings.hdf5_guard import child, child_group, length_of, plain_errors
 from benchctl.recordings.model import FloatArray
-from benchctl.recordings.opening import open_growing
+from benchctl.recordings.opening import open_closed, open_growing
 from benchctl.recordings.schema import group_name
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 _PLAIN = [h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_DEFLATE]
 _ITEM = 8
@@ -53,7 +54,7 @@ class Stamp:
     @classmethod
     def of(cls, path: Path) -> Stamp:
         """The stamp of a file; raises OSError where it is gone."""
-        found = path.stat()
+        found = stat_of(path)
         return cls(found.st_size, found.st_mtime_ns)
 
 
@@ -112,7 +113,7 @@ class _Chunks:
         if end <= first:
             return found
         try:
-            descriptor = os.open(self._path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
+            descriptor = descriptor_of(self._path)
         except OSError as err:
             raise ChangedError(self._path) from err
         try:
@@ -166,7 +167,7 @@ class _ByLibrary:
 
     def read(self, first: int, end: int) -> FloatArray:
         try:
-            opened = open_growing(self._path) if self._stamp is None else h5py.File(self._path, "r")
+            opened = open_growing(self._path) if self._stamp is None else open_closed(self._path)
         except (OSError, RuntimeError) as err:
             raise ChangedError(self._path) from err
         with opened as file:

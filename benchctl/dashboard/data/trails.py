@@ -17,7 +17,7 @@ from benchctl.dashboard.data.tracks import Stretch, track_of
 from benchctl.dashboard.data.trail import Trail
 from benchctl.dashboard.data.watch import Watch
 from benchctl.recordings.model import FloatArray, axis_of
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 _MOST_TRAILS = 24
 _SHORTEST_S = 600.0

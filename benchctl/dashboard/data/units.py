@@ -22,5 +22,6 @@ def history_json(root: Path, cache: Path) -> dict[str, Any]:
     """
     name = hashlib.sha256(os.fsencode(root.resolve())).hexdigest()[:32]
     with _one_at_a_time:
-        found = history_of(root, root.name, lambda says: None, kept_at=cache / f"history-{name}.sqlite")
+        kept_at = cache / f"history-{name}.sqlite"
+        found = history_of(root, root.name, lambda says: None, kept_at=kept_at, follow_links=False)
     return {**values(found, found.units), "index": None}

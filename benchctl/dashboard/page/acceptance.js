@@ -1,32 +1,26 @@
 // An acceptance in short: its verdict, and each test with its value, its limit and what was made of it.
 
 import { el, fact, table } from "./dom.js";
-import { moment, number, stated, unitName } from "./format.js";
+import { moment, number, unitName } from "./format.js";
 import { remarks } from "./calibration.js";
 import { verdictChip } from "./status.js";
-
-const BOUNDS = { "at least": "≥ ", "at most": "≤ " };
 
 /** The summary of `acceptance.json`. */
 export function acceptance(found) {
   const { tests } = found;
-  const judged = (verdict) => tests.filter((test) => test.verdict === verdict).length;
-  const unlimited = tests.filter((test) => !test.verdict).length;
   const rows = tests.map((test) => [
     test.name.replaceAll("_", " "),
-    ...valueOf(test).map((text) => [text, "n"]),
-    unitName(test.unit),
+    test.verdict ? verdictChip(test.verdict) : Number.isFinite(test.value) ? "no limit" : "not measured",
+    [test.stated ?? number(test.value), "n"],
     limit(test.limit),
-    test.verdict ? verdictChip(test.verdict) : "no limit",
-    test.remedy || test.refused || "",
+    [test.remedy || test.refused || "", "wide"],
   ]);
   return [
     el(
       "p",
       { class: "verdict" },
       verdictChip(found.verdict),
-      ` ${judged("PASS")} pass, ${judged("FAIL")} fail, ${judged("INCONCLUSIVE")} inconclusive, `,
-      `${unlimited} without a limit`,
+      ` ${found.tally ?? ""}`,
     ),
     el(
       "dl",
@@ -37,26 +31,18 @@ export function acceptance(found) {
       fact("Recorded", found.started_utc && moment(found.started_utc)),
     ),
     table(
-      "Values with their expanded uncertainty, k = 2",
+      "Values with their expanded uncertainty, 95.45 %",
       [
         "Test",
-        ["Value", "n"],
-        ["U", "n"],
-        "Unit",
+          "Verdict",
+          ["Value ± U", "n"],
         "Limit",
-        "Verdict",
-        "What would settle it, or why there is no value",
+        ["What would settle it, or why there is no value", "wide"],
       ],
       rows,
     ),
     remarks(found.anomalies ?? []),
   ];
-}
-
-function valueOf({ value, uncertainty, bound }) {
-  if (!Number.isFinite(value)) return ["–", ""];
-  const [text, half] = stated(value, uncertainty);
-  return [`${BOUNDS[bound] ?? ""}${text}`, uncertainty > 0 ? `± ${half}` : ""];
 }
 
 function limit(found) {

@@ -46,7 +46,10 @@ async function request(method, path, { body = null, token = null, signal = null 
     cache: "no-store",
     signal,
   });
-  const said = await reply.json().catch(() => ({}));
+  const said = await reply.json().catch((error) => {
+    if (signal?.aborted) throw error; // whoever asked has left before the answer was read
+    return {};
+  });
   if (reply.ok) return said;
   if (reply.status === 401 && token === null && path !== "/api/session")
     connection.dispatchEvent(new Event("stranger"));

@@ -1,7 +1,7 @@
 // A calibration in short: its error level by level, its coefficients and how well they are known, where they hold.
 
 import { el, fact, table } from "./dom.js";
-import { measure, number, percent, stated, unitName } from "./format.js";
+import { measure, number, percent, unitName } from "./format.js";
 
 const LEVELS = [
   ["raw", "Raw", "one straight line"],
@@ -65,19 +65,18 @@ export function remarks(notes) {
 }
 
 function parameters(uncertainty, fitted) {
-  const rows = Object.entries(uncertainty?.parameters ?? {}).map(([name, { value, unit, expanded, ci95 }]) => [
+  const rows = Object.entries(uncertainty?.parameters ?? {}).map(([name, { value, unit, stated, ci95 }]) => [
     el("code", {}, name),
     fitted[name]?.says ?? "",
-    ...stated(value, expanded).map((text, index) => [index ? `± ${text}` : text, "n"]),
+    [stated ?? measure(value, unitName(unit)), "n"],
     [ci95 ? `${number(ci95[0], 7)} to ${number(ci95[1], 7)}` : "", "n"],
-    unitName(unit),
   ]);
   return rows.length
     ? [
         el("h2", {}, "Coefficients"),
         table(
-          `${uncertainty.of ?? "joint fit"}; ± is the expanded uncertainty, k = ${uncertainty.k ?? 2}`,
-          ["Name", "What it is", ["Value", "n"], ["±", "n"], ["95 % by scatter", "n"], "Unit"],
+          `${uncertainty.of ?? "joint fit"}; ± is the expanded uncertainty, 95.45 %`,
+          ["Name", "What it is", ["Value ± U", "n"], ["95 % by scatter", "n"]],
           rows,
         ),
       ]

@@ -45,6 +45,13 @@ export async function campaignView(root, { parts: [id, page], query, signal }) {
       ),
       el("a", { href: link(["compare"], { a: id }) }, "Compare …"),
     ),
+    campaign.altered &&
+      el(
+        "div",
+        { class: "banner bad", role: "alert" },
+        el("p", {}, el("b", {}, "Altered. "), campaign.altered),
+        el("p", {}, "Do not use this copy. Take the campaign from where it was copied."),
+      ),
     body,
   );
   tabs.forEach(([tab, title], index) =>
@@ -73,6 +80,7 @@ function aboutView(body, { campaign }) {
       "dl",
       { class: "facts" },
       fact("Digest", campaign.digest && el("code", {}, campaign.digest)),
+      fact("Manifest", isLive(campaign) ? "" : campaign.integrity),
       fact("Bench", campaign.bench),
       fact("Operator", campaign.operator),
       Object.entries(campaign.provenance).map(([name, value]) => fact(name.replaceAll("_", " "), value)),

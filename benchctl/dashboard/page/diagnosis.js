@@ -4,7 +4,7 @@ import { ApiError, get } from "./api.js";
 import { command } from "./banners.js";
 import { remarks } from "./calibration.js";
 import { el, fact, fill, table } from "./dom.js";
-import { measure, number, percent, unitName } from "./format.js";
+import { measure, number, percent, small, unitName } from "./format.js";
 import { residualMap } from "./map.js";
 import { verdictChip } from "./status.js";
 
@@ -18,7 +18,7 @@ export function diagnosis(found) {
     findings.map(finding),
     unexplained?.significant && [el("h2", {}, "What remains unexplained"), el("p", {}, unexplained.says)],
     fit && fitted(fit),
-    residualMap(found.map ?? []),
+    residualMap(found.map ?? [], unitName(fit?.unit ?? "")),
     next?.says && [
       el("h2", {}, "The next experiment"),
       el("p", {}, next.says),
@@ -30,11 +30,10 @@ export function diagnosis(found) {
 }
 
 function finding(one) {
-  const rows = Object.entries(one.parameters).map(([name, { value, ci95, unit }]) => [
+  const rows = Object.entries(one.parameters).map(([name, { value, ci95, unit, stated }]) => [
     el("code", {}, name),
-    [number(value, 5), "n"],
+    [stated ?? measure(value, unitName(unit)), "n"],
     [ci95[0] < ci95[1] ? `${number(ci95[0], 4)} to ${number(ci95[1], 4)}` : "given", "n"],
-    unitName(unit),
   ]);
   const others = (one.alternatives ?? []).map(
     ({ effect, probability }) => `${named(effect)} (${percent(probability, 2)})`,
@@ -46,7 +45,7 @@ function finding(one) {
     el("h3", {}, named(one.effect), " ", el("small", {}, `probability ${percent(one.probability, 3)}`)),
     el("p", {}, one.says),
     explanation(one.effect),
-    table("", ["Parameter", ["Value", "n"], ["95 % interval", "n"], "Unit"], rows, "dense"),
+    table("", ["Parameter", ["Value ± half the interval", "n"], ["95 % interval", "n"]], rows, "dense"),
     el(
       "dl",
       { class: "facts" },
@@ -85,23 +84,19 @@ function knownAsNothing(error) {
   return { words: error.message };
 }
 
-function fitted({ noise_v, before_v, after_v, heldout_before_v, heldout_after_v }) {
-  const row = (name, rms) => [
-    name,
-    [measure(1000 * rms, "mV", 4), "n"],
-    [noise_v ? number(rms / noise_v, 4) : "", "n"],
-  ];
+function fitted({ unit, noise, before, after, heldout_before, heldout_after }) {
+  const row = (name, rms) => [name, [small(rms, unitName(unit)), "n"], [noise ? number(rms / noise, 4) : "", "n"]];
   return [
     el("h2", {}, "Before and after"),
     table(
       "Rms of the residual, beside the noise",
       ["Measured on", ["Rms", "n"], ["Over the noise", "n"]],
       [
-        row("noise", noise_v),
-        row("fitted steps, before", before_v),
-        row("fitted steps, after", after_v),
-        row("steps kept aside, before", heldout_before_v),
-        row("steps kept aside, after", heldout_after_v),
+        row("noise", noise),
+        row("fitted steps, before", before),
+        row("fitted steps, after", after),
+        row("steps kept aside, before", heldout_before),
+        row("steps kept aside, after", heldout_after),
       ],
       "dense",
     ),
@@ -110,17 +105,15 @@ function fitted({ noise_v, before_v, after_v, heldout_before_v, heldout_after_v 
 
 function notFound(list) {
   if (!list.length) return [];
-  const rows = list.map(({ effect, parameter, smallest, unit, says }) => [
+  const rows = list.map(({ effect, parameter, would_show_from: { value, unit } }) => [
     named(effect),
-    smallest === null
-      ? says || "not excited in this recording"
-      : `${parameter.replaceAll("_", " ")} from ${measure(smallest, unitName(unit), 3)} on`,
+    `${parameter.replaceAll("_", " ")} from ${measure(value, unitName(unit), 3)} on`,
   ]);
   return el(
     "details",
     {},
-    el("summary", {}, `Looked for and not found: ${list.length}, and from which size each would have shown`),
-    table("", ["Effect", "Would have shown"], rows, "dense"),
+    el("summary", {}, `Looked for and not found: ${list.length}, and from which size each was found again once added`),
+    table("", ["Effect", "Found again"], rows, "dense"),
   );
 }
 

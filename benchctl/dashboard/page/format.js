@@ -32,16 +32,6 @@ export function number(value, digits = 5) {
   return signed(String(Number(value.toPrecision(digits))));
 }
 
-/** A value and its uncertainty, two texts: to two digits of the uncertainty, both to the same decimals and power. */
-export function stated(value, uncertainty) {
-  if (!known(value) || !known(uncertainty) || uncertainty <= 0) return [number(value, 6), number(uncertainty, 2)];
-  const order = Math.floor(Math.log10(Math.max(Math.abs(value), uncertainty)));
-  const power = order < -3 || order > 6 ? order : 0;
-  const places = Math.min(15, Math.max(0, 1 - Math.floor(Math.log10(uncertainty / 10 ** power))));
-  const times = power ? ` × 10${raised(String(power))}` : "";
-  return [value, uncertainty].map((part) => `${signed((part / 10 ** power).toFixed(places))}${times}`);
-}
-
 /** With so many decimals, for a value that is watched: its width does not change with its last digit. */
 export function fixed(value, decimals) {
   return known(value) ? signed(value.toFixed(decimals)) : NOTHING;

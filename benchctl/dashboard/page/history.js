@@ -2,7 +2,7 @@
 
 import { get } from "./api.js";
 import { el, fill, svg } from "./dom.js";
-import { fixed, joined, measure, moment, number, stated, unitName } from "./format.js";
+import { fixed, measure, moment, number, unitName } from "./format.js";
 import { verdictChip } from "./status.js";
 
 const [WIDTH, HEIGHT, PAD] = [300, 110, 8];
@@ -69,7 +69,7 @@ function unitCard(unit) {
     el(
       "p",
       { class: "how" },
-      `${unit.campaigns.length} campaigns; the last one `,
+      `${unit.campaigns.length} campaigns${unverified(unit)}; the last one `,
       moment(unit.campaigns.at(-1)?.started_utc),
     ),
     flags.length > 0 &&
@@ -84,10 +84,14 @@ function unitCard(unit) {
   );
 }
 
+function unverified({ campaigns }) {
+  const number = campaigns.filter(({ integrity }) => integrity !== "verified").length;
+  return number ? ` (${number} not verified: no manifest names them)` : "";
+}
+
 function chart(figure) {
   const unit = unitName(figure.unit);
   const latest = figure.points.at(-1);
-  const [value, uncertainty] = stated(latest.value, latest.uncertainty);
   const { control, drift, siblings } = figure;
   const caption = [
     control && `control limits ${number(control.low)} to ${measure(control.high, unit)}`,
@@ -99,7 +103,7 @@ function chart(figure) {
     "figure",
     { class: figure.flags.length ? "chart flagged" : "chart" },
     el("h3", {}, figure.source === "acceptance" ? figure.name.replaceAll("_", " ") : figure.name),
-    el("p", { class: "now" }, joined(latest.uncertainty > 0 ? `${value} ± ${uncertainty}` : value, unit)),
+    el("p", { class: "now" }, latest.stated),
     figure.points.length > 1 && drawing(figure, unit),
     el("figcaption", {}, caption.filter(Boolean).join("; ")),
   );

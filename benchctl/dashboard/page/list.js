@@ -5,7 +5,7 @@ import { el, fill, say } from "./dom.js";
 import { count, duration, moment } from "./format.js";
 import { onKeys } from "./keys.js";
 import { go, link } from "./router.js";
-import { isLive, statusChip } from "./status.js";
+import { alteredChip, isLive, statusChip } from "./status.js";
 
 const AGAIN_S = 3;
 const DOCUMENTS = [
@@ -101,7 +101,13 @@ function row(one, chosen, choose) {
       "a",
       { href: link(["campaigns", one.id]) },
       el("span", { class: "what" }, what, made),
-      el("span", { class: "state" }, statusChip(one.status), one.status === "running" && progress(one)),
+      el(
+        "span",
+        { class: "state" },
+        statusChip(one.status),
+        one.altered && alteredChip(),
+        one.status === "running" && progress(one),
+      ),
       one.status === "unreadable" ? el("span", { class: "says" }, one.says) : columns(one),
     ),
   );
@@ -120,7 +126,7 @@ function columns(one) {
     el("span", {}, el("b", {}, one.unit), el("small", {}, one.model)),
     el("span", {}, moment(one.started_utc), el("small", {}, one.operator)),
     el("span", {}, steps, el("small", {}, much)),
-    el("span", { class: "has" }, has, el("small", {}, one.says)),
+    el("span", { class: "has" }, has, el("small", {}, one.altered || one.says)),
   ];
 }
 

@@ -3,7 +3,7 @@
 import * as banners from "./banners.js";
 import { el, fill, say } from "./dom.js";
 import { appendEvents } from "./events.js";
-import { clock, count, duration, moment } from "./format.js";
+import { clock, count, duration, fixed, joined, moment, number } from "./format.js";
 import { onKeys } from "./keys.js";
 import { Panel } from "./plots.js";
 import { Limits, Readings } from "./readings.js";
@@ -55,6 +55,7 @@ class LivePage {
     this.window_s = Number(localStorage.getItem(KEPT)) || WINDOWS[1][0];
     this.where = el("p", { class: "where" });
     this.progress = el("progress", { max: 1, value: 0, "aria-label": "bench time done" });
+    this.waits = el("p", { class: "waits", role: "status", hidden: true });
     this.ends = el("p", { class: "ends" });
     this.age = el("span", { class: "age" });
     this.readings = new Readings();
@@ -67,7 +68,7 @@ class LivePage {
       el("button", { type: "button", class: "danger", onclick: () => this.ask() }, "Stop …");
     fill(
       body,
-      el("div", { class: "doing" }, el("div", {}, this.where, this.progress, this.ends), this.stop),
+      el("div", { class: "doing" }, el("div", {}, this.where, this.waits, this.progress, this.ends), this.stop),
       plan,
       el(
         "div",
@@ -84,7 +85,8 @@ class LivePage {
         ),
       ),
     );
-    const spans = campaign.plan.length ? campaign.plan : campaign.steps.map((step) => ({ ...step, label: step.name }));
+    this.plan = campaign.plan.map((step) => ({ ...step }));
+    const spans = this.plan.length ? this.plan : campaign.steps.map((step) => ({ ...step, label: step.name }));
     this.timeline = new Timeline(plan, spans, { signal });
     plots.append(this.windowChoice());
     this.panels = PANELS.map((about) => new Panel(plots, { ...about, signal }));
@@ -107,11 +109,12 @@ class LivePage {
     this.heard = performance.now();
     this.tellStatus(message.status);
     this.tellWhere(message);
+    this.tellSoak(message.soak);
     this.readings.show(message.values, message.noise_says);
     this.limits.show(message.limits);
     appendEvents(this.events, message.events);
     this.safe = message.events.findLast(({ kind }) => kind === "safe")?.says ?? this.safe;
-    this.timeline.showNow(message.now_s, message.step);
+    this.timeline.showNow(message.now_s, this.plan.length ? scheduled(this.plan, message) : null);
     this.draw(message);
     this.warn(message);
     this.tellAge();
@@ -128,14 +131,17 @@ class LivePage {
 
   tellWhere({ step, doing, left_s, ends_utc, now_s, status, samples }) {
     const place = step && `Step ${step.index} of ${step.count}: ${step.label}`;
-    const told = [doing, step?.kind && kindName(step.kind), inStep(step, now_s)].filter(Boolean).join(" · ");
+    const planned = this.plan.find(({ index }) => index === step?.index);
+    const told = [doing, step?.kind && kindName(step.kind), inStep(step, planned, now_s)].filter(Boolean).join(" · ");
     fill(this.where, el("b", {}, place || status), told && ` · ${told}`);
     this.progress.hidden = left_s === null;
     this.progress.value = left_s === null ? 0 : now_s / Math.max(1e-9, now_s + left_s);
     const ends = ends_utc && moment(ends_utc, { withSeconds: left_s < 600, withDate: left_s > 43200 });
+    const total_s = Math.round(now_s + left_s); // the three figures add up as they are shown
     const parts = [
-      `bench time ${clock(now_s)}`,
-      left_s !== null && `${duration(left_s)} of it left`,
+      left_s === null ? `bench time ${clock(now_s)}` : `bench time ${clock(now_s)} of ${clock(total_s)}`,
+      left_s !== null && `${clock(total_s - Math.round(now_s))} left`,
+      left_s !== null && this.plan.length > 0 && besidePlan(total_s, this.plan.at(-1).t_end_s),
       ends && el("span", {}, "ends about ", ends),
       `${count(samples)} samples`,
       this.age,
@@ -144,6 +150,11 @@ class LivePage {
       this.ends,
       parts.flatMap((part, index) => (index ? [" · ", part] : [part])),
     );
+  }
+
+  tellSoak(soak) {
+    this.waits.hidden = !soak;
+    if (soak) say(this.waits, waitsFor(soak));
   }
 
   tellStatus(status) {
@@ -231,10 +242,48 @@ class LivePage {
   }
 }
 
-function inStep(step, now_s) {
-  if (!Number.isFinite(step?.ends_s)) return "";
+function inStep(step, planned, now_s) {
+  if (!Number.isFinite(step?.ends_s) || !planned) return "";
   const left_s = step.ends_s - now_s;
-  return left_s >= 0 ? `${duration(left_s)} left in it` : `${duration(-left_s)} longer than planned`;
+  const late_s = step.ends_s - step.began_s - (planned.t_end_s - planned.t_start_s);
+  const late = late_s >= 1 && `${duration(late_s)} longer than planned`;
+  return [left_s >= 0.5 && `${duration(left_s)} left in it`, late].filter(Boolean).join(", ");
+}
+
+/** How the bench time that the campaign will take compares with its plan. */
+function besidePlan(total_s, planned_s) {
+  const late_s = total_s - planned_s;
+  if (Math.abs(late_s) < 1) return `as planned`;
+  return `${duration(Math.abs(late_s))} ${late_s > 0 ? "longer" : "shorter"} than planned (${clock(planned_s)})`;
+}
+
+/** The plan in bench time: steps that have begun as they were, those to come as they are expected. */
+function scheduled(plan, { step, now_s, left_s }) {
+  const place = plan.findIndex(({ index }) => index === step?.index);
+  if (step && place >= 0) plan[place].began_s = step.began_s;
+  const later_s = left_s === null ? 0 : now_s + left_s - plan.at(-1).t_end_s;
+  return plan.map((planned, number) => {
+    if (number > place)
+      return { ...planned, t_start_s: planned.t_start_s + later_s, t_end_s: planned.t_end_s + later_s };
+    const t_start_s = planned.began_s ?? planned.t_start_s;
+    const t_end_s = number === place ? step.ends_s : (plan[number + 1].began_s ?? planned.t_end_s);
+    return { ...planned, t_start_s, t_end_s: Math.max(t_start_s, t_end_s) };
+  });
+}
+
+/** What a soak waits for: the chamber, then that it stays there long enough, then the gyro. */
+function waitsFor(soak) {
+  const [air, there] = [fixed(soak.air_c, 2), fixed(soak.setpoint_c, 1)];
+  const within = `within ±${joined(number(soak.tolerance_c), "°C")}`;
+  const drift = `gyro drifts by ${joined(fixed(soak.drift_c_per_min, 3), "°C/min")}`;
+  const most = `at most ${joined(number(soak.most_drift_c_per_min), "°C/min")} is allowed`;
+  const hold = duration(soak.hold_s);
+  if (soak.held_s === null)
+    return `Waiting for the chamber: air ${air} → ${there} °C, then ${hold} ${within}; ${drift}, ${most}.`;
+  const held = `air ${air}, set point ${there} °C: ${within} for ${duration(Math.floor(soak.held_s))}`;
+  if (soak.left_s > 0)
+    return `Soaking: ${held} of ${hold}, ${duration(Math.ceil(soak.left_s))} left; ${drift}, ${most}.`;
+  return `Waiting for the gyro: ${drift}, ${most}; ${held}, ${hold} needed.`;
 }
 
 /** A series as panels take it: exact where no pixel holds more than one value. */

@@ -109,7 +109,7 @@ export class Panel {
         setSelect: [(chart) => this.selected(chart)],
         setCursor: [(chart) => this.read(chart)],
         drawAxes: [(chart) => this.rule(chart)],
-        draw: [(chart) => this.name(chart)],
+        draw: [(chart) => this.name(chart), (chart) => this.countTicks(chart)],
       },
     };
   }
@@ -198,6 +198,12 @@ export class Panel {
       ctx.fillText(label, bbox.left + bbox.width - 4 * devicePixelRatio, y - below);
     }
     ctx.restore();
+  }
+
+  /** How many ticks the axes have, for whoever cannot see them. */
+  countTicks(chart) {
+    const [times, values] = chart.axes.map((axis) => axis._values?.filter(Boolean).length ?? 0);
+    Object.assign(this.place.dataset, { timeTicks: times, valueTicks: values });
   }
 
   fit() {

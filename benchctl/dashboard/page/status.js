@@ -33,6 +33,11 @@ export function verdictChip(verdict) {
   return chip(verdict ?? "no limit", level, path);
 }
 
+/** That a file of a campaign is not as it was when the campaign was sealed. */
+export function alteredChip() {
+  return chip("altered", "bad", KINDS.aborted[2]);
+}
+
 /** Whether somebody may still be watched or waited for. */
 export function isLive(campaign) {
   return campaign.status === "running" || campaign.status === "died";

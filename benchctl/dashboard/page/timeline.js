@@ -1,5 +1,6 @@
 // A campaign over bench time: the chamber's set point, below it one lane for each kind of step.
 
+import { STEPS_S, decimals, ticksIn } from "./axes.js";
 import { el, fill, say, svg } from "./dom.js";
 import { clock, duration, fixed } from "./format.js";
 
@@ -22,7 +23,6 @@ const TOP = 6;
 const SETPOINT_HEIGHT = 34;
 const LANE = 12;
 const AXIS_HEIGHT = 16;
-const TICKS_S = [1, 5, 10, 30, 60, 300, 600, 1800, 3600, 7200, 14400, 21600, 43200, 86400, 172800, 604800];
 
 /** The word for a kind of step. */
 export function kindName(kind) {
@@ -54,13 +54,12 @@ export class Timeline {
     this.tell(null);
   }
 
-  /** Mark where the run is: in `step` `{index, began_s, ends_s}` of the plan, which began earlier or later than planned. */
-  showNow(now_s, step = null) {
-    const planned = this.spans.find(({ index }) => index === step?.index);
-    const share = planned && (now_s - step.began_s) / Math.max(1e-9, step.ends_s - step.began_s);
-    this.now_s = planned
-      ? planned.t_start_s + Math.min(1, Math.max(0, share)) * (planned.t_end_s - planned.t_start_s)
-      : Math.min(now_s, this.end_s);
+  /** Mark where the run is, in bench time; `spans` are the same ones where they have moved since. */
+  showNow(now_s, spans = null) {
+    if (spans) this.spans = spans;
+    this.end_s = Math.max(1e-9, now_s, ...this.spans.map((span) => span.t_end_s));
+    this.now_s = now_s;
+    this.drawing.setAttribute("aria-label", this.inWords());
     this.draw();
   }
 
@@ -79,16 +78,15 @@ export class Timeline {
   }
 
   axis() {
-    const most = Math.max(2, (this.end_s * this.scale) / 70);
-    const step_s = TICKS_S.find((tick) => this.end_s / tick <= most) ?? TICKS_S.at(-1);
-    const ticks = Array.from({ length: Math.floor(this.end_s / step_s) + 1 }, (_, index) => index * step_s);
+    const ticks = ticksIn(0, this.end_s, STEPS_S, (this.end_s * this.scale) / 70);
+    const places = decimals(ticks[1] - ticks[0]);
     const bottom = this.height - AXIS_HEIGHT;
     return ticks.map((tick) => [
       svg("line", { class: "grid", x1: this.x(tick), x2: this.x(tick), y1: TOP, y2: bottom }),
       svg(
         "text",
         { x: this.x(tick), y: this.height - 3, "text-anchor": tick ? "middle" : "start" },
-        step_s < 60 ? clock(tick) : clock(tick).slice(0, -3),
+        ticks[1] % 60 ? clock(tick, places) : clock(tick).slice(0, -3),
       ),
     ]);
   }

@@ -18,7 +18,7 @@ from benchctl.dashboard.web.gate import Gate
 from benchctl.dashboard.web.pages import load_pages, page_routes
 from benchctl.dashboard.web.refusal import RefusalError, error_body
 from benchctl.dashboard.web.site import Site
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 _SAYS = {404: "there is nothing at this address", 405: "this address does not take that method"}
 

@@ -56,6 +56,8 @@ class Campaign(Exact):
     bench: str
     has: Has
     says: str
+    integrity: Literal["verified", "not verified", "altered"]
+    altered: str
 
 
 class Campaigns(Exact):
@@ -65,7 +67,7 @@ class Campaigns(Exact):
 
 
 class PlannedStep(Exact):
-    """A step of the plan, with the bench time that was planned for it."""
+    """A step of the plan, with the bench time that was planned for it, and when it really began."""
 
     index: int
     label: str
@@ -73,6 +75,7 @@ class PlannedStep(Exact):
     t_start_s: float
     t_end_s: float
     setpoint_c: float | None
+    began_s: float | None
 
 
 class Step(Exact):
@@ -200,6 +203,7 @@ class Acceptance(Exact):
     """What the tests of a gyro found, in short; keys as in `acceptance.json`."""
 
     verdict: str
+    tally: str | None = None
     tests: list[Any] = []
     unit_under_test: Any = None
     started_utc: str | None = None

@@ -13,7 +13,7 @@ from benchctl.dashboard.web.answers import answer
 from benchctl.dashboard.web.models import Error, Explanation, History
 from benchctl.dashboard.web.refusal import RefusalError
 from benchctl.dashboard.web.site import Site, SiteOf
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 router = APIRouter(prefix="/api", responses={401: {"model": Error}, 422: {"model": Error}, 503: {"model": Error}})
 

@@ -6,15 +6,16 @@ A viewer who is slow gets the latest state and not those before, but every event
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from benchctl.dashboard.data.follower import Follower, Watch
+from benchctl.dashboard.data.follower import FIRST_EVENTS, Follower, Watch
 from benchctl.dashboard.web.answers import json_text
 from benchctl.dashboard.web.readers import Readers
 from benchctl.dashboard.web.refusal import RefusalError
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 MOST_VIEWERS = 64
 PERIOD_S = 0.25
@@ -36,6 +37,10 @@ class Viewer:
         self._text = ""
         self._missed: list[Any] = []
         self._news = asyncio.Event()
+
+    def begin(self, events: Iterable[Any]) -> None:
+        """Give the events of before somebody came, with the next state."""
+        self._missed = list(events)
 
     def offer(self, frame: Frame, text: str) -> None:
         """Give a state, as `text` too, in place of the one that has not been sent yet."""
@@ -67,11 +72,13 @@ class Room:
     def __init__(self, follow: Callable[[], Follower], readers: Readers) -> None:
         self.is_open = True
         self._viewers: set[Viewer] = set()
+        self._events: deque[Any] = deque(maxlen=FIRST_EVENTS)
         self._follow, self._readers = follow, readers
         self._task: asyncio.Task[None] | None = None
 
     def enter(self, viewer: Viewer) -> None:
         """Let somebody watch, and begin to follow with the first one."""
+        viewer.begin(self._events)
         self._viewers.add(viewer)
         if self._task is None:
             self._task = asyncio.create_task(self._run())
@@ -102,6 +109,7 @@ class Room:
         began_s = loop.time()
         watches = tuple({viewer.watch: None for viewer in self._viewers if viewer.watch})
         frames = await self._readers.run(lambda: _frames(follower, watches))
+        self._events += frames[None][0]["events"]
         for viewer in self._viewers:
             viewer.offer(*frames.get(viewer.watch, frames[None]))
         took_s = loop.time() - began_s

@@ -8,7 +8,9 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
+import benchctl
 from benchctl.campaign.stop import stop_on_signals
+from benchctl.confined import confine
 from benchctl.dashboard.data.catalogue import Catalogue
 from benchctl.dashboard.data.places import cache_folder
 from benchctl.dashboard.data.series import SeriesReader
@@ -33,10 +35,12 @@ def run_page(
 
     `ready` is told the address, the token and the one that only looks, once requests are answered; `warn` is told
     beforehand what a person should know.
+    The process opens no files outside `root` from then on (`benchctl.confined`).
     Raises `UsageError` where the port cannot be had.
     """
     lower_priority()  # of this thread and of all that it begins
-    cache, tokens = cache_folder(), Tokens(read_only=read_only)
+    root, cache, tokens = root.resolve(), cache_folder(), Tokens(read_only=read_only)
+    confine(root, cache, Path(benchctl.__file__).parent)
     with stop_on_signals() as stop, listening(host, port) as sock, SeriesReader(cache) as series:
         bound_port = sock.getsockname()[1]
         if not is_loopback(host):

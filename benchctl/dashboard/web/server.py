@@ -18,7 +18,7 @@ from benchctl.campaign.stop import StopRequest
 from benchctl.dashboard.web.connections import AT_ONCE, IDLE_S, STALLED_S, Connection, Socket, sweep
 from benchctl.dashboard.web.gate import MOST_HEADER_BYTES
 from benchctl.dashboard.web.live_routes import MOST_MESSAGE_BYTES
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 _SEND_BUFFER_BYTES = 256 << 10
 """What the system keeps for a reader that does not read: enough for a quick one, little for many slow ones."""

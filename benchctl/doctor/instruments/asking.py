@@ -12,14 +12,14 @@ from benchctl.doctor.finding import Finding, bad, ok
 from benchctl.doctor.instruments.others import who_else
 from benchctl.doctor.instruments.units import units_that_answer
 from benchctl.doctor.network.reach import Reached, reach, reach_finding
-from instruments.catalog import Kind, driver
-from instruments.chambers.modbus_chamber import ModbusChamber
-from instruments.digitizers.labjack_t7 import STREAM_PORT
-from instruments.errors import BenchError, InstrumentError, UsageError
-from instruments.interfaces import Identity
-from instruments.links.address import Address, parse_address
-from instruments.links.wirelog import WireLog
-from instruments.simulated.clock import ScaledClock
+from benchctl_instruments.catalog import Kind, driver
+from benchctl_instruments.chambers.modbus_chamber import ModbusChamber
+from benchctl_instruments.digitizers.labjack_t7 import STREAM_PORT
+from benchctl_instruments.errors import BenchError, InstrumentError, UsageError
+from benchctl_instruments.interfaces import Identity
+from benchctl_instruments.links.address import Address, parse_address
+from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.simulated.clock import ScaledClock
 
 _MOST_SHOWN = 60
 
@@ -75,7 +75,7 @@ def _takes_a_log(make: Any) -> bool:
     """Whether a driver notes what goes over its wire; ours that hand all keywords on do."""
     takes = inspect.signature(make).parameters
     hands_on = any(each.kind is each.VAR_KEYWORD for each in takes.values())
-    return "wire_log" in takes or (hands_on and getattr(make, "__module__", "").startswith("instruments."))
+    return "wire_log" in takes or (hands_on and getattr(make, "__module__", "").startswith("benchctl_instruments."))
 
 
 def _identity_finding(role: str, entry: InstrumentEntry, who: Identity) -> Finding:

@@ -12,13 +12,13 @@ from collections.abc import Iterator
 from typing import Any
 
 from benchctl.bench import Bench
-from instruments.catalog import Kind, driver, our_models
-from instruments.chambers.modbus_chamber import ModbusChamber
-from instruments.digitizers import t7_registers as t7
-from instruments.errors import BenchError
-from instruments.links.address import Address
-from instruments.links.modbus import ModbusLink, Retry
-from instruments.simulated.clock import ScaledClock
+from benchctl_instruments.catalog import Kind, driver, our_models
+from benchctl_instruments.chambers.modbus_chamber import ModbusChamber
+from benchctl_instruments.digitizers import t7_registers as t7
+from benchctl_instruments.errors import BenchError
+from benchctl_instruments.links.address import Address
+from benchctl_instruments.links.modbus import ModbusLink, Retry
+from benchctl_instruments.simulated.clock import ScaledClock
 
 _LONGEST_S = 12.0
 _ANSWER_S = 0.5
@@ -65,7 +65,7 @@ def _speaks_modbus(make: Any) -> bool:
 
 
 def _answers_as(make: Any, address: Address, clock: ScaledClock) -> bool:
-    if not getattr(make, "__module__", "").startswith("instruments."):  # what opening does there is not known
+    if not getattr(make, "__module__", "").startswith("benchctl_instruments."):  # what opening does there is not known
         return False
     takes = inspect.signature(make).parameters
     quick: dict[str, Any] = {"timeout_s": _ANSWER_S}

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from instruments.errors import InstrumentError, LinkError
-from instruments.links.address import Address
-from instruments.links.modbus import ModbusLink, Retry
-from instruments.protocols.modbus import exception_words
+from benchctl_instruments.errors import InstrumentError, LinkError
+from benchctl_instruments.links.address import Address
+from benchctl_instruments.links.modbus import ModbusLink, Retry
+from benchctl_instruments.protocols.modbus import exception_words
 
 _UNITS = range(1, 11)
 _ANSWER_S = 0.25

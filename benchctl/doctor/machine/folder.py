@@ -10,13 +10,13 @@ from pathlib import Path
 
 from benchctl.atomic import free_bytes
 from benchctl.bench import Bench
-from benchctl.campaign.reserved import lock_folder
+from benchctl.campaign.reserved import lock_folder, make_lock_folder
 from benchctl.campaign.timing import disk_bytes
 from benchctl.doctor.finding import Finding, bad, look, ok
 from benchctl.doctor.machine.file_systems import file_system_of, keeps_nothing, on_the_network
 from benchctl.locks import Lock, is_held
 from benchctl.plan.find import find_procedure
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 RESULTS = "results"
 _LONGEST_PROCEDURE = "acceptance"
@@ -145,20 +145,14 @@ def _file_system(place: Path) -> Finding:
 
 
 def _instrument_locks() -> Finding:
-    folder = lock_folder()
     try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        folder = make_lock_folder()
         with tempfile.TemporaryFile(dir=folder):
             pass
-    except OSError as err:
-        return bad(
-            RESULTS,
-            "locks of instruments",
-            f"{folder}: may not be written to: {err.strerror or err}",
-            f"remove it (sudo rm -r {folder}): benchctl makes it anew",
-            unusable=True,
-        )
-    return ok(RESULTS, "locks of instruments", f"in {folder}: known to this user's programs on this machine only")
+    except (OSError, UsageError) as err:
+        says = f"{lock_folder()}: cannot be written: {err}"
+        return bad(RESULTS, "locks of instruments", says, "remove it: benchctl makes it again", unusable=True)
+    return ok(RESULTS, "locks of instruments", f"in {folder}: known to all programs on this machine, to none on others")
 
 
 def _that_is_there(folder: Path) -> Path:

@@ -11,7 +11,7 @@ from typing import Literal
 from benchctl.doctor.finding import Finding, bad, ok
 from benchctl.doctor.network.ports_of_models import usual_ports
 from benchctl.doctor.network.routes import is_there, route_to
-from instruments.links.address import Address
+from benchctl_instruments.links.address import Address
 
 CONNECT_S = 3.0
 _RESOLVE_S = 5.0

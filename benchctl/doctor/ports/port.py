@@ -14,7 +14,7 @@ from benchctl.doctor.finding import Finding, bad, look, ok
 from benchctl.doctor.ports.listed import described, lasting_name
 from benchctl.doctor.ports.permission import permission_finding
 from benchctl.doctor.ports.processes import holders
-from instruments.links.address import Address
+from benchctl_instruments.links.address import Address
 
 USUAL_BAUDS = (1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600, 1000000, 1843200, 2000000)
 _CHANGING_NAMES = ("/dev/ttyUSB", "/dev/ttyACM")

@@ -6,8 +6,8 @@ import numpy as np
 
 from benchctl.explain.pictures.sizing import Values, said_values, seen_values, stated_values
 from benchctl.explain.pictures.sketch import Curve, FloatArray, Panel, Sketch
-from instruments.physics.chamber_effects.air import air_c
-from instruments.physics.chamber_effects.effect import ChamberEffect, ChamberSignals, Drive
+from benchctl_instruments.physics.chamber_effects.air import air_c
+from benchctl_instruments.physics.chamber_effects.effect import ChamberEffect, ChamberSignals, Drive
 
 _ROOM_C, _TAU_S, _GAIN_C_PER_PERCENT = 20.0, 600.0, 1.0
 _INTERVAL_S, _STEP_S, _HOURS = 10.0, 3600.0, 4.0
@@ -64,6 +64,7 @@ def _run(drive: Drive) -> ChamberSignals:
         drive=above_c + (_ROOM_C - room_c),
         room_c=np.full_like(time_s, room_c),
         loss=np.ones_like(time_s),
+        second_c=np.full_like(time_s, _ROOM_C),
     )
 
 

@@ -16,7 +16,7 @@ from benchctl.explain.book import find
 from benchctl.explain.pictures.sketch import Curve, Panel, Sketch
 from benchctl.explain.pictures.sketches import sketch_of
 from benchctl.reports.figures import FAINT, GREY, INK, inline_svg, new_figure, style
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 _DOTS = " dots"
 SUFFIXES = (".svg", ".png")

@@ -9,7 +9,7 @@ import numpy as np
 
 from benchctl.explain.pictures.sizing import Values, said_values, seen_values, stated_values
 from benchctl.explain.pictures.sketch import Curve, FloatArray, Panel, Sketch
-from instruments.physics.drive_effects.effect import DriveEffect, DriveSignals
+from benchctl_instruments.physics.drive_effects.effect import DriveEffect, DriveSignals
 
 _INERTIA_KG_M2, _VISCOUS_NM_S = 0.02, 0.05
 _TOP_DPS = 100.0

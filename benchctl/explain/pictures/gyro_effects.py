@@ -14,11 +14,11 @@ from benchctl.explain.pictures.gyro_scenes import noisy_rest as noisy_rest_scene
 from benchctl.explain.pictures.sizing import Values, said_values, seen_values, stated_values, whole_values
 from benchctl.explain.pictures.sketch import Curve, FloatArray, Look, Panel, Sketch
 from benchctl.explain.sizes import K0_V_PER_DPS, NOISE_V, RANGE_DPS, middle_size
-from instruments.errors import UsageError
-from instruments.physics.chain import GRID_STAGES, Signals, run_chain
-from instruments.physics.effects.effect import PhysicalEffect
-from instruments.physics.effects.kinds import ClockEffect, NoiseEffect
-from instruments.physics.response_gyro import ResponseParameters, response_baseline
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.chain import GRID_STAGES, Signals, run_chain
+from benchctl_instruments.physics.effects.effect import PhysicalEffect
+from benchctl_instruments.physics.effects.kinds import ClockEffect, NoiseEffect
+from benchctl_instruments.physics.response_gyro import ResponseParameters, response_baseline
 
 GYRO = ResponseParameters(
     K0_v_per_dps=K0_V_PER_DPS,

@@ -10,9 +10,9 @@ import numpy as np
 from benchctl.explain.pictures.sketch import Curve, FloatArray, Panel
 from benchctl.explain.sizes import RANGE_DPS
 from benchctl.reports import text
-from instruments.physics.chain import Signals
-from instruments.physics.effects.effect import PhysicalEffect
-from instruments.physics.effects.kinds import EncoderEffect
+from benchctl_instruments.physics.chain import Signals
+from benchctl_instruments.physics.effects.effect import PhysicalEffect
+from benchctl_instruments.physics.effects.kinds import EncoderEffect
 
 T0_C = 20.0
 _TURNING_DPS = 100.0

@@ -9,7 +9,7 @@ import numpy as np
 
 from benchctl.explain.pictures.sketch import Band, Curve, Look, Panel, Sketch
 from benchctl.metrology.verdict import rule_of
-from instruments.physics.chamber import ChamberParameters, advance, settled, switched
+from benchctl_instruments.physics.chamber import ChamberParameters, advance, settled, switched
 
 _S, _PAPERS_S = 0.0045, 0.00448
 """Sagnac phases [rad/(°/s)]: of the gyro in these pictures, and what the paper's polynomial implies."""

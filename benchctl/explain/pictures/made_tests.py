@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchctl.explain.pictures.sketch import Band, Curve, FloatArray, Panel, Sketch
-from instruments.physics.gyro import GyroParameters, bias_v, sine_output_v
+from benchctl_instruments.physics.gyro import GyroParameters, bias_v, sine_output_v
 
 _GYRO = GyroParameters()
 _RATES = np.linspace(-170.0, 170.0, 35)

@@ -10,8 +10,8 @@ from benchctl.explain.pictures.gyro_scenes import Scene
 from benchctl.explain.pictures.sketch import Curve, FloatArray, Look, Panel
 from benchctl.metrology.allan import averaging_factors
 from benchctl.metrology.deviations import deviation
-from instruments.physics.chain import Signals
-from instruments.physics.response_gyro import ResponseParameters
+from benchctl_instruments.physics.chain import Signals
+from benchctl_instruments.physics.response_gyro import ResponseParameters
 
 _DEG_PER_H = 3600.0
 _EXCERPT_S, _MEAN_S = 0.2, 10.0

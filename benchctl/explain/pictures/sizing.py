@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 from benchctl.explain.glossary import beside
 from benchctl.explain.numbers import as_written
-from instruments.physics.effects.effect import DescribedEffect, Parameter
+from benchctl_instruments.physics.effects.effect import DescribedEffect, Parameter
 
 Values = dict[str, float]
 

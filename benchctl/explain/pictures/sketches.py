@@ -10,9 +10,9 @@ from benchctl.explain.pictures.chamber_effects import chamber_sketch
 from benchctl.explain.pictures.drive_effects import drive_sketch
 from benchctl.explain.pictures.gyro_effects import gyro_sketch
 from benchctl.explain.pictures.sketch import Sketch
-from instruments.physics.chamber_effects.registry import chamber_effects
-from instruments.physics.drive_effects.registry import drive_effects
-from instruments.physics.effects.registry import effects
+from benchctl_instruments.physics.chamber_effects.registry import chamber_effects
+from benchctl_instruments.physics.drive_effects.registry import drive_effects
+from benchctl_instruments.physics.effects.registry import effects
 
 MADE: Mapping[str, Callable[[], Sketch]] = {
     made.__name__: made

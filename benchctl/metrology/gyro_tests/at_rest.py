@@ -6,6 +6,7 @@ deviation of 10-s means; instability, random walks, quantisation and ramp are th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 
 import numpy as np
@@ -14,18 +15,19 @@ from scipy.special import chdtri
 
 from benchctl.calibration.earth import EARTH_DPS, earth_rate_dps
 from benchctl.calibration.result import Contribution
+from benchctl.calibration.uncertainty import LEVEL, K, effective_dof
 from benchctl.metrology.allan import Allan, analysed
 from benchctl.metrology.drift import likeliest
 from benchctl.metrology.lines import line
 from benchctl.metrology.names import UNITS
 from benchctl.metrology.noise_terms import TERMS, Term, densities, unit_of
-from benchctl.metrology.propagation import COVERAGE, K, Offsets, as_read, propagated, single
+from benchctl.metrology.propagation import Offsets, as_read, propagated, single
 from benchctl.metrology.result import Measured, Picture, Trace, Uncertainty
 from benchctl.metrology.said import Said, said
 from benchctl.metrology.seen import FloatArray, Seen, celsius_of, column, has_rest, measured, refused, same_set_point
 from benchctl.metrology.series import series_of_step
 from benchctl.metrology.stretches import rest_of
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 _DEG_PER_H = 3600.0
 _TERMS: Mapping[str, Term] = {
@@ -158,20 +160,23 @@ def _covariance_of_means(seen: Seen, found: Allan, count: int, long: int) -> Flo
 
 
 def _of_chi_square(seen: Seen, value: float, freedom: float) -> Uncertainty:
-    tails = np.array([0.5 * (1.0 - COVERAGE), 0.5 * (1.0 + COVERAGE)])
+    tails = np.array([0.5 * (1.0 - LEVEL), 0.5 * (1.0 + LEVEL)])
     low, high = (value * np.sqrt(freedom / chdtri(freedom, tails))).tolist()
-    return _by_scatter(seen, value, low, high, value / np.sqrt(2.0 * freedom))
+    return _by_scatter(seen, value, low, high, value / np.sqrt(2.0 * freedom), freedom)
 
 
-def _by_scatter(seen: Seen, value: float, low: float, high: float, standard: float) -> Uncertainty:
+def _by_scatter(
+    seen: Seen, value: float, low: float, high: float, standard: float, dof: float = math.inf
+) -> Uncertainty:
     """Of a result whose own distribution is known: its interval, and beside it the gain of the converter."""
     gain = value * 1e-6 * seen.stated.gain_ppm.standard
     return Uncertainty(
         standard=float(np.hypot(standard, gain)),
         expanded=float(np.hypot(0.5 * (high - low), K * gain)),
+        dof=effective_dof(((standard, dof), (gain, math.inf))),
         monte_carlo=0.5 * (high - low),
         contributors=(
-            Contribution(source="scatter", standard=standard, kind="A", says="length of the record"),
+            Contribution(source="scatter", standard=standard, kind="A", says="length of the record", dof=dof),
             Contribution(source="converter's gain", standard=gain, kind="B", says=seen.stated.gain_ppm.says),
         ),
         says=said("chi_square", low=low, high=high),

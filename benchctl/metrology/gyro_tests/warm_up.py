@@ -14,9 +14,10 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from benchctl.calibration.noise_model import walk_covariance
+from benchctl.calibration.uncertainty import K
 from benchctl.metrology.drift import likeliest, white_variance
 from benchctl.metrology.names import UNITS
-from benchctl.metrology.propagation import K, Offsets, as_read, largest_of, nothing, propagated, scattered
+from benchctl.metrology.propagation import Offsets, as_read, largest_of, nothing, propagated, scattered
 from benchctl.metrology.result import Measured, Picture, Trace, Uncertainty
 from benchctl.metrology.said import said
 from benchctl.metrology.seen import FloatArray, Seen, celsius_of, refused

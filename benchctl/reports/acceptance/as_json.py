@@ -6,18 +6,25 @@ import math
 from typing import Any
 
 from benchctl.metrology.result import Acceptance, Judged, Limit, Uncertainty
+from benchctl.reports.acceptance.build import tally
 from benchctl.reports.acceptance.catalogue import Catalogue, catalogue
 from benchctl.reports.acceptance.recording_facts import RecordingFacts
+from benchctl.reports.acceptance.values import stated
 
 SCHEMA = "benchctl-acceptance/1"
 
 
 def values(acceptance: Acceptance, facts: RecordingFacts) -> dict[str, Any]:
-    """What `--json` says of an acceptance; `uncertainty` is expanded, k = 2, and `standard` the combined one."""
+    """What `--json` says of an acceptance.
+
+    Of each test `uncertainty` is expanded (95.45 %, `k` times the combined `standard`; `dof` null: infinite), and
+    `stated` is the value with it as the report prints it.
+    """
     words = catalogue("en")
     names = {info.index: info.name for info in facts.infos}
     return {
         "verdict": acceptance.verdict,
+        "tally": tally(acceptance, words),
         "tests": [_test(one, acceptance, names, words) for one in acceptance.judged],
         "unit_under_test": {"serial": facts.meta.unit.serial, "model": facts.meta.unit.model},
         "started_utc": facts.meta.provenance.get("started_utc", ""),
@@ -40,6 +47,7 @@ def _test(one: Judged, acceptance: Acceptance, names: dict[int, str], words: Cat
         "name": measured.name,
         "value": _finite(measured.value),
         "unit": measured.unit,
+        "stated": stated(measured, words),
         "limit": _limit(one.limit),
         "verdict": one.verdict,
         "remedy": words.said(one.remedy) if one.remedy else "",
@@ -61,13 +69,21 @@ def _limit(limit: Limit | None) -> dict[str, Any] | None:
 
 def _uncertainty(found: Uncertainty | None) -> dict[str, Any]:
     if found is None:
-        return {"uncertainty": None, "standard": None, "monte_carlo": None, "budget": []}
+        return {"uncertainty": None, "k": None, "dof": None, "standard": None, "monte_carlo": None, "budget": []}
     return {
         "uncertainty": _finite(found.expanded),
+        "k": found.k,
+        "dof": _finite(found.dof),
         "standard": _finite(found.standard),
         "monte_carlo": _finite(found.monte_carlo),
         "budget": [
-            {"source": part.source, "standard": _finite(part.standard), "kind": part.kind, "says": part.says}
+            {
+                "source": part.source,
+                "standard": _finite(part.standard),
+                "dof": _finite(part.dof),
+                "kind": part.kind,
+                "says": part.says,
+            }
             for part in found.contributors
         ],
     }

@@ -17,7 +17,7 @@ from typing import Any, Literal
 
 from benchctl.metrology.said import Said
 from benchctl.reports import text
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 Language = Literal["en", "ru"]
 LANGUAGES: tuple[Language, ...] = ("en", "ru")

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from benchctl.calibration.result import Contribution
+from benchctl.calibration.uncertainty import coverage_factor
 from benchctl.metrology.names import PROCEDURES
 from benchctl.metrology.result import Acceptance, Column, Judged, Measured, Uncertainty
 from benchctl.recordings.model import StepInfo
@@ -18,6 +19,7 @@ from benchctl.reports.acceptance.values import column, duration, limits, signifi
 _MOST_STEPS_TOLD = 24
 """Steps of a test that are told one by one with the beginning of their digest; more are told as spans."""
 _SHORT_DIGEST = 8
+_MOST_DOF = 1000.0
 _WELL_KNOWN_SHARE = 0.8
 """Of the variance: a contributor with more is named alone."""
 
@@ -146,6 +148,7 @@ def _budget(uncertainty: Uncertainty, unit: str, words: Catalogue) -> Budget:
     printed = words.unit(unit)
     total = math.fsum(part.standard**2 for part in uncertainty.contributors)
     shares = [part.standard**2 / total if total else 0.0 for part in uncertainty.contributors]
+    k = coverage_factor(uncertainty.dof)
     heading = words.label("standard_uncertainty", unit=printed) if printed else words.label("standard_uncertainty_bare")
     return Budget(
         contributors=Table(
@@ -164,13 +167,19 @@ def _budget(uncertainty: Uncertainty, unit: str, words: Catalogue) -> Budget:
         ),
         totals=(
             (words.label("combined"), text.with_unit(_standard(uncertainty.standard, words), printed)),
-            (words.label("twice_combined"), text.with_unit(_standard(2.0 * uncertainty.standard, words), printed)),
+            (_by_gum(uncertainty.dof, words), text.with_unit(_standard(k * uncertainty.standard, words), printed)),
             (words.label("monte_carlo"), text.with_unit(_standard(uncertainty.monte_carlo, words), printed)),
             (words.label("stated"), text.with_unit(_standard(uncertainty.expanded, words), printed)),
         ),
         largest=_largest(uncertainty.contributors, shares, words),
         says=words.said(uncertainty.says),
     )
+
+
+def _by_gum(dof: float, words: Catalogue) -> str:
+    """The coverage factor by the degrees of freedom; from a thousand on these are as good as infinite."""
+    told = significant(dof, words, 2) if dof < _MOST_DOF else words.label("unlimited")
+    return words.label("k_combined", k=significant(coverage_factor(dof), words), dof=told)
 
 
 def _largest(contributors: Sequence[Contribution], shares: Sequence[float], words: Catalogue) -> str:

@@ -17,7 +17,7 @@ from benchctl.reports.acceptance.catalogue import Catalogue
 from benchctl.reports.acceptance.document import EquipmentRow, Row, Table
 from benchctl.reports.acceptance.recording_facts import RecordingFacts
 from benchctl.reports.acceptance.values import duration, exact
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 _JUDGED_WITH = ("benchctl", "python", "numpy", "scipy")
 _NOT_STATED = "not stated"
@@ -76,7 +76,7 @@ def environment(facts: RecordingFacts, words: Catalogue) -> tuple[Row, ...]:
         ("latitude", "" if bench.latitude_deg is None else text.with_unit(exact(bench.latitude_deg, words), "°")),
         ("encoder", _encoder(meta, words)),
         ("converter", _converter(meta, words)),
-        ("sample_rate", _with_unit(bench.sample_rate_hz, "Hz", words)),
+        ("sample_rate", _with_unit(setup_section.sample_rate_hz(meta, infos), "Hz", words)),
         ("duration", duration(length_s, words) if infos else ""),
         ("steps", _steps(infos, words)),
         ("parameters", ", ".join(f"{name} = {value}" for name, value in setup_section.parameters(meta).items())),

@@ -11,8 +11,6 @@ from benchctl.reports.acceptance.catalogue import Catalogue
 
 _NO_BREAK = "\u00a0"
 _BOUNDS = {"": "", "at least": "≥\u00a0", "at most": "≤\u00a0"}
-_PLAIN = 1e-5, 1e6
-"""From the least uncertainty to the largest value that are printed without a power of ten."""
 _LIMIT_DIGITS = 10
 _COLUMN_DIGITS = 6
 _ROUNDING = 1e-9
@@ -30,19 +28,8 @@ def stated(measured: Measured, words: Catalogue, *, unit: bool = True) -> str:
     if measured.bound and not expanded:
         bare = words.number(f"{measured.value:.4g}".replace("-", "−"))
         return _BOUNDS[measured.bound] + text.with_unit(bare, printed).replace(" ", _NO_BREAK)
-    told = _BOUNDS[measured.bound] + words.number(_with_uncertainty(measured.value, expanded, printed))
+    told = _BOUNDS[measured.bound] + words.number(text.with_uncertainty(measured.value, expanded, printed))
     return told.replace(" ", _NO_BREAK)
-
-
-def _with_uncertainty(value: float, expanded: float | None, unit: str) -> str:
-    """Two digits of the uncertainty; without a power of ten, where a limit beside it has none either."""
-    size = max(abs(value), expanded or 0.0)
-    if not expanded or not math.isfinite(size) or not _PLAIN[0] <= expanded or not size < _PLAIN[1]:
-        return text.with_uncertainty(value, expanded, unit)
-    decimals = 1 - int(f"{expanded:.1e}".partition("e")[2])
-    parts = [f"{round(part, decimals) + 0.0:.{max(decimals, 0)}f}" for part in (value, expanded)]
-    told = f"{parts[0]} ± {parts[1]}".replace("-", "−")
-    return text.with_unit(f"({told})" if unit else told, unit)
 
 
 def limits(limit: Limit | None, words: Catalogue, *, unit: bool = True) -> str:

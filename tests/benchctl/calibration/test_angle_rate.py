@@ -15,7 +15,7 @@ from benchctl.calibration.angle_rate import (
     gain_error,
     unwrap_deg,
 )
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 def test_weights_agree_with_those_of_another_program() -> None:

@@ -17,7 +17,7 @@ from benchctl.calibration.c_text import in_comment, number, polynomial, string
 from benchctl.calibration.coefficients import coefficients, write_coefficients
 from benchctl.calibration.compensating import Compensation, read_compensation
 from benchctl.calibration.self_test import self_test_points
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.calibration.campaigns import calibrated
 from tests.benchctl.calibration.made_coefficients import (
     RATE_DPS,

@@ -11,7 +11,7 @@ import pytest
 from benchctl.calibration.calibrate import calibrate
 from benchctl.calibration.options import CalibrationOptions
 from benchctl.recordings.model import Step
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.calibration.campaigns import TRUTH, calibrated, recorded
 from tests.benchctl.calibration.synthetic import Ask, meta_of, steps
 
@@ -126,6 +126,16 @@ def test_sines_without_constant_rates_are_calibrated_too() -> None:
     result = calibrate(only(recorded(), kind="sine"), META)
     assert any("no two constant rates" in warning for warning in result.warnings)
     assert result.best.value("S_rad_per_dps") == pytest.approx(TRUTH.S, rel=1e-4)
+
+
+@pytest.mark.parametrize("gyro_v", [0.0, 0.25])
+def test_an_output_that_is_the_same_at_every_rate_is_refused(gyro_v: float) -> None:
+    dead = [
+        Step(step.info, {**step.channels, "gyro_v": np.full_like(step["gyro_v"], gyro_v)})
+        for step in only(recorded(), kind="sine")
+    ]
+    with pytest.raises(UsageError, match=rf"gyro_v is {gyro_v:g} at every rate; check that the gyro is powered"):
+        calibrate(dead, META)
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,8 @@ import numpy as np
 import pytest
 
 from benchctl.calibration.coefficients import coefficients, compensate, read_coefficients, write_coefficients
-from instruments.errors import UsageError
+from benchctl.calibration.uncertainty import coverage_factor
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.calibration.campaigns import TRUTH, calibrated
 from tests.benchctl.calibration.synthetic import gyro
 
@@ -44,9 +46,26 @@ def test_every_key_of_the_specification_is_there(content: dict[str, Any]) -> Non
 def test_the_budget_adds_up_to_the_expanded_uncertainty(content: dict[str, Any]) -> None:
     for parameter in content["uncertainty"]["parameters"].values():
         combined = np.sqrt(sum(part["standard"] ** 2 for part in parameter["budget"]))
-        assert parameter["expanded"] == pytest.approx(2 * combined)
+        assert parameter["expanded"] == pytest.approx(parameter["k"] * combined)
     sources = [part["source"] for part in content["uncertainty"]["parameters"]["K0_v_per_dps"]["budget"]]
     assert sources == ["type A", "encoder", "time base", "ADC gain", "thermometer"]
+
+
+def test_the_expanded_uncertainty_is_never_narrower_than_the_scatter_at_the_same_level(content: dict[str, Any]) -> None:
+    for name, parameter in content["uncertainty"]["parameters"].items():
+        type_a = parameter["budget"][0]
+        assert type_a["kind"] == "A"
+        assert parameter["expanded"] >= coverage_factor(type_a["dof"] or math.inf) * type_a["standard"] * 0.999, name
+        assert parameter["expanded"] >= 0.5 * (parameter["ci95"][1] - parameter["ci95"][0]), name
+        assert parameter["k"] >= coverage_factor(parameter["dof"] or math.inf) * 0.999, name
+
+
+def test_few_degrees_of_freedom_demand_more_than_k_2(content: dict[str, Any]) -> None:
+    found = content["uncertainty"]["parameters"]
+    assert content["uncertainty"]["level"] == pytest.approx(0.9545, abs=1e-4)
+    assert found["encoder_cos1_arcsec"]["dof"] < 100
+    assert found["encoder_cos1_arcsec"]["k"] > 2.02
+    assert found["K0_v_per_dps"]["k"] == pytest.approx(2.0, abs=0.01), "the bench's certificates prevail"
 
 
 def test_what_is_written_is_read_back(content: dict[str, Any], tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from benchctl.recordings.model import FloatArray, Step, Unit
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.verify import verify
 from benchctl.recordings.writer import write_recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.calibration.made_coefficients import written
 from tests.benchctl.recordings import made
 

@@ -13,7 +13,7 @@ import pytest
 
 from benchctl.calibration.compensating import read_compensation
 from benchctl.calibration.compensation_json import FORMULAS, compensation_json, export_json
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.calibration.made_coefficients import joint_of, made, stage, written
 
 PLAIN = {"K0_v_per_dps": 0.05, "U0_v": 0.1, "S_rad_per_dps": 0.0045}

@@ -11,7 +11,7 @@ from benchctl.calibration.angle_rate import unwrap_deg
 from benchctl.calibration.calibrate import calibrate
 from benchctl.calibration.free_motion import fit_free_motion
 from benchctl.recordings.importing import read_foreign
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.shared import SHARED, needs_shared
 
 FS = 100.0

@@ -38,7 +38,7 @@ def test_clusters_that_hang_together_widen_the_covariance_as_they_should() -> No
         values = rng.standard_normal(60)[cluster] + 0.1 * rng.standard_normal(x.size)
         fit = fit_linear(columns, values)
         found.append(fit.coefficients[1])
-        stated.append(clustered_covariance(columns, fit.residual, cluster)[1, 1])
+        stated.append(clustered_covariance(columns, fit.residual, cluster)[0][1, 1])
     assert np.sqrt(np.mean(stated)) == pytest.approx(np.std(found), rel=0.12)
     assert np.sqrt(np.mean(stated)) > 3 * np.sqrt(fit.covariance[1, 1])
 
@@ -48,4 +48,4 @@ def test_few_clusters_get_an_upper_bound() -> None:
     columns = np.stack([np.ones(150), np.linspace(-1, 1, 150)], axis=1)
     residual = np.random.default_rng(2).standard_normal(150)
     plain = float(residual @ residual) / 148 / float(columns[:, 1] @ columns[:, 1])
-    assert clustered_covariance(columns, residual, cluster)[1, 1] == pytest.approx(50 * plain, rel=0.01)
+    assert clustered_covariance(columns, residual, cluster)[0][1, 1] == pytest.approx(50 * plain, rel=0.01)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchctl.calibration.model import Law, factor
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 NOTHING = np.zeros(1)
 SINE = Law(name="sine", rate_terms=1, temperature_terms=0)

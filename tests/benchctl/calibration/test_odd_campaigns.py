@@ -12,7 +12,7 @@ import pytest
 from benchctl.calibration.calibrate import calibrate
 from benchctl.calibration.result import CalibrationResult
 from benchctl.recordings.model import Step
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.calibration.campaigns import TRUTH, recorded
 from tests.benchctl.calibration.synthetic import Ask, meta_of, steps, two_stage
 

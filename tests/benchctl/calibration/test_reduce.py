@@ -10,7 +10,7 @@ import pytest
 from benchctl.calibration.reduce import reduce_step, reduce_steps
 from benchctl.calibration.step_reduction import clipped
 from benchctl.recordings.model import Step
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.calibration.synthetic import Ask, Truth, meta_of, steps
 
 TRUTH = Truth()

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from instruments.physics.gyro import GyroParameters
+from benchctl_instruments.physics.gyro import GyroParameters
 from tests.benchctl.cli.processes import benchctl, without_a_process
 
 

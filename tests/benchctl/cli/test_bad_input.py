@@ -1,6 +1,7 @@
 """Bad input: one clear line on stderr, exit status 2, no traceback, nothing half-written."""
 
 import json
+import os
 import socket
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +13,7 @@ from benchctl.bench import template
 from benchctl.cli.app import run_verb
 from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo, Unit
 from benchctl.recordings.writer import write_recording
+from tests.benchctl.cli.processes import benchctl
 
 Refused = Callable[..., str]
 
@@ -21,10 +23,9 @@ def refused(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
     """Run a verb that must refuse, in an empty folder; returns its one line."""
     monkeypatch.chdir(tmp_path)
 
-    def refuse(*arguments: str | Path) -> str:
-        status = run_verb([str(argument) for argument in arguments])
+    def refuse(*arguments: str | Path, status: int = 2) -> str:
+        assert run_verb([str(argument) for argument in arguments]) == status
         captured = capsys.readouterr()
-        assert status == 2
         assert captured.out == ""
         lines = captured.err.splitlines()
         assert len(lines) == 1
@@ -48,7 +49,7 @@ def test_a_procedure_that_exceeds_the_benchs_limits_names_the_step_and_the_limit
     assert line.startswith("procedure rate_sweep, step 2")
     assert "the bench's limit is 300 deg/s" in line
     line = refused("check", "rate_sweep", "--bench", "simulated", "-p", "top_rate_dps=400", "--quiet")
-    assert "go beyond it; the first is step" in line
+    assert line.endswith("(limits.rate_dps); 13 more steps have this problem")
     assert not Path("results").exists()
 
 
@@ -63,6 +64,23 @@ def test_an_unknown_parameter_gets_a_hint(refused: Refused) -> None:
 )
 def test_a_parameter_that_is_none_is_refused(refused: Refused, text: str, says: str) -> None:
     assert says in refused("run", "two_stage", "--bench", "simulated", "-p", text)
+
+
+@pytest.mark.parametrize("text", ["points=100000000", "points=-3", "points=0", "rates=0", "rates=1001"])
+@pytest.mark.parametrize("verb", ["check", "run", "simulate"])
+def test_a_number_out_of_range_is_refused_at_once_by_every_verb_that_takes_one(
+    refused: Refused, verb: str, text: str
+) -> None:
+    more = ("-o", "a.h5") if verb == "simulate" else ()
+    name, _, value = text.partition("=")
+    line = refused(verb, "two_stage", "--bench", "simulated", "-p", text, *more)
+    assert line.startswith(f"parameter {name}: expected 1 to 1000, got {value}; its default is ")
+
+
+def test_a_bench_of_a_million_keys_is_refused_unread(refused: Refused, tmp_path: Path) -> None:
+    (tmp_path / "bench.toml").write_text("".join(f"k{number} = 1\n" for number in range(1_000_000)))
+    line = refused("check", "static", "--bench", "bench.toml")
+    assert line == "bench bench.toml: is larger than 0.25 MB, which no such file needs"
 
 
 def test_a_parameter_given_twice_is_refused(refused: Refused) -> None:
@@ -98,11 +116,32 @@ def test_instruments_that_do_not_answer_are_all_named_with_where_and_what_was_tr
         text = text.replace(f"[{name}]\n", f'[{name}]\naddress = "{dead}"\n')
     (tmp_path / "bench.toml").write_text(text)
     for verb in ("run", "check"):
-        line = refused(verb, "static", "--bench", "bench.toml", "--quiet")
-        assert line.count(dead) >= 3
+        line = refused(verb, "static", "--bench", "bench.toml", "--quiet", status=3)
+        assert line.count(dead) == 3
         assert [name in line for name in ("rate_table: ", "chamber: ", "digitizer: ")] == [True] * 3
         assert "connect" in line
     assert not (tmp_path / "results").exists()
+    refused("doctor", "--bench", "bench.toml", "--quiet", status=3)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ("timeout_s = -1", "chamber: address 'tcp://127.0.0.1:9': a time-out of -1 s; give a finite one above 0"),
+        ("unti_id = 3", "chamber.options: watlow_f4t has no option 'unti_id': did you mean unit_id?"),
+    ],
+)
+@pytest.mark.parametrize("verb", ["run", "check", "doctor"])
+def test_an_instrument_that_cannot_be_used_as_it_is_described_is_unusable_input(
+    refused: Refused, tmp_path: Path, verb: str, options: str, says: str
+) -> None:
+    text = template().replace("simulated = true", "simulated = false")
+    for name in ("rate_table", "chamber", "digitizer"):
+        text = text.replace(f"[{name}]\n", f'[{name}]\naddress = "tcp://127.0.0.1:9"\n')
+    (tmp_path / "bench.toml").write_text(text.replace("[chamber]", f"[chamber]\noptions = {{ {options} }}"))
+    arguments = ("--bench", "bench.toml", "--quiet")
+    line = refused("doctor", *arguments) if verb == "doctor" else refused(verb, "static", *arguments)
+    assert line == says or verb == "doctor"
 
 
 @pytest.mark.parametrize("verb", ["show", "verify", "fit"])
@@ -193,6 +232,113 @@ def test_simulate_does_not_put_its_recording_into_a_folder_of_that_name(refused:
 def test_a_name_that_no_disk_can_hold_is_one_line(refused: Refused, tmp_path: Path) -> None:
     for arguments in (["show"], ["run", "static", "--bench", "simulated", "--out"], ["check", "static", "--bench"]):
         assert "too long" in refused(*arguments, "x" * 300)
+
+
+def _things(folder: Path) -> None:
+    """What somebody may name by mistake, by its name."""
+    (folder / "folder.h5").mkdir()
+    (folder / "folder").mkdir()
+    (folder / "empty.h5").touch()
+    (folder / "garbage.h5").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(range(256)) * 8)
+    (folder / "text").write_text("hello\n")
+    (folder / "list.json").write_text("[1, 2, 3]")
+    (folder / "loop.h5").symlink_to("loop.h5")
+    os.mkfifo(folder / "pipe.h5")
+
+
+@pytest.mark.parametrize(
+    "thing",
+    [
+        "absent.h5",
+        "folder.h5",
+        "folder",
+        "empty.h5",
+        "garbage.h5",
+        "text",
+        "list.json",
+        "loop.h5",
+        "pipe.h5",
+        "",
+        "x" * 300,
+    ],
+)
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("show", "?"),
+        ("verify", "?"),
+        ("recover", "?"),
+        ("fit", "?"),
+        ("fit", "r.h5", "?"),
+        ("allan", "?"),
+        ("diagnose", "?"),
+        ("diagnose", "r.h5", "--model", "?"),
+        ("compare", "?", "r.h5"),
+        ("compare", "r.h5", "?"),
+        ("accept", "?", "--limits", "limits.toml"),
+        ("accept", "r.h5", "--limits", "?"),
+        ("apply", "r.h5", "--coefficients", "?"),
+        ("import", "?", "-o", "out.h5"),
+        ("import", "text", "--map", "?", "-o", "out.h5"),
+        ("export", "?", "--to", "mat", "-o", "out.mat"),
+        ("simulate", "static", "--model", "?", "-o", "out.h5"),
+        ("check", "static", "--bench", "?", "--offline"),
+        ("check", "?", "--bench", "simulated", "--offline"),
+        ("run", "static", "--bench", "?", "--dry-run"),
+        ("run", "--again", "?", "--dry-run"),
+        ("run", "static", "--bench", "simulated", "--resume", "?"),
+        ("run", "static", "--bench", "simulated", "--answers", "?", "--dry-run"),
+        ("sim", "--bench", "?"),
+    ],
+    ids=" ".join,
+)
+def test_whatever_is_named_by_mistake_is_refused_in_one_line(
+    refused: Refused, tmp_path: Path, arguments: tuple[str, ...], thing: str
+) -> None:
+    if thing == "empty.h5" and {"--answers", "--model"} & {*arguments} and "r.h5" not in arguments:
+        pytest.skip("a file without answers is one, and so is a model that changes nothing")
+    _things(tmp_path)
+    _a_recording(tmp_path / "r.h5")
+    (tmp_path / "limits.toml").write_text('[limits.bias]\nhigh = 5\nunit = "deg/h"\n')
+    assert refused(*(argument.replace("?", thing) for argument in arguments))
+    assert not (tmp_path / "results").exists()
+    assert not list(tmp_path.glob("out.*"))
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may read anything")
+@pytest.mark.parametrize("thing", ["secret.h5", "secret", "secret/r.h5"])
+@pytest.mark.parametrize("verb", ["show", "verify", "recover", "fit", "allan"])
+def test_what_may_not_be_read_is_refused_in_one_line(refused: Refused, tmp_path: Path, verb: str, thing: str) -> None:
+    (tmp_path / "secret").mkdir(mode=0)
+    (tmp_path / "secret.h5").touch(mode=0)
+    assert "permission denied" in refused(verb, thing) or "not readable" in refused(verb, thing)
+
+
+def test_a_result_is_not_put_in_the_place_of_a_pipe_or_a_device(refused: Refused, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    _a_recording(tmp_path / "r.h5")
+    assert run_verb(["show", "r.h5", "-q", "--json", "pipe"]) == 2
+    assert (tmp_path / "pipe").is_fifo()
+
+
+def test_a_name_that_is_no_text_is_refused_as_it_can_be_shown(refused: Refused) -> None:
+    assert refused("show", "\udcff.h5") == r"'\udcff.h5': expected a name in UTF-8; rename it"
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "utf-8"])
+def test_a_terminal_without_the_character_gets_its_number(monkeypatch: pytest.MonkeyPatch, encoding: str) -> None:
+    monkeypatch.setenv("PYTHONIOENCODING", f"{encoding}:strict")
+    ended = benchctl("procedures")
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert ("chamber, \\xb0C" in ended.stdout) == (encoding == "ascii")
+
+
+@pytest.mark.parametrize("verb", ["check", "run"])
+def test_a_place_for_a_campaign_below_a_file_is_refused(refused: Refused, tmp_path: Path, verb: str) -> None:
+    (tmp_path / "file").touch()
+    more = ("--offline",) if verb == "check" else ("--dry-run",)
+    line = refused(verb, "static", "--bench", "simulated", "--out", "file/c", "-q", *more)
+    assert line == f"file/c: cannot be created, {tmp_path}/file is a file; name another folder"
 
 
 def test_a_seed_below_zero_is_refused_wherever_it_stands(refused: Refused, tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from benchctl.cli.live import search_progress
 from benchctl.diagnosis.result import Diagnosis
 from benchctl.plan.find import find_procedure
 from benchctl.recordings.reader import Recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.diagnosis.example import nothing_missing, pair
 from tests.benchctl.diagnosis.moving import SIMULATION, write_moving
 from tests.benchctl.recordings.open_folder import write_open
@@ -99,7 +99,7 @@ def test_a_program_that_asks_for_json_alone_gets_that_and_nothing_else(
     assert capsys.readouterr() == ("", "")
     assert [path.name for path in Path().iterdir()] == ["out.json"]
     told = json.loads(Path("out.json").read_text())
-    assert (told["schema"], told["ok"], told["recording"]) == ("benchctl-diagnosis/1", True, "theirs")
+    assert (told["schema"], told["ok"], told["recording"]) == ("benchctl-diagnosis/2", True, "theirs")
     assert told["findings"][0]["parameters"]["tau_s"]["value"] == 590.8
     assert str(tmp_path) not in Path("out.json").read_text()
 
@@ -181,12 +181,15 @@ def test_of_another_part_the_model_is_its_own_table(engine: Engine, recording: P
     assert "The effects of lab.toml (coulomb_friction)" in json.loads(Path("o.json").read_text())["notes"][-1]
 
 
-@pytest.mark.parametrize(("part", "unit"), [("gyro", "mV"), ("drive", "mN\u00a0m"), ("chamber", "mK")])
-def test_sizes_are_told_in_the_unit_of_the_part(
-    engine: Engine, recording: Path, capsys: pytest.CaptureFixture[str], part: str, unit: str
+@pytest.mark.parametrize(
+    ("unit", "told"), [("V", "1.94\u00a0mV"), ("N m", "1.94\u00a0mN\u00a0m"), ("K", "1.94\u00a0mK")]
+)
+def test_sizes_are_told_in_the_unit_of_what_was_measured(
+    engine: Engine, recording: Path, capsys: pytest.CaptureFixture[str], unit: str, told: str
 ) -> None:
-    assert diagnose(recording, "--part", part) == 0
-    assert f"rms: 1.94\u00a0{unit} (" in capsys.readouterr().out
+    engine.answers.append(replace(_small(pair()), fit=replace(pair().fit, unit=unit)))
+    assert diagnose(recording) == 0
+    assert f"rms: {told} (" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(("part", "table"), [("gyro", "[simulation]"), ("chamber", "[parts.chamber]")])

@@ -11,7 +11,7 @@ from benchctl.bench import Interlock
 from benchctl.campaign.resume import past_of
 from benchctl.cli.app import run_verb
 from benchctl.cli.campaigns import play
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.campaign.test_resume import BENCH, PLAN, begin, in_the_third_step
 
 TURNS = """
@@ -104,12 +104,13 @@ def test_what_a_verb_adds_to_a_campaign_is_taken_into_its_manifest(
     assert [problem.partition(":")[0] for problem in problems] == ([] if verb[0] == "fit" else ["report.html"])
 
 
-def test_a_campaign_without_a_manifest_says_what_was_looked_at(
+def test_a_campaign_whose_manifest_was_deleted_does_not_pass(
     campaign: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (campaign / "manifest.json").unlink()
-    assert run_verb(["verify", str(campaign)]) == 0
-    assert "since it was written (its recording; the other files have no manifest)" in capsys.readouterr().out
+    assert run_verb(["verify", str(campaign)]) == 1
+    [line] = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"benchctl: {campaign}: manifest.json: is not there")
     assert run_verb(["verify", str(campaign / "recording.h5")]) == 0
     assert capsys.readouterr().out == f"{campaign / 'recording.h5'}: nothing changed since it was written\n"
     assert _verified(campaign, capsys)[1]["campaign_digest"] is None

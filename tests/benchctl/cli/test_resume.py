@@ -161,7 +161,7 @@ def test_a_bench_that_is_in_use_is_refused_to_a_second_run_and_to_a_check_and_a_
         process.terminate()
         process.wait(timeout=20)
     for refused in (second, checked):
-        assert refused.returncode == 2
+        assert refused.returncode == 3
         assert f"is in use by process {process.pid} (campaign {tmp_path / 'c'}, since " in refused.stderr
     assert not (tmp_path / "d").exists()
     for refused in (closed, resumed):

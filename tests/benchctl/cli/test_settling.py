@@ -25,8 +25,8 @@ from benchctl.diagnosis.result import NextExperiment
 from benchctl.recordings.joined import join
 from benchctl.recordings.reader import Recording, open_recording
 from benchctl.toml_file import parse_toml
-from instruments.physics.effects.sensor_bandwidth import SensorBandwidth
-from instruments.physics.effects.timing_offset import TimingOffset
+from benchctl_instruments.physics.effects.sensor_bandwidth import SensorBandwidth
+from benchctl_instruments.physics.effects.timing_offset import TimingOffset
 from tests.benchctl.diagnosis.example import pair
 
 LAB: dict[str, Any] = {

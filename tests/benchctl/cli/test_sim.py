@@ -14,7 +14,7 @@ from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 
 from benchctl.bench import load_bench, template
 from benchctl.recordings.reader import open_recording
-from instruments.catalog import models
+from benchctl_instruments.catalog import models
 from tests.benchctl.cli.processes import benchctl, simulated_servers, started, without_a_process
 from tests.instruments.chambers.lab_controllers import ACME
 
@@ -122,7 +122,7 @@ def test_options_that_no_driver_takes_are_refused_before_anything_is_served(tmp_
     bench = bench_with(tmp_path / "b.toml", "chamber", "watlow_f4", "options = {unit = 7}")
     ended = without_a_process("sim", "--bench", bench)
     assert (ended.returncode, ended.stdout) == (2, "")
-    assert "chamber.options: watlow_f4 cannot be made with them: " in ended.stderr
+    assert "chamber.options: watlow_f4 has no option 'unit': did you mean unit_id?" in ended.stderr
     assert "Traceback" not in ended.stderr
 
 
@@ -145,10 +145,10 @@ def test_a_run_beside_the_servers_is_complete_with_every_chamber_and_every_table
 @pytest.mark.parametrize("model", models("gyro"))
 def test_a_run_beside_the_servers_records_the_frames_of_every_digital_gyro(model: str, tmp_path: Path) -> None:
     bench = tmp_path / "bench.toml"
-    bench.write_text(f'{template()}[gyro]\nmodel = "{model}"\nframe_rate_hz = 125.0\n', encoding="utf-8")
+    bench.write_text(f'{template()}[gyro]\nmodel = "{model}"\nframe_rate_hz = 250.0\n', encoding="utf-8")
     with open_recording(run_beside_the_servers(bench, speed=20.0)) as recording:
         streamed = [info for info in recording.infos if info.kind != "soak"]
-        assert [(info.frame_rate_hz, info.frames_lost, info.frames_bad) for info in streamed] == [(125.0, 0, 0)] * 4
+        assert [(info.frame_rate_hz, info.frames_lost, info.frames_bad) for info in streamed] == [(250.0, 0, 0)] * 4
         for info in streamed:
             step = recording.step(info.index)
             rate_dps = np.median(step["frame_rate_dps"])

@@ -31,7 +31,7 @@ def test_a_simulated_bench_that_cannot_be_wired_as_it_says_is_the_inputs_fault(t
     found = _of_bench(tmp_path, "[digitizer]", "[chamber.options]\nunit = 3\n[digitizer]")
     wrong = found["bench", "simulation"]
     assert (wrong.verdict, wrong.unusable) == ("bad", True)
-    assert "chamber.options: watlow_f4t cannot be made with them" in wrong.says
+    assert "chamber.options: watlow_f4t has no option 'unit': did you mean unit_id?" in wrong.says
 
 
 def test_without_a_bench_only_this_machine_is_looked_at(tmp_path: Path) -> None:

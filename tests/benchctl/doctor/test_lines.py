@@ -6,12 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from benchctl.campaign.reserved import lock_folder, lock_name
+from benchctl.campaign.reserved import lock_files, lock_folder, make_lock_folder
 from benchctl.doctor.finding import Finding
 from benchctl.doctor.lines import line_findings
 from benchctl.locks import is_held
 from tests.benchctl.doctor.benches import NOBODY, bench_at, server
 from tests.benchctl.doctor.ports.ptys import held, terminal
+from tests.benchctl.lock_place import own_lock_place
 
 ROOT = Path(__file__).resolve().parents[3]
 HOLD = """
@@ -46,8 +47,7 @@ for each in line_findings(bench_at({}, chamber={"model": "lazy"}, rate_table={"m
 
 @pytest.fixture(autouse=True)
 def _locks_of_the_tests_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "run" / "benchctl").mkdir(parents=True)
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "run"))
+    own_lock_place(tmp_path / "run", monkeypatch)
 
 
 def _bads(findings: list[Finding]) -> dict[str, Finding]:
@@ -76,7 +76,8 @@ def test_one_instrument_that_does_not_answer_hides_none_of_the_others() -> None:
 
 def test_an_instrument_that_another_program_has_is_named_and_left_alone() -> None:
     with server(b"") as chamber:
-        path = lock_folder() / f"{lock_name(chamber)}.lock"
+        make_lock_folder()
+        (path,) = lock_files(chamber)
         with subprocess.Popen(
             [sys.executable, "-c", HOLD, path], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         ) as holder:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from benchctl.explain.book import entries, find, grouped
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 SPELT = {
     "thermal_lag": ["thermal_lag", "Thermal Lag", "THERMAL-LAG", "  thermal   lag ", "thermalLag"],

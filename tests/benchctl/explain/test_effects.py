@@ -9,9 +9,9 @@ from benchctl.explain.effects import symbols
 from benchctl.explain.explained import explained
 from benchctl.explain.sizes import middle_size, usual_sizes
 from benchctl.proof.sizes import DRAWN
-from instruments.physics.chamber_effects.registry import chamber_effects
-from instruments.physics.drive_effects.registry import drive_effects
-from instruments.physics.effects.registry import effects
+from benchctl_instruments.physics.chamber_effects.registry import chamber_effects
+from benchctl_instruments.physics.drive_effects.registry import drive_effects
+from benchctl_instruments.physics.effects.registry import effects
 
 EVERY = {**effects(), **drive_effects(), **chamber_effects()}
 

@@ -18,9 +18,9 @@ from benchctl.recordings.model import Status
 from benchctl.reports.acceptance.catalogue import catalogue
 from benchctl.reports.diagnosis_headline import _ONLY, _VERDICTS
 from benchctl.reports.figures import PATH_LEVELS
-from instruments.physics.chamber_effects.registry import chamber_effects
-from instruments.physics.drive_effects.registry import drive_effects
-from instruments.physics.effects.registry import effects
+from benchctl_instruments.physics.chamber_effects.registry import chamber_effects
+from benchctl_instruments.physics.drive_effects.registry import drive_effects
+from benchctl_instruments.physics.effects.registry import effects
 
 _EN = catalogue("en").tables
 PRINTED = {

@@ -14,10 +14,10 @@ from benchctl.explain.pictures.drawn import figure_of, picture, write_picture
 from benchctl.explain.pictures.sketch import Sketch
 from benchctl.explain.pictures.sketches import effect_sketch, sketch_of
 from benchctl.reports.figures import style
-from instruments.errors import UsageError
-from instruments.physics.chamber_effects.registry import chamber_effects
-from instruments.physics.drive_effects.registry import drive_effects
-from instruments.physics.effects.registry import effects
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.chamber_effects.registry import chamber_effects
+from benchctl_instruments.physics.drive_effects.registry import drive_effects
+from benchctl_instruments.physics.effects.registry import effects
 
 sketch_of_effect = cache(effect_sketch)
 EVERY = [*effects(), *drive_effects(), *chamber_effects()]

@@ -19,8 +19,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from instruments.physics.chain import Signals, Stage
-from instruments.physics.effects.effect import Parameter, PhysicalEffect
+from benchctl_instruments.physics.chain import Signals, Stage
+from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffect
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

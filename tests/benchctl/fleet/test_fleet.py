@@ -16,7 +16,7 @@ from benchctl.fleet.job import Options
 from benchctl.fleet.located import located
 from benchctl.reports.fitting import fit_recordings
 from benchctl.reports.fleet_facts import Fleet
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.fleet.made import fitted, points
 
 

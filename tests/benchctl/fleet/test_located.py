@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from benchctl.fleet.located import Located, located
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from benchctl.fleet.located import Kind, Located
 from benchctl.fleet.places import LocalPlace, Place, RemotePlace, place_of
 from benchctl.recordings.campaign_manifest import write_manifest
 from benchctl.recordings.verify import verify
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 def recording(where: str, kind: Kind = "file") -> Located:

@@ -12,6 +12,7 @@ import pytest
 from benchctl.campaign.stop import StopRequest
 from benchctl.fleet.cluster import connected
 from benchctl.fleet.running import outcomes
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.fleet.clusters import LONGEST_S, dask_cluster
 from tests.benchctl.fleet.made import job_of, points
 from tests.waiting import wait_until
@@ -50,3 +51,12 @@ def test_an_outcome_that_died_with_its_worker_is_asked_of_another_one_and_the_jo
         ended = [(one, outcome.state, outcome.says) for one, outcome in outcomes(client, [job], stop)]
     assert ended == [(job, "done", "")]
     assert results.stat().st_mtime_ns == stop.landed_ns > 0
+
+
+def test_processes_that_cannot_be_started_are_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("multiprocessing.spawn._python_exe", b"/bin/false")
+    with (
+        pytest.raises(UsageError, match=r"1 worker processes cannot be started here: .*; check the limits on memory"),
+        connected(None, 1),
+    ):
+        pass

@@ -20,11 +20,18 @@ def started(number: int) -> str:
 
 
 def recorded(
-    path: Path, serial: str = "SN-1", started_utc: str = started(0), model: str = "VG910Q", rows: int = 20
+    path: Path,
+    serial: str = "SN-1",
+    started_utc: str = started(0),
+    model: str = "VG910Q",
+    rows: int = 20,
+    **parameters: float,
 ) -> str:
     """Write a recording; its digest."""
     path.parent.mkdir(parents=True, exist_ok=True)
     provenance = {"procedure": "two_stage"} | ({"started_utc": started_utc} if started_utc else {})
+    if parameters:
+        provenance["parameters"] = json.dumps(parameters)
     unit = Unit(serial=serial, range_dps=150.0, model=model)
     write_recording(path, made.meta(unit=unit, provenance=provenance), [made.step(1, rows=rows)])
     with open_recording(path) as recording:
@@ -68,11 +75,16 @@ def accepted(tests: Sequence[Mapping[str, Any]], digest: str, verdict: str = "PA
 
 
 def campaign(
-    folder: Path, serial: str = "SN-1", number: int = 0, K0: float | None = 0.05, U: float | None = 1e-5
+    folder: Path,
+    serial: str = "SN-1",
+    number: int = 0,
+    K0: float | None = 0.05,
+    U: float | None = 1e-5,
+    **parameters: float,
 ) -> Path:
     """A campaign with a recording and, where there is a K0, its coefficients."""
     place = folder / f"{number:03d}_{serial}"
-    digest = recorded(place / "recording.h5", serial, started(number))
+    digest = recorded(place / "recording.h5", serial, started(number), **parameters)
     if K0 is not None:
         (place / "coefficients.json").write_text(fitted({"K0_v_per_dps": (K0, U)}, digest))
     return place

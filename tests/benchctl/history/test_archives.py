@@ -14,7 +14,7 @@ import pytest
 
 from benchctl.history.archives import unpacked
 from benchctl.history.history import history_of
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.history.made_history import campaign, figure
 
 

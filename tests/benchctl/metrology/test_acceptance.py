@@ -20,7 +20,7 @@ from benchctl.plan import Soak, Step, set_points
 from benchctl.plan.find import procedure_names
 from benchctl.recordings.model import Step as Recorded
 from benchctl.recordings.reader import Recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.metrology.altered import Change, altered, nan_in, results, stating, without
 from tests.benchctl.metrology.known_values import LINEARITY_PERCENT, known_values
 from tests.benchctl.metrology.made_unit import Made, MadeUnit, recorded

@@ -8,7 +8,7 @@ import pytest
 from benchctl.metrology.allan import LEAST_SAMPLES, analysed, averaging_factors
 from benchctl.metrology.deviations import deviation
 from benchctl.metrology.series import Series
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.metrology.noises import FloatArray, record
 
 

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchctl.metrology.deviations import Kind, deviation
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.metrology.noises import FloatArray, nbs14, record
 
 SMALL_SET = np.array([892.0, 809.0, 823.0, 798.0, 671.0, 644.0, 883.0, 903.0, 677.0])

@@ -13,7 +13,7 @@ from benchctl.metrology.names import PROCEDURES, UNITS
 from benchctl.metrology.result import Limit
 from benchctl.metrology.seen import Settings
 from benchctl.units import factor_between
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 PATH = Path("lab/limits.toml")
 ONE = '[limits.scale_factor]\nlow = 49.5\nunit = "mV/(deg/s)"\n'
@@ -74,7 +74,7 @@ BIAS = '[limits.bias]\nhigh = 5\nunit = "deg/h"\n'
         (f'{BIAS}\n[limits.delay]\nunit = "ms"\n', 5, "limits.delay: expected low, high or both"),
         (
             f'{BIAS}[limits.delay]\nunit = "ms"\nlow = 2\nhigh = 1\n',
-            4,
+            6,
             "limits.delay: low (2) must not be above high (1)",
         ),
         ("[limits.bias]\nhigh = 5\n", 1, "limits.bias.unit: this field is needed and is not there"),
@@ -83,7 +83,8 @@ BIAS = '[limits.bias]\nhigh = 5\nunit = "deg/h"\n'
         ('[limits.bias]\nhigh = nan\nunit = "deg/h"\n', 2, "limits.bias.high: "),
         ('[limits.bias]\nhigh = inf\nunit = "deg/h"\n', 2, "limits.bias.high: "),
         ('[limits.bias]\nhigh = 5\nmax = 5\nunit = "deg/h"\n', 3, "limits.bias.max: there is no such field"),
-        (f'titel = "x"\n{BIAS}', 1, "titel: there is no such field"),
+        (f"{BIAS}hihg = 5\n", 4, "limits.bias.hihg: there is no such field: did you mean high?"),
+        (f'titel = "x"\n{BIAS}', 1, "titel: there is no such field: did you mean title?"),
         (f"guard = -1\n{BIAS}", 1, "guard: "),
         (f"{BIAS}[settings]\nlow_rate_dps = 0\n", 5, "settings.low_rate_dps: "),
         (f'{BIAS}[settings]\nmean_s = "10"\nrest_s = -1\n', 6, "settings.rest_s: "),

@@ -73,6 +73,7 @@ def test_an_output_that_toggles_evenly_is_told_by_a_deviation_of_nothing() -> No
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 def test_a_thousand_records_of_the_terms_have_no_misfit() -> None:
     chance = np.random.default_rng(8)
     told = []

@@ -10,7 +10,7 @@ import pytest
 from benchctl.metrology import phase
 from benchctl.metrology.kernels import Kernels, by_numpy, compiled
 from benchctl.metrology.phase import integrated
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 SAMPLES = 2 * (1 << 20) + 12_345  # more than two cores' pieces, and none of them even
 

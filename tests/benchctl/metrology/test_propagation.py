@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from benchctl.calibration.uncertainty import K, coverage_factor
 from benchctl.metrology import propagation
 from benchctl.metrology.propagation import (
-    K,
     Offsets,
     Quantity,
     as_read,
@@ -39,7 +39,7 @@ def total(offsets: Offsets) -> FloatArray:
 @pytest.fixture
 def published(monkeypatch: pytest.MonkeyPatch) -> None:
     """Intervals of 95 % by a million draws, as the guide has them."""
-    monkeypatch.setattr(propagation, "COVERAGE", 0.95)
+    monkeypatch.setattr(propagation, "LEVEL", 0.95)
     monkeypatch.setattr(propagation, "_DRAWS", 1_000_000)
 
 
@@ -145,7 +145,7 @@ def test_the_loss_of_a_comparison_is_no_straight_function_and_says_so() -> None:
     found = propagated(loss, [pair])
     assert found.standard == 0.0
     assert found.says.key == "not_linear"
-    high = 0.005**2 * chi2.ppf(0.5 * (1.0 + propagation.COVERAGE), 2)
+    high = 0.005**2 * chi2.ppf(0.5 * (1.0 + propagation.LEVEL), 2)
     assert found.expanded == pytest.approx(high, rel=0.05)
 
 
@@ -242,3 +242,23 @@ def test_what_was_tried_is_no_measurement() -> None:
     found = nothing()
     assert (found.standard, found.expanded, found.monte_carlo, found.contributors) == (0.0, 0.0, 0.0, ())
     assert found.says.key == "as_tried"
+
+
+def test_few_degrees_of_freedom_widen_u_by_both_ways() -> None:
+    """GUM, table G.2: k = 2.65 for 5 degrees of freedom at 95.45 %."""
+    found = propagated(total, [scattered("scatter", np.array([[4.0]]), "five differences", dof=5.0)])
+    assert (found.standard, found.dof) == (pytest.approx(2.0), pytest.approx(5.0))
+    assert found.expanded == pytest.approx(2.65 * 2.0, abs=0.01)
+    assert found.monte_carlo == pytest.approx(found.expanded, rel=0.05)
+    assert found.contributors[0].dof == 5.0
+
+
+@pytest.mark.parametrize("other", [0.0, 0.1, 1.0, 30.0])
+def test_u_is_never_less_than_type_a_alone_and_its_k_approaches_2_as_type_b_prevails(other: float) -> None:
+    scatter = scattered("scatter", np.array([[1.0]]), "four readings", dof=3.0)
+    found = propagated(total, [scatter, single("certificate", other, "stated")])
+    assert found.expanded >= coverage_factor(3.0) * 0.999
+    assert found.k is not None
+    assert found.k >= coverage_factor(found.dof) * 0.999
+    if other == 30.0:
+        assert found.k == pytest.approx(K, abs=0.01)

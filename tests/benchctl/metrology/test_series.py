@@ -12,7 +12,7 @@ from benchctl.metrology.series import series_of_step, series_of_text
 from benchctl.recordings import stored
 from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo, Unit
 from benchctl.recordings.reader import Recording, StepsInMemory
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 RATES = np.sin(np.arange(200.0))
 

@@ -10,7 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from benchctl.calibration.result import Contribution
-from benchctl.metrology.propagation import K
+from benchctl.calibration.uncertainty import K
 from benchctl.metrology.result import Bound, Judged, Limit, Measured, Uncertainty, Verdict
 from benchctl.metrology.said import said
 from benchctl.metrology.verdict import in_unit, judged, overall, rule_of

@@ -1,14 +1,16 @@
 from collections.abc import Iterator
+from fractions import Fraction
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import pytest
 
-from benchctl.plan import ConstantRate, Sine, Soak, Static, Step, ThermalRamp, procedure
+from benchctl.limits import MOST_STEPS
+from benchctl.plan import POSITIVE, ConstantRate, Range, Sine, Soak, Static, Step, ThermalRamp, procedure
 from benchctl.plan.find import find_procedure, procedure_names
 from benchctl.plan.steps import faults
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 @procedure(calibrates=True)
@@ -80,6 +82,75 @@ def test_a_parameter_that_cannot_be_used_is_named_with_what_was_expected(texts: 
     assert says in str(caught.value)
 
 
+@procedure()
+def ranged(
+    points: Annotated[int, "set points", Range(1, 100)] = 3,
+    tops_dps: Annotated[tuple[float, ...], "rates", POSITIVE] = (1.0, 2.0),
+    share_percent: Annotated[float, Range(0, 100, above=True), "share"] = 50.0,
+    least_c: Annotated[float, Range(high=0.0)] = -1.0,
+) -> Iterator[Step]:
+    """What it measures."""
+    yield from [Static(duration_s=share_percent)] * points
+
+
+@pytest.mark.parametrize(
+    ("texts", "says"),
+    [
+        ({"points": "0"}, "parameter points: expected 1 to 100, got 0; its default is 3"),
+        ({"points": "-3"}, "parameter points: expected 1 to 100, got -3"),
+        ({"points": "100000000"}, "parameter points: expected 1 to 100, got 100000000"),
+        ({"tops_dps": "5,0,6"}, "parameter tops_dps: expected more than 0, got 0.0"),
+        ({"share_percent": "0"}, "parameter share_percent: expected more than 0, at most 100, got 0.0"),
+        ({"least_c": "1"}, "parameter least_c: expected at most 0, got 1.0"),
+    ],
+)
+def test_a_number_out_of_its_declared_range_is_refused_before_the_procedure_begins(
+    texts: dict[str, str], says: str
+) -> None:
+    assert len(ranged.expand({"points": "100", "share_percent": "100", "least_c": "0"}).steps) == 100
+    with pytest.raises(UsageError) as caught:
+        ranged.expand(texts)
+    assert says in str(caught.value)
+
+
+@pytest.mark.parametrize("name", procedure_names())
+def test_every_number_of_our_procedures_but_a_temperature_has_a_range(name: str) -> None:
+    open_ended = {
+        one.name for one in find_procedure(name).parameters if one.type not in (bool, str) and not str(one.range)
+    }
+    assert {each for each in open_ended if not each.endswith("_c")} <= {"base_dps"}
+
+
+def test_a_default_out_of_its_own_range_is_refused_when_the_procedure_is_made() -> None:
+    with pytest.raises(UsageError, match="procedure wrong: the default of points: expected 1 to 9, got 10"):
+
+        @procedure()
+        def wrong(points: Annotated[int, Range(1, 9)] = 10) -> Iterator[Step]:
+            yield Static(duration_s=float(points))
+
+
+def test_a_procedure_that_goes_on_and_on_is_ended_at_the_most_steps_of_a_plan() -> None:
+    begun = []
+
+    @procedure()
+    def endless(steps: int = 10**9) -> Iterator[Step]:
+        for number in range(steps):
+            begun.append(number)
+            yield Static(duration_s=1.0)
+
+    assert len(endless.expand({"steps": str(MOST_STEPS)}).steps) == MOST_STEPS
+    begun.clear()
+    with pytest.raises(UsageError, match=f"these parameters give more than {MOST_STEPS} steps"):
+        endless.expand()
+    assert len(begun) == MOST_STEPS + 1
+
+
+def test_the_numbers_of_a_step_may_be_of_any_library() -> None:
+    step = Sine(amplitude_dps=Fraction(1, 2), frequency_hz=np.float32(0.5), cycles=np.int64(3))
+    assert step == Sine(amplitude_dps=0.5, frequency_hz=0.5, cycles=3)
+    assert step.label == "sine 0.5 at 0.5 Hz"
+
+
 def test_a_parameter_without_a_default_is_refused_when_the_procedure_is_made() -> None:
     with pytest.raises(UsageError, match="needs a default"):
 
@@ -117,20 +188,29 @@ def test_a_file_is_a_procedure_too(tmp_path: Path) -> None:
     assert find_procedure(str(path)).expand().steps == (Static(duration_s=3.0),)
 
 
+PLAN = "from benchctl.plan import Range, Static, procedure"
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("import nothing_of_that_name", "cannot be loaded: ModuleNotFoundError"),
+        ("import nothing_of_that_name", "cannot be loaded: mine.py, line 1: ModuleNotFoundError"),
         ("x = 1", "expected one function with @procedure, found 0"),
         ("def (", "cannot be loaded: SyntaxError"),
-        ("raise SystemExit(0)", "cannot be loaded: SystemExit: 0"),
+        ("raise SystemExit(0)", "cannot be loaded: mine.py, line 1: SystemExit: 0"),
+        (
+            f"{PLAN}\n@procedure()\ndef mine(t_s): yield",
+            "cannot be loaded: mine.py, line 2: procedure mine: parameter t_s",
+        ),
     ],
 )
-def test_a_file_that_holds_no_procedure_is_refused_in_one_line(tmp_path: Path, text: str, says: str) -> None:
-    path = tmp_path / "mine.py"
-    path.write_text(text)
+def test_a_file_that_holds_no_procedure_is_refused_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, says: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("mine.py").write_text(text)
     with pytest.raises(UsageError, match=says.replace("(", r"\(")):
-        find_procedure(str(path))
+        find_procedure("mine.py")
     with pytest.raises(UsageError, match="no such file"):
         find_procedure(str(tmp_path / "absent.py"))
 
@@ -138,11 +218,16 @@ def test_a_file_that_holds_no_procedure_is_refused_in_one_line(tmp_path: Path, t
 @pytest.mark.parametrize(
     ("body", "says"),
     [
-        ("raise KeyError('x')\n    yield", "these parameters give no plan (KeyError: 'x')"),
-        ("return None", "these parameters give no plan (TypeError: "),
-        ("yield 'soak'", "its step 1 is no step but 'soak'"),
+        ("raise KeyError('x')\n    yield", "mine.py, line 5: KeyError: 'x'; they are {}"),
+        ("return None", "these parameters give no plan: TypeError: "),
+        ("yield 'soak'", "step 1 is 'soak', expected a step of benchctl.plan"),
         ("yield Soak(setpoint_c='20', hold_s=1.0)", "Soak: setpoint_c is '20', expected a number"),
         ("yield Static(duration_s=1.0, role='both')", "Static: role is 'both', expected one of"),
+        ("yield Static(duration_s=10**400)", "Static: duration_s is 1000"),
+        (
+            "yield Static(speed=3)",
+            "mine.py, line 5: TypeError: Static.__init__() got an unexpected keyword argument 'speed'",
+        ),
         ("yield Static()", "missing 1 required keyword-only argument: 'duration_s'"),
     ],
 )

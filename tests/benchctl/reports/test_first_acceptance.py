@@ -11,7 +11,7 @@ from benchctl.metrology.limit_file import limits_of_text
 from benchctl.metrology.result import Judged, Limit, Measured, Uncertainty
 from benchctl.metrology.said import said
 from benchctl.reports.first_acceptance import acceptance_beside
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 TEXT = '[limits.bias]\nlow = -1.0\nhigh = 1.0\nunit = "deg/h"\n'
 SHA256 = limits_of_text(TEXT, Path("limits.toml")).sha256

@@ -11,7 +11,7 @@ from benchctl.recordings.campaign_folder import CampaignWriter
 from benchctl.recordings.reader import open_recording
 from benchctl.reports.results import source_digest
 from benchctl.reports.setup_section import instruments, parameters, provenance
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made
 
 HOSTILE = ("[" * 100_000, '{"a": ' + "9" * 5000 + "}", "{", "7", '"' + "x" * 100_000 + '"')

@@ -18,6 +18,9 @@ from benchctl.reports import text
         (-6.8e-8, 6.21e-7, "", "(−70\u00a0±\u00a0620)\u00a0×\u00a010⁻⁹"),
         (-68.0, 2100.0, "", "−100\u00a0±\u00a02100"),
         (0.0, 2e-5, "V", "(0\u00a0±\u00a020)\u00a0×\u00a010⁻⁶\u00a0V"),
+        (0.0119896, 1.8e-4, "V", "(0.01199\u00a0±\u00a00.00018)\u00a0V"),
+        (1.149, 0.996, "°/h", "(1.1\u00a0±\u00a01.0)\u00a0°/h"),
+        (0.0500000232, 5.5e-6, "V/(°/s)", "(50.0000\u00a0±\u00a00.0055)\u00a0×\u00a010⁻³\u00a0V/(°/s)"),
     ],
 )
 def test_a_value_is_rounded_to_two_digits_of_its_uncertainty(value, uncertainty, unit, expected):

@@ -3,7 +3,7 @@ import pytest
 from benchctl.bench import Limits
 from benchctl.plan import Ask, ConstantRate, Mount, Plan, PowerCycle, Sine, Soak, Static, ThermalRamp
 from benchctl.reports.timeline import KIND_COLOURS, draw_timeline, timeline_figure
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 LIMITS = Limits(rate_dps=300, acceleration_dps2=1500, coldest_c=-55, hottest_c=85, ramp_c_per_min=2, silence_s=10)
 STEPS = (

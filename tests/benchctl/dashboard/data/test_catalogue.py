@@ -12,8 +12,9 @@ import pytest
 from benchctl.dashboard.data import catalogue as module
 from benchctl.dashboard.data.catalogue import Catalogue
 from benchctl.recordings.campaign_folder import CampaignWriter
+from benchctl.recordings.campaign_manifest import MANIFEST, write_manifest
 from benchctl.recordings.writer import write_recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made
 from tests.benchctl.recordings.open_folder import write_open
 
@@ -54,7 +55,30 @@ def test_an_entry_says_what_a_page_lists(tmp_path: Path, cache: Path) -> None:
         "bench": "east",
         "has": {"calibration": False, "diagnosis": False, "acceptance": False},
         "says": "",
+        "integrity": "not verified",
+        "altered": "",
     }
+
+
+def test_a_file_that_does_not_agree_with_the_manifest_is_named(tmp_path: Path, cache: Path) -> None:
+    path = _recording(tmp_path / "a" / "recording.h5")
+    acceptance = path.with_name("acceptance.json")
+    acceptance.write_text('{"schema": "benchctl-acceptance/1", "verdict": "FAIL"}')
+    write_manifest(path.parent)
+    catalogue = Catalogue(tmp_path, cache)
+    assert catalogue.list()[0]["integrity"] == "verified"
+    acceptance.write_text('{"schema": "benchctl-acceptance/1", "verdict": "PASS"}')
+    os.utime(acceptance, ns=(1, 1))
+    (entry,) = catalogue.list()
+    assert (entry["integrity"], entry["has"]["acceptance"]) == ("altered", True)
+    assert entry["altered"].startswith("acceptance.json: altered since the manifest")
+    acceptance.unlink()
+    _recording(path, steps=3)
+    assert catalogue.list()[0]["altered"].startswith("recording.h5: altered")
+    (path.parent / MANIFEST).write_text("{}")
+    assert "manifest.json: expected schema" in catalogue.list()[0]["altered"]
+    (path.parent / MANIFEST).unlink()
+    assert catalogue.list()[0]["integrity"] == "not verified"
 
 
 def test_campaigns_anywhere_below_are_listed_newest_first(tmp_path: Path, cache: Path) -> None:

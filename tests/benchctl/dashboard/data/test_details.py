@@ -13,7 +13,7 @@ from benchctl.dashboard.data.details import details_of
 from benchctl.plan import ConstantRate, Plan, Soak, Static
 from benchctl.recordings.campaign_folder import CampaignWriter
 from benchctl.recordings.writer import write_recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made
 from tests.benchctl.recordings.open_folder import write_open
 
@@ -41,7 +41,10 @@ def test_a_campaign_that_was_run_tells_its_plan_and_what_became_of_it(tmp_path: 
     assert found["steps"][2]["rate_dps"] == 20.0
     assert found["t_end_s"] == found["steps"][2]["t_end_s"]
     assert [limit["quantity"] for limit in found["limits"]] == ["rate_dps", "acceleration_dps2", "air_c"]
-    assert set(found["plan"][0]) == {"index", "label", "kind", "t_start_s", "t_end_s", "setpoint_c"}
+    assert set(found["plan"][0]) == {"index", "label", "kind", "t_start_s", "t_end_s", "setpoint_c", "began_s"}
+    began_s = [step["began_s"] for step in found["plan"]]
+    assert began_s == sorted(began_s)
+    assert all(began <= step["t_start_s"] for began, step in zip(began_s, found["steps"], strict=True))
     assert "journal" not in found["provenance"]
     assert found["provenance"]["procedure"] == "mine"
     assert len(found["digest"]) == 64

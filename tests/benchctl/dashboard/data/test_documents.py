@@ -19,7 +19,7 @@ from benchctl.reports.accepting import accept_recording
 from benchctl.reports.diagnosing import Diagnosed, write_diagnosed
 from benchctl.reports.fitting import fit_recordings
 from benchctl.reports.results import results_folder
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.diagnosis import example
 from tests.benchctl.recordings import made
 from tests.benchctl.recordings.open_folder import write_open
@@ -77,7 +77,7 @@ def test_a_diagnosis_is_told_with_its_findings_and_the_map(here: Path) -> None:
     first, drawn = found["map"][0], example.pair().slices[0]
     assert first["coordinate"] == drawn.coordinate
     assert first["edges"] == pytest.approx(drawn.edges.tolist(), rel=1e-5)
-    assert len(first["before_v"]) == len(first["after_v"]) == len(first["standard_error_v"]) == len(drawn.before_v)
+    assert len(first["before"]) == len(first["after"]) == len(first["standard_error"]) == len(drawn.before)
     assert first["threshold"] == pytest.approx(drawn.threshold)
 
 

@@ -14,7 +14,7 @@ from benchctl.dashboard.data.journal_tail import JournalTail
 from benchctl.recordings.campaign_folder import CampaignWriter
 from benchctl.recordings.journal import mend_journal
 from benchctl.recordings.writer import write_recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made
 
 

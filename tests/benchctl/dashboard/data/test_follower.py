@@ -16,11 +16,13 @@ import numpy as np
 import pytest
 
 from benchctl.bench import load_bench
+from benchctl.campaign.soak import SOAK_CHANNELS, one_poll
 from benchctl.dashboard.data import silence
 from benchctl.dashboard.data.follower import Follower, Watch
 from benchctl.recordings.campaign_folder import CampaignWriter, StepWriter, campaign_lock
 from benchctl.recordings.recover import recover
 from benchctl.recordings.reopen import reopen
+from benchctl_instruments.interfaces import ChamberReading
 from tests.benchctl.dashboard.data import brute
 from tests.benchctl.recordings import made
 
@@ -125,6 +127,39 @@ def test_steps_that_begin_and_end_between_two_looks_are_not_lost(writer: Campaig
     assert found["samples"] == 300
     assert len(found["series"][0]["gyro_v"]["t_s"]) == len(found["series"][0]["rate_dps"]["t_s"]) == 300
     assert [event["kind"] for event in found["events"]] == ["whole"] * 3
+
+
+def test_a_soak_says_what_it_waits_for(tmp_path: Path) -> None:
+    soak = PLAN["steps"][0] | {"hold_s": 60.0, "tolerance_c": 0.3, "drift_c_per_min": 0.02}  # type: ignore[index]
+    bench = load_bench("simulated")
+    provenance = {"bench_toml": bench.text, "chamber_profile": bench.chamber_profile}
+    writer = CampaignWriter(tmp_path / "soak", made.meta(status="running", provenance=provenance))
+    writer.event("plan", bench_s=0.0, of=2, steps=[soak, PLAN["steps"][1]])  # type: ignore[index]
+    writer.event("step", bench_s=1.0, index=1, number=1, name="soak")
+    step = writer.begin_step(made.info(1, kind="soak", t_start=1.0), SOAK_CHANNELS)
+    follower = Follower(writer.folder)
+
+    def polled(time_s: float, air_c: float, gyro_c: float) -> dict[str, Any]:
+        air = ChamberReading(temperature_c=air_c, setpoint_c=20.0, power_percent=0.0)
+        step.append_point(one_poll(time_s, air, {"poll_gyro_temp_c": gyro_c, "poll_gyro_v": 0.0}))
+        step.flush()
+        return follower.look()
+
+    far = polled(10.0, 22.0, 22.0)
+    assert (far["doing"], far["soak"]["held_s"], far["soak"]["left_s"]) == ("going to the set point", None, 60.0)
+    assert (far["soak"]["air_c"], far["soak"]["setpoint_c"], far["soak"]["tolerance_c"]) == (22.0, 20.0, 0.3)
+    polled(100.0, 20.2, 20.2)
+    within = polled(130.0, 20.1, 20.1)
+    assert (within["doing"], within["soak"]["held_s"], within["soak"]["left_s"]) == ("soaking", 30.0, 30.0)
+    assert (within["step"]["ends_s"], within["left_s"]) == (160.0, 130.0)  # 100 s were planned, 30 s still have to pass
+    last = polled(170.0, 20.0, 20.0)
+    assert (last["soak"]["held_s"], last["soak"]["left_s"]) == (70.0, 0.0)
+    assert last["soak"]["drift_c_per_min"] == pytest.approx(-2.0 / 160.0 * 60.0)
+    assert last["doing"].startswith("waiting for the gyro")
+    assert polled(180.0, 20.4, 20.0)["soak"]["held_s"] is None
+    writer.event("step", bench_s=190.0, index=2, number=2, name="rate")
+    assert follower.look()["soak"] is None
+    writer.release()
 
 
 def test_step_plan_and_forecast_are_in_bench_time(writer: CampaignWriter) -> None:

@@ -59,9 +59,23 @@ def test_what_is_no_plan_is_none(broken: dict[str, Any]) -> None:
 
 def test_a_step_that_is_made_again_has_its_number_in_the_plan() -> None:
     state = _state(_plan(_step(1), _step(2)), _at("step", 500.0, "18:00:00", index=3, number=2, name="soak again"))
-    told = step_now(state)
+    told = step_now(state, 550.0)
     assert told is not None
     assert (told["index"], told["count"], told["began_s"], told["ends_s"]) == (2, 2, 500.0, 600.0)
+
+
+def test_what_is_left_of_the_plan_is_what_is_left_of_the_step_and_of_those_behind_it() -> None:
+    state = _state(_plan(_step(1), _step(2)), _at("step", 500.0, "18:00:00", index=1, number=1, name="soak"))
+    for now_s, waits_s, ends_s in (
+        (550.0, 0.0, 600.0),
+        (550.0, 80.0, 630.0),
+        (700.0, 0.0, 700.0),
+        (700.0, 30.0, 730.0),
+    ):
+        told, left = step_now(state, now_s, waits_s), left_s(state, now_s, waits_s)
+        assert told is not None
+        assert (told["ends_s"], left) == (ends_s, ends_s - now_s + 100.0)
+    assert state.begun == {1: 500.0}
 
 
 def test_the_end_is_forecast_by_the_plan_and_by_the_pace_since_the_run_began() -> None:
@@ -73,18 +87,20 @@ def test_the_end_is_forecast_by_the_plan_and_by_the_pace_since_the_run_began() -
     )
     assert left_s(state, 1050.0) == 60.0
     wall_s = state.began.wall_s + 10.0 if state.began else 0.0
-    assert ends_utc(state, 1050.0, wall_s) == "2026-11-20T18:00:22+00:00"  # 50 s of the bench in 10 s: 60 s take 12
-    assert ends_utc(state, 1050.0, wall_s - 9.0) is None
+    assert (
+        ends_utc(state, 1050.0, wall_s, 60.0) == "2026-11-20T18:00:22+00:00"
+    )  # 50 s of the bench in 10 s: 60 s take 12
+    assert ends_utc(state, 1050.0, wall_s - 9.0, 60.0) is None
     assert left_s(state, 9999.0) == 0.0
 
 
 def test_without_a_plan_nothing_is_forecast() -> None:
     state = _state(_at("step", 0.0, "10:00:00", index=1, name="a"), {"kind": "prepared", "planned": 7})
-    told = step_now(state)
+    told = step_now(state, 1.0)
     assert told is not None
     assert (told["count"], told["ends_s"], told["kind"]) == (7, None, "")
-    assert left_s(state, 1.0) is ends_utc(state, 1.0, 1e10) is None
-    assert step_now(RunState()) is left_s(RunState(), 0.0) is None
+    assert left_s(state, 1.0) is ends_utc(state, 1.0, 1e10, None) is None
+    assert step_now(RunState(), 0.0) is left_s(RunState(), 0.0) is None
 
 
 def test_samples_of_steps_are_counted_once_each_and_cut_attempts_too() -> None:

@@ -18,7 +18,7 @@ from benchctl.recordings.campaign_folder import CampaignWriter
 from benchctl.recordings.model import FloatArray, Step
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.writer import write_recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.dashboard.data import brute
 from tests.benchctl.recordings import made
 from tests.benchctl.recordings.open_folder import write_open
@@ -97,7 +97,9 @@ def test_more_samples_become_the_lowest_and_highest_of_each_pixel(tmp_path: Path
     brute.assert_is_of(found, *_all_of(path, "gyro_v"), 450.0)
 
 
-@settings(deadline=None, max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    deadline=None, max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+)
 @given(
     st.sampled_from(["gyro_v", "rate_dps", "encoder_deg"]),
     st.floats(80.0, 440.0),

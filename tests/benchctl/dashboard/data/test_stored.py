@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from benchctl.dashboard.data.stored import ChangedError, Samples, Stamp, samples_of
 from benchctl.recordings.model import FloatArray
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 CHUNK = 1000
 COUNT = 4321

@@ -9,7 +9,7 @@ from benchctl.cli.app import run_verb
 from benchctl.dashboard.data.places import cache_folder
 from benchctl.dashboard.data.units import history_json
 from benchctl.recordings.writer import write_recording
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made
 
 

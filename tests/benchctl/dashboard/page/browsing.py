@@ -128,7 +128,7 @@ def a_page(
     context.on("request", asked)
     try:
         yield seen
-        assert seen.complaints() == []
+        assert not seen.complaints(), seen.complaints()
     finally:
         context.close()
 

@@ -8,7 +8,7 @@ from typing import Any
 from benchctl.dashboard.data.follower import Follower, Watch
 from benchctl.dashboard.web.readers import Readers
 from benchctl.dashboard.web.rooms import MOST_EVENTS, MOST_VIEWERS, Room, Rooms, Viewer
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 GYRO = Watch(("gyro_v",), 60.0, 100)
 RATE = Watch(("rate_dps",), 60.0, 100)
@@ -105,6 +105,23 @@ def test_many_viewers_cost_one_look_and_equal_watches_are_computed_once() -> Non
     assert len(follower.looks[0]) == 2
     assert len(follower.looks) <= 3
     assert [list(json.loads(text)["series"]) for text in texts] == [["gyro_v"]] * 6 + [["rate_dps"]] * 4
+
+
+def test_who_comes_later_gets_the_latest_events_too() -> None:
+    async def watch() -> tuple[list[Any], list[Any]]:
+        room, first, second = room_of(Counting()), Viewer(), Viewer()
+        room.enter(first)
+        await first.next_text()
+        before = json.loads(await first.next_text())["events"]
+        room.enter(second)
+        told = json.loads(await second.next_text())["events"]
+        room.leave(first)
+        room.leave(second)
+        return before, told
+
+    before, told = asyncio.run(watch())
+    assert before == [{"number": 2}]
+    assert told == [{"number": 1}, {"number": 2}, {"number": 3}]
 
 
 def test_a_viewer_who_watches_no_channel_gets_the_state_without_series() -> None:

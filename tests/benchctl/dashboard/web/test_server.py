@@ -3,7 +3,7 @@ import socket
 import pytest
 
 from benchctl.dashboard.web.server import listening
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 
 def test_any_free_port_is_taken_where_none_is_named() -> None:

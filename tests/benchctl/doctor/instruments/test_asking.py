@@ -8,9 +8,9 @@ from benchctl.bench import Bench, bench_of_text, template
 from benchctl.campaign.opened import simulated_bench
 from benchctl.doctor.finding import Finding
 from benchctl.doctor.instruments.asking import findings_of_instrument
-from instruments.catalog import Kind
-from instruments.links.address import parse_address
-from instruments.simulated.clock import ScaledClock
+from benchctl_instruments.catalog import Kind
+from benchctl_instruments.links.address import parse_address
+from benchctl_instruments.simulated.clock import ScaledClock
 from tests.benchctl.doctor.benches import NOBODY, bench_at, server
 
 needs_terminals = pytest.mark.skipif(sys.platform == "win32", reason="a pty is a thing of POSIX")
@@ -104,7 +104,7 @@ def test_a_controller_with_another_unit_number_is_found_by_it() -> None:
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"options": {"unit": 3}}, "chamber.options: watlow_f4t cannot be made with them: "),
+        ({"options": {"unit": 3}}, "chamber.options: watlow_f4t has no option 'unit': did you mean unit_id?"),
         ({"model": "watlow_f4x"}, "there is no 'watlow_f4x': did you mean watlow_f4?"),
     ],
 )

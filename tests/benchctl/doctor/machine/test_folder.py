@@ -8,6 +8,7 @@ import pytest
 from benchctl.bench import load_bench
 from benchctl.doctor.machine.file_systems import file_system_of, keeps_nothing, on_the_network
 from benchctl.doctor.machine.folder import folder_findings, growing_file_finding, locks_finding, room_finding
+from tests.benchctl.lock_place import own_lock_place
 
 BENCH = load_bench("simulated")
 MOUNTS = """\
@@ -32,7 +33,7 @@ for each in folder_findings(Path(sys.argv[1]), bench):
 def test_a_folder_that_may_be_written_to_is_tried_and_left_as_it_was(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    own_lock_place(tmp_path, monkeypatch)
     (tmp_path / "lab").mkdir()
     found = {finding.what: finding for finding in folder_findings(tmp_path / "lab" / "not" / "yet", BENCH)}
     assert {"folder", "room", "file system", "locks", "HDF5", "locks of instruments"} == found.keys()

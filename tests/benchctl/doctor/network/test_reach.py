@@ -2,7 +2,7 @@ import socket
 
 from benchctl.doctor.network.ports_of_models import usual_ports
 from benchctl.doctor.network.reach import Reached, reach, reach_finding
-from instruments.links.address import Address, parse_address
+from benchctl_instruments.links.address import Address, parse_address
 
 
 def _address(port: int, host: str = "127.0.0.1") -> Address:

@@ -7,7 +7,7 @@ import pytest
 
 from benchctl.doctor.finding import Finding
 from benchctl.doctor.ports.port import findings_of_port, latency_finding
-from instruments.links.address import parse_address
+from benchctl_instruments.links.address import parse_address
 from tests.benchctl.doctor.ports.ptys import held, terminal
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="ports of POSIX")
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="ports of POSIX"
 AS_NOBODY = """
 import os, sys
 from benchctl.doctor.ports.port import findings_of_port
-from instruments.links.address import parse_address
+from benchctl_instruments.links.address import parse_address
 import grp, pwd
 address = parse_address(sys.argv[1])
 os.setgroups([]); os.setgid(65534); os.setuid(65534)

@@ -264,6 +264,7 @@ def facts(serial: str = "VG-0917", **changes: object) -> RecordingFacts:
         "deviations": ("The chamber's door was opened for a minute after step 12.",),
         "coefficients": (
             Coefficient(
+                name="K0_v_per_dps",
                 symbol="K0",
                 value=0.05,
                 stated="(50.001 ± 0.012) mV/(°/s)",

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import json
+import re
+from html import unescape
+from pathlib import Path
 
 import pytest
 
 from benchctl.reports.acceptance.as_json import values
+from benchctl.reports.acceptance.lines import lines
+from benchctl.reports.acceptance.write import write_acceptance
 from tests.benchctl.reports.acceptance.example import DIGESTS, acceptance, facts, uncertainty
+from tests.benchctl.reports.acceptance.test_pdf import text_of
 
 KEYS = {
     "verdict",
+    "tally",
     "tests",
     "unit_under_test",
     "started_utc",
@@ -25,7 +32,10 @@ TEST_KEYS = {
     "name",
     "value",
     "unit",
+    "stated",
     "uncertainty",
+    "k",
+    "dof",
     "limit",
     "verdict",
     "remedy",
@@ -55,8 +65,27 @@ def test_numbers_are_not_rounded_and_lead_back_to_steps() -> None:
     assert first["steps"][0] == {"index": 1, "name": "rate -150", "digest": DIGESTS[1]}
     assert len(first["steps"]) == 31
     assert [part["source"] for part in first["budget"]][:2] == ["scatter", "encoder"]
-    assert first["budget"][0].keys() == {"source", "standard", "kind", "says"}
+    assert first["budget"][0].keys() == {"source", "standard", "dof", "kind", "says"}
     assert first["budget"][0]["standard"] == pytest.approx(uncertainty(0.0021).contributors[0].standard)
+
+
+def test_page_pdf_and_terminal_print_a_result_and_the_counts_as_json_does(tmp_path: Path) -> None:
+    found = acceptance()
+    told = values(found, facts())
+    written = write_acceptance(found, facts(), tmp_path, "en")
+    faces = {
+        "page": unescape(written["report"].read_text()),
+        "pdf": "".join(text_of(written["pdf"].read_bytes())),
+        "terminal": lines(found, "en"),
+    }
+    bare = {name: re.sub(r"\s+", "", shown) for name, shown in faces.items()}
+    stated = [test["stated"] for test in told["tests"] if test["value"] is not None]
+    assert "(49.7013\u00a0±\u00a00.0042)\u00a0mV/(°/s)" in stated
+    for wanted in (told["tally"], *stated):
+        number = re.sub(r"\s+", "", wanted)
+        for name, shown in bare.items():
+            # a table has the unit in its heading
+            assert number in shown or number.replace("(", "").partition(")")[0] in shown, (name, wanted)
 
 
 def test_sentences_are_english_and_what_is_not_there_is_null() -> None:

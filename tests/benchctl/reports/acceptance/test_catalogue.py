@@ -14,7 +14,7 @@ from matplotlib.ft2font import FT2Font
 from benchctl.metrology.names import UNITS
 from benchctl.metrology.said import PLACEHOLDERS, Said, said
 from benchctl.reports.acceptance.catalogue import LANGUAGES, catalogue, short
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.reports.acceptance import spoken
 
 

@@ -49,7 +49,7 @@ def test_another_page_is_still_in_english() -> None:
     [
         (
             "en",
-            ("PASS", "FAIL", "INCONCLUSIVE", "no limit", "not measured", "EXPIRED", "Uncertainty budget", "(k = 2)"),
+            ("PASS", "FAIL", "INCONCLUSIVE", "no limit", "not measured", "EXPIRED", "Uncertainty budget", "(95.45 %)"),
         ),
         ("ru", ("ПРОЙДЕНА", "НЕ ПРОЙДЕНА", "НЕ ОПРЕДЕЛЕНА", "НЕ ГОДЕН", "без допуска", "не измерено", "СРОК ИСТЁК")),
     ],

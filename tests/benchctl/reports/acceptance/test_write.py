@@ -10,7 +10,7 @@ import pytest
 from benchctl.recordings.reader import open_recording
 from benchctl.reports.acceptance.recording_facts import facts_of
 from benchctl.reports.acceptance.write import write_acceptance
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made
 from tests.benchctl.reports.acceptance.example import acceptance, facts
 
