@@ -32,7 +32,7 @@ def measured():
     return [Comparison("late thing", 4.0, "µs", "5 µs", 5.0, "<=", 1.0)]
 """
 ABSENT = """
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 def measured():
     raise UsageError("peer is not installed:\\n pip install 'benchctl[benchmarks]'")
 """

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from benchctl.atomic import whole_file
 from benchctl.closeness import meant
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchmarks.comparison import Comparison
 from tests.benchmarks.machine import Conditions
 from tests.benchmarks.running import run

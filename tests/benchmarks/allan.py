@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchctl.metrology.deviations import deviation
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchmarks.comparison import Comparison, alternating
 
 SAMPLES = 10_000_000

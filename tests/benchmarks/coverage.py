@@ -45,17 +45,17 @@ class Trial:
     error_percent: Mapping[str, float]
 
 
-def trial(seed: int) -> Trial:
-    """Run and fit one small campaign."""
-    bench = load_bench("simulated").with_seed(seed)
-    plan = find_procedure("two_stage").expand(PARAMETERS)
-    with tempfile.TemporaryDirectory() as folder:
-        with open_bench(bench, wires=False) as opened:
-            outcome = run_campaign(plan, opened, Path(folder))
-        with open_recording(outcome.recording) as recording:
-            result = calibrate(recording.steps(), recording.meta)
-    gyro = world_settings(bench).gyro
-    truth = {
+def recorded(seed: int, parameters: Mapping[str, str], folder: Path) -> Path:
+    """Run a campaign on the simulated bench without wires; returns its recording."""
+    plan = find_procedure("two_stage").expand(dict(parameters))
+    with open_bench(load_bench("simulated").with_seed(seed), wires=False) as opened:
+        return run_campaign(plan, opened, folder).recording
+
+
+def truth() -> dict[str, float]:
+    """The coefficients of the simulated gyro, the same for every seed."""
+    gyro = world_settings(load_bench("simulated")).gyro
+    return {
         "K0_v_per_dps": gyro.K0_v_per_dps,
         "U0_v": gyro.U0_v,
         "S_rad_per_dps": gyro.S_rad_per_dps,
@@ -64,11 +64,21 @@ def trial(seed: int) -> Trial:
         "c1": gyro.c1_v_per_c,
         "c2": gyro.c2_v_per_c2,
     }
-    found = {name: result.best.parameter(name) for name in truth}
+
+
+def trial(seed: int) -> Trial:
+    """Run and fit one small campaign."""
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        open_recording(recorded(seed, PARAMETERS, Path(folder))) as recording,
+    ):
+        result = calibrate(recording.steps(), recording.meta)
+    true = truth()
+    found = {name: result.best.parameter(name) for name in true}
     return Trial(
         seed=seed,
-        held={name: found[name].ci95[0] <= value <= found[name].ci95[1] for name, value in truth.items()},
-        z={name: (found[name].value - value) / found[name].standard for name, value in truth.items()},
+        held={name: found[name].ci95[0] <= value <= found[name].ci95[1] for name, value in true.items()},
+        z={name: (found[name].value - value) / found[name].standard for name, value in true.items()},
         error_percent=dict(result.error_percent),
     )
 

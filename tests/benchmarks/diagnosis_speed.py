@@ -21,7 +21,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchctl.believed import BELIEVED, NO_ENCODER_ERRORS
 from tests.benchmarks.comparison import Comparison
 

@@ -23,10 +23,19 @@ from benchctl.campaign.opened import open_bench, world_settings
 from benchctl.campaign.runner import run_campaign
 from benchctl.plan.find import find_procedure
 from benchctl.recordings.reader import open_recording
-from instruments.links.modbus import Retry
-from instruments.simulated.faults.link_kinds import Cut, HalfFloat, Junk, Late, OtherUnit, PulledCable, Silence, Split
-from instruments.simulated.faults.stream_kinds import Overrun, StreamCut, StreamGap, StreamJunk
-from instruments.simulated.faults.tables import FaultTable
+from benchctl_instruments.links.modbus import Retry
+from benchctl_instruments.simulated.faults.link_kinds import (
+    Cut,
+    HalfFloat,
+    Junk,
+    Late,
+    OtherUnit,
+    PulledCable,
+    Silence,
+    Split,
+)
+from benchctl_instruments.simulated.faults.stream_kinds import Overrun, StreamCut, StreamGap, StreamJunk
+from benchctl_instruments.simulated.faults.tables import FaultTable
 from tests.benchmarks.coverage import PARAMETERS
 
 EVERY_S = 30.0

@@ -18,7 +18,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 from tests.benchmarks.comparison import Comparison
 from tests.benchmarks.large_campaign import write_campaign
 from tests.benchmarks.memory import peak_bytes

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from scipy.stats import norm
 
-from benchctl.metrology.propagation import K
+from benchctl.calibration.uncertainty import K
 from benchctl.metrology.result import Limit
 from benchctl.metrology.verdict import judged, overall, rule_of
 from tests.benchmarks.metric_coverage import measured_and_known

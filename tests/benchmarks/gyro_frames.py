@@ -17,34 +17,41 @@ from typing import Any
 
 import numpy as np
 
-from instruments.catalog import driver
-from instruments.physics.gyro import GyroParameters
-from instruments.physics.table import TableParameters
-from instruments.protocols import kvh1760 as kvh
-from instruments.protocols import stim300 as stim
-from instruments.protocols.frames import FrameReader
-from instruments.simulated.clock import ScaledClock
-from instruments.simulated.digital_gyro import DigitalGyro
-from instruments.simulated.kvh_dsp1760 import SimulatedKvhDsp1760
-from instruments.simulated.sensonor_stim300 import SimulatedStim300
-from instruments.simulated.settings import WorldSettings
-from instruments.simulated.world import World
+from benchctl_instruments.catalog import driver
+from benchctl_instruments.physics.gyro import GyroParameters
+from benchctl_instruments.physics.table import TableParameters
+from benchctl_instruments.protocols import kvh1760 as kvh
+from benchctl_instruments.protocols import stim300 as stim
+from benchctl_instruments.protocols.frames import FrameReader
+from benchctl_instruments.simulated.clock import ScaledClock
+from benchctl_instruments.simulated.digital_gyro import DigitalGyro
+from benchctl_instruments.simulated.kvh_dsp1760 import SimulatedKvhDsp1760
+from benchctl_instruments.simulated.sensonor_stim300 import SimulatedStim300
+from benchctl_instruments.simulated.settings import WorldSettings
+from benchctl_instruments.simulated.world import World
 
 SETTINGS = WorldSettings(
     gyro=GyroParameters(arw_deg_per_sqrt_h=0.0, bias_walk_v_per_sqrt_s=0.0), table=TableParameters(ripple=0.0)
 )
 BAUDS = (1_000_000, 4_000_000)
 SPOILT, AFTER_JUNK, LONGEST_JUNK = 0.01, 0.01, 100
-STIM_RATE_HZ = 1000.0  # what it states, however fast its line lets it send
+STATED_RATE_HZ = 1000.0  # however fast the line lets it send
 BITS_PER_BYTE = 10
 
 
-class HurriedStim300(SimulatedStim300):
+class Hurried(DigitalGyro):
     """Sends as fast as its line can carry, which a real one does not."""
 
-    def start(self) -> None:
-        super().start()
-        self._begin_stream(self._baud / (self.frame_bytes * BITS_PER_BYTE))
+    def _begin_stream(self, rate_hz: float) -> None:
+        super()._begin_stream(self._baud / (self.frame_bytes * BITS_PER_BYTE))
+
+
+class HurriedKvhDsp1760(Hurried, SimulatedKvhDsp1760):
+    """A DSP-1760 in a hurry."""
+
+
+class HurriedStim300(Hurried, SimulatedStim300):
+    """A STIM300 in a hurry."""
 
 
 class BadLine:
@@ -76,9 +83,9 @@ def serve(model: str, baud: int, bad_line: bool, talk: Connection) -> None:
     world.clock.sleep(2.0)  # by then it turns evenly
     gyro: DigitalGyro
     if model == "kvh_dsp1760":
-        gyro = SimulatedKvhDsp1760(world.inputs, SETTINGS, baud=baud)
+        gyro = HurriedKvhDsp1760(world.inputs, SETTINGS, baud=baud)
     else:
-        gyro = HurriedStim300(world.inputs, SETTINGS, rate_hz=STIM_RATE_HZ, baud=baud)
+        gyro = HurriedStim300(world.inputs, SETTINGS, rate_hz=STATED_RATE_HZ, baud=baud)
     if bad_line:
         gyro.line.disturb = BadLine(gyro.frame_bytes)
     with gyro:
@@ -121,7 +128,7 @@ def run(model: str, baud: int, seconds: float, *, bad_line: bool) -> Run:
     rate_hz = float(baud // (frame_bytes * BITS_PER_BYTE))
     rates: list[Any] = []
     with driver("gyro", model)(address, clock=ScaledClock()) as gyro:
-        gyro.start_stream(rate_hz if model == "kvh_dsp1760" else STIM_RATE_HZ)
+        gyro.start_stream(STATED_RATE_HZ)
         first = gyro.read_stream(1, 5.0)
         began_s, began_cpu_s = time.perf_counter(), time.process_time()
         while (wall_s := time.perf_counter() - began_s) < seconds:

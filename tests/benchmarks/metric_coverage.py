@@ -23,7 +23,7 @@ from benchctl.metrology.acceptance import measured_in
 from benchctl.metrology.result import Measured
 from benchctl.metrology.seen import Settings
 from benchctl.plan import set_points
-from procedures.acceptance import acceptance
+from benchctl_procedures.acceptance import acceptance
 from tests.benchctl.metrology.known_values import LINEARITY_PERCENT, known_values
 from tests.benchctl.metrology.made_unit import MadeUnit, recorded
 

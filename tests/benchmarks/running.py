@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Sequence
 
-from instruments.errors import BenchError
+from benchctl_instruments.errors import BenchError
 from tests.benchmarks.comparison import Comparison
 
 

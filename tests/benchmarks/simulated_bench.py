@@ -104,7 +104,7 @@ def main_job(code: Path) -> Job:
         told = Path(folder) / "run.json"
         job = (
             "run",
-            "two_stage",
+            str(code / "procedures" / "two_stage.py"),  # by its path: the name is that of the installed version
             "--bench",
             "simulated",
             "--out",

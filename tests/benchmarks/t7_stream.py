@@ -26,15 +26,15 @@ from multiprocessing.connection import Connection
 
 import numpy as np
 
-from instruments.digitizers.labjack_t7 import LabJackT7
-from instruments.digitizers.t7_scans import SCAN_LENGTH
-from instruments.errors import BenchError, LinkError
-from instruments.interfaces import FloatArray, IntArray, ScanBlock
-from instruments.physics.adc import codes_from_volts
-from instruments.protocols.t7_stream import MOST_SAMPLES
-from instruments.simulated.clock import ScaledClock
-from instruments.simulated.faults.stream_kinds import StreamFault
-from instruments.simulated.machines import AnalogInputs
+from benchctl_instruments.digitizers.labjack_t7 import LabJackT7
+from benchctl_instruments.digitizers.t7_scans import SCAN_LENGTH
+from benchctl_instruments.errors import BenchError, LinkError
+from benchctl_instruments.interfaces import FloatArray, IntArray, ScanBlock
+from benchctl_instruments.physics.adc import codes_from_volts
+from benchctl_instruments.protocols.t7_stream import MOST_SAMPLES
+from benchctl_instruments.simulated.clock import ScaledClock
+from benchctl_instruments.simulated.faults.stream_kinds import StreamFault
+from benchctl_instruments.simulated.machines import AnalogInputs
 from tests.benchmarks.machine import processor
 from tests.benchmarks.memory import peak_bytes
 
@@ -119,10 +119,10 @@ class Served:
 def serve(scans: int, faults: Sequence[StreamFault], talk: Connection) -> None:
     """A simulated T7 on a bench that moves: its addresses, and on being told that all is read what it did."""
     # Imported here, so that the reader's memory is the reader's own.
-    from instruments.simulated.faults.log import FaultLog
-    from instruments.simulated.faults.stream_faults import StreamFaults
-    from instruments.simulated.labjack_t7 import SimulatedLabJackT7
-    from instruments.simulated.world import World
+    from benchctl_instruments.simulated.faults.log import FaultLog
+    from benchctl_instruments.simulated.faults.stream_faults import StreamFaults
+    from benchctl_instruments.simulated.labjack_t7 import SimulatedLabJackT7
+    from benchctl_instruments.simulated.world import World
 
     world = World(ScaledClock())
     world.table.close_loop()

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from instruments.errors import UsageError
+from benchctl_instruments.errors import UsageError
 
 NAMES = ("time_s", "encoder_deg", "gyro_v", "gyro_temp_c")
 
