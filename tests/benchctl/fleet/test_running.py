@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+from multiprocessing.resource_tracker import ensure_running
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,7 @@ def test_an_outcome_that_died_with_its_worker_is_asked_of_another_one_and_the_jo
 
 
 def test_processes_that_cannot_be_started_are_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    ensure_running()  # the process that watches semaphores is started by the same executable
     monkeypatch.setattr("multiprocessing.spawn._python_exe", b"/bin/false")
     with (
         pytest.raises(UsageError, match=r"1 worker processes cannot be started here: .*; check the limits on memory"),
