@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -20,15 +19,13 @@ from benchctl.diagnosis.result import Part
 from benchctl.documents import read_json
 from benchctl.proof.injection import Injection, Untouched
 from benchctl.proof.processes import ProcessFailedError, run_module
-from benchctl.proof.running import claim, path_of
+from benchctl.proof.running import Told, as_finished, claim, path_of
 from benchctl.recordings.reader import open_recording
 from benchctl_instruments.errors import UsageError
 
 UNTOUCHED = "untouched.json"
 
 _LONGEST_S = 3600.0
-
-Told = Callable[[int, str], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,21 +76,9 @@ def prove_on(proof: RecordingProof, folder: Path, *, told: Told, stop: StopReque
     with open_recording(proof.recording) as recording:
         claim(folder, {"recording": recording.digest or str(recording.path), "part": proof.part, "seed": proof.seed})
         run = _Run(proof, folder, told, stop, Untouched(recording, _untouched(proof, folder, stop)))
-        missing = []
-        for index in range(proof.trials):
-            path = path_of(folder, index)
-            if path.exists():
-                yield InjectedTrial(**read_json(path, "trial"))
-            else:
-                missing.append(index)
-        with ThreadPoolExecutor(proof.jobs) as pool:
-            runs = [pool.submit(run, index) for index in missing]
-            try:
-                for one in as_completed(runs):
-                    yield one.result()
-            finally:
-                for one in runs:
-                    one.cancel()
+        yield from as_finished(
+            folder, proof.trials, lambda path: InjectedTrial(**read_json(path, "trial")), run, proof.jobs
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from benchctl.atomic import disk_errors, whole_file
 from benchctl.campaign.stop import StopRequest
@@ -29,6 +29,8 @@ from benchctl_instruments.errors import InstrumentError, UsageError
 SETTINGS, TRIALS = "proof.json", "trials"
 
 _LONGEST_S = 900.0
+
+_Trial = TypeVar("_Trial")
 
 Told = Callable[[int, str], None]
 
@@ -71,21 +73,30 @@ def run_proof(settings: ProofSettings, folder: Path, *, told: Told, stop: StopRe
         Where the simulated bench failed.
     """
     claim(folder, {"seed": settings.seed, "only": list(settings.only), "generic": settings.generic})
+    run = _Run(settings, folder, told, stop)
+    kinds = allotted(settings.trials, settings.only)
+    yield from as_finished(folder, len(kinds), read_trial, lambda index: run(index, kinds[index]), settings.jobs)
+
+
+def as_finished(
+    folder: Path, trials: int, kept: Callable[[Path], _Trial], run: Callable[[int], _Trial], jobs: int
+) -> Iterator[_Trial]:
+    """Trials of a folder: those `kept` there first, then those that are `run`, `jobs` at once, as they finish."""
     missing = []
-    for index, kind in enumerate(allotted(settings.trials, settings.only)):
+    for index in range(trials):
         path = path_of(folder, index)
         if path.exists():
-            yield read_trial(path)
+            yield kept(path)
         else:
-            missing.append((index, kind))
-    with ThreadPoolExecutor(settings.jobs) as pool:
-        runs = [pool.submit(_Run(settings, folder, told, stop), index, kind) for index, kind in missing]
+            missing.append(index)
+    with ThreadPoolExecutor(jobs) as pool:
+        runs = [pool.submit(run, index) for index in missing]
         try:
-            for run in as_completed(runs):
-                yield run.result()
+            for one in as_completed(runs):
+                yield one.result()
         finally:
-            for run in runs:
-                run.cancel()
+            for one in runs:
+                one.cancel()
 
 
 @dataclass(frozen=True, slots=True)
