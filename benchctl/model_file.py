@@ -5,6 +5,9 @@
     [simulation]                   # a lab's model of the gyro, as open recordings bring it
     [effects.thermal_lag]          # physics beside it, by its name in the vocabulary, with its parameters
     tau_s = 312.0
+    [discovered.kink_of_scale_over_gyro_temp]   # a structure without a name, by stage, coordinate and shape
+    at = 27.7
+    above = -4.8e-4
     [physics.table]                # the bench's own parts, as in bench.toml
     [parts.drive]                  # a lab's model of its table's drive, or of its chamber, as diagnosed (`part_models`)
 
@@ -28,6 +31,7 @@ from benchctl_instruments.errors import UsageError
 FORMAT = "benchctl-model/1"
 
 _PARTS = ("simulation", "effects", "physics", "parts")
+_DISCOVERED = "discovered"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,13 +95,23 @@ def write_model(path: Path, model: Model) -> None:
     import tomli_w
 
     document: dict[str, Any] = {"format": FORMAT, "recording": model.recording}
-    document |= {part: value for part in _PARTS if (value := getattr(model, part))}
+    document |= with_discovered({part: value for part in _PARTS if (value := getattr(model, part))})
     use = f"benchctl simulate PROCEDURE --model {path.name} -o FILE.h5 plays it"
     if model.parts:  # no simulated bench plays these
         use = f"benchctl diagnose FILE.h5 --part {next(iter(model.parts))} --model {path.name} begins with it"
     text = f"# {use}\n{tomli_w.dumps(_plain(document))}"
     with whole_file(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def with_discovered(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """Tables of a model file with the structures among the effects, which have no name, in `discovered`."""
+    from benchctl_instruments.physics.structures import structure_named
+
+    effects = tables.get("effects", {})
+    found = {name: values for name, values in effects.items() if structure_named(name) is not None}
+    rest = {name: values for name, values in effects.items() if name not in found}
+    return {**tables, "effects": rest, **({_DISCOVERED: found} if found else {})} if found else dict(tables)
 
 
 def _model(document: dict[str, Any]) -> Model:
@@ -107,10 +121,12 @@ def _model(document: dict[str, Any]) -> Model:
     recording = document.pop("recording", "")
     if not isinstance(recording, str):
         raise UsageError(f"recording: expected text, got {shown(recording)}")
-    parts = {part: document.pop(part) for part in _PARTS if part in document}
+    parts = {part: document.pop(part) for part in (*_PARTS, _DISCOVERED) if part in document}
     for part, table in parts.items():
         if not isinstance(table, dict):
             raise UsageError(f"{part}: expected a table [{part}], got {shown(table)}")
+    if _DISCOVERED in parts:
+        parts["effects"] = {**parts.get("effects", {}), **parts.pop(_DISCOVERED)}
     if document and "physics" in parts:
         raise UsageError(f"{next(iter(document))}: goes into [physics], which this file has; move it there")
     return Model(recording=recording, **{"physics": document, **parts})

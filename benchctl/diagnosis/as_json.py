@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import benchctl
-from benchctl.diagnosis.result import SCHEMA, Diagnosis, Estimate, Finding, NotFound, StepFigures, Where
+from benchctl.diagnosis.result import SCHEMA, Diagnosis, Estimate, Finding, NotFound, StepFigures, StructureModel, Where
 
 _DIGITS = 6
 _DIGITS_OF_AN_INTERVAL = 3
@@ -35,6 +35,8 @@ def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
             "share": _rounded(unexplained.share),
             "coordinates": list(unexplained.coordinates),
             "says": unexplained.says,
+            **({"model": _model(unexplained.models[0])} if unexplained.models else {}),
+            **({"further": [_model(one) for one in unexplained.models[1:]]} if unexplained.models[1:] else {}),
         },
         "fit": {
             "unit": diagnosis.fit.unit,
@@ -72,6 +74,20 @@ def _finding(finding: Finding) -> dict[str, Any]:
             {"effect": other.effect, "probability": _rounded(other.probability), "loss": _rounded(other.loss)}
             for other in finding.alternatives
         ],
+    }
+
+
+def _model(one: StructureModel) -> dict[str, Any]:
+    return {
+        "name": one.identifier,
+        "stage": one.stage,
+        "coordinates": list(one.coordinates),
+        "shape": one.shape,
+        "formula": one.formula,
+        "parameters": _estimates(one.parameters),
+        "explains": _rounded(one.explains),
+        "says": one.says,
+        "hints": list(one.hints),
     }
 
 

@@ -27,6 +27,7 @@ from benchctl.diagnosis.result import Diagnosis, Part
 from benchctl.diagnosis.rounded import unrounded, without_the_steps_own
 from benchctl.diagnosis.search.select import select, select_between
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.diagnosis.structures.stated import with_structures
 from benchctl.diagnosis.unstated import other_answer, plainly_better
 from benchctl.recordings.reader import Recording
 from benchctl_instruments.errors import UsageError
@@ -87,6 +88,7 @@ def _diagnosis(
     problem.forget()  # what is left is found without predictions
     tried = {effect.identifier for effect in chosen.after.point.effects}
     chosen, unexplained, owed = named(problem, chosen, rounding_v2=rounding_v2, seed=seed)
+    chosen, unexplained = with_structures(problem, chosen, unexplained, seed=seed)
     found = (*with_sine(problem, findings_of(problem, chosen)), *fault_findings(problem, faults))
     findings = tuple(finding_in(one, problem.unit) for one in found)
     unexplained = unexplained_in(unexplained, problem.unit)

@@ -105,13 +105,35 @@ class NotFound:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class StructureModel:
+    """A structure without a name as it was modelled: where it acts, over which coordinate, in which shape.
+
+    `explains` is the share of what was left without it, 0 to 1; `hints` are kinds of causes that act so, no findings.
+    """
+
+    identifier: str
+    stage: str
+    coordinates: tuple[str, ...]
+    shape: str
+    formula: str
+    parameters: Mapping[str, Estimate]
+    explains: float
+    says: str
+    hints: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Unexplained:
-    """What no effect accounts for. `share` is its part of the mismatch before anything was explained, 0 to 1."""
+    """What no effect accounts for. `share` is its part of the mismatch before anything was explained, 0 to 1.
+
+    `models` are the structures that it was modelled by, the first the largest; empty where none fits.
+    """
 
     significant: bool
     share: float
     coordinates: tuple[str, ...] = ()
     says: str = ""
+    models: tuple[StructureModel, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -23,6 +23,8 @@ ClassName = Literal[
     "wandering",
     "wandering+one",
     "outsider",
+    "structure",
+    "structure+one",
 ]
 
 
@@ -44,6 +46,8 @@ class TrialClass:
         Their size, as a share of the full one; None: as small as makes them worth `FAINT_GAIN`.
     wandering
         Whether the bias wanders.
+    structure
+        Whether a structure without a name is concealed, too; such trials come only where they are asked for.
     """
 
     says: str
@@ -52,6 +56,7 @@ class TrialClass:
     effects: int = 0
     share: float | None = 1.0
     wandering: bool = False
+    structure: bool = False
 
 
 FAINT_GAIN = 200.0
@@ -74,10 +79,16 @@ CLASSES: MappingProxyType[ClassName, TrialClass] = MappingProxyType(
             says="wandering bias and one effect", verdict="missing-physics", weight=16, effects=1, wandering=True
         ),
         "outsider": TrialClass(says="its own hypothesis withheld", verdict="unknown-structure", weight=20, effects=1),
+        "structure": TrialClass(
+            says="a structure without a name", verdict="unknown-structure", weight=40, structure=True
+        ),
+        "structure+one": TrialClass(
+            says="a structure and one effect", verdict="missing-physics", weight=20, effects=1, structure=True
+        ),
     }
 )
 
-USUAL_TRIALS = sum(kind.weight for kind in CLASSES.values())
+USUAL_TRIALS = sum(kind.weight for kind in CLASSES.values() if not kind.structure)
 
 
 def class_names(names: Collection[str]) -> tuple[ClassName, ...]:
@@ -91,9 +102,10 @@ def class_names(names: Collection[str]) -> tuple[ClassName, ...]:
 def allotted(trials: int, only: Collection[str] = ()) -> tuple[ClassName, ...]:
     """The class of each trial: in proportion to the weights and spread evenly, so that any beginning is a fair sample.
 
-    More trials of the same classes begin with the same ones. `only` names the classes, all where it is empty.
+    More trials of the same classes begin with the same ones. `only` names the classes, the usual ones where it is
+    empty.
     """
-    chosen = {name: kind.weight for name, kind in CLASSES.items() if not only or name in only}
+    chosen = {name: kind.weight for name, kind in CLASSES.items() if (name in only if only else not kind.structure)}
     total = sum(chosen.values())
     given = dict.fromkeys(chosen, 0)
     order: list[ClassName] = []

@@ -15,10 +15,12 @@ from benchctl.proof.classes import CLASSES, FAINT_GAIN, ClassName, TrialClass
 from benchctl.proof.outsiders import OUTSIDERS
 from benchctl.proof.planned import Planned, planned
 from benchctl.proof.sizes import DRAWN, STATISTICAL, WANDERING, Values, drawn_size, shrunk
+from benchctl.proof.structures import drawn_structure, structure_size
 from benchctl.proof.truth import Truth
 from benchctl.proof.unit import TrialUnit, draw_unit
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.effects.registry import effect
+from benchctl_instruments.physics.structures import structure_named
 
 PROCEDURE = "diagnostic"
 
@@ -57,7 +59,7 @@ def draw(seed: int, index: int, kind: ClassName) -> Truth:
     for _ in range(_TRIES):
         names = _chosen(rng, kind, wanted)
         unit = draw_unit(rng, moved=moved, lacking=_lacking(names), warm="thermal_lag" in names)
-        withheld, lives_in = _outside(names[0]) if kind == "outsider" else ((), ())
+        withheld, lives_in = _outside(names[0]) if kind == "outsider" or wanted.structure else ((), ())
         begun = Truth(
             index=index,
             kind=kind,
@@ -84,6 +86,8 @@ def plan_of(unit: TrialUnit) -> Plan:
 
 def _outside(name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """What is withheld, and where that lives."""
+    if (found := structure_named(name)) is not None:
+        return (name,), (found.over,)
     look_alikes, lives_in = OUTSIDERS[name]
     return (name, *look_alikes), lives_in
 
@@ -91,8 +95,9 @@ def _outside(name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
 def _chosen(rng: np.random.Generator, kind: ClassName, wanted: TrialClass) -> list[str]:
     """The names of what is concealed."""
     names = [str(rng.choice(WANDERING))] if wanted.wandering else []
+    names += [drawn_structure(rng)] if wanted.structure else []
     pool = _pool(kind, wanted)
-    while len(names) < wanted.effects + wanted.wandering:
+    while len(names) < wanted.effects + wanted.wandering + wanted.structure:
         name = pool[int(rng.integers(len(pool)))]
         if not alike(name, names):
             names.append(name)
@@ -124,11 +129,12 @@ def _sized(rng: np.random.Generator, truth: Truth, names: Sequence[str]) -> Trut
     share = CLASSES[truth.kind].share
     run = planned(plan_of(truth.unit), truth.unit)
     for name in names:
-        full = drawn_size(name, rng, truth.unit)
+        of_structure = structure_named(name) is not None
+        full = structure_size(name, rng, truth.unit) if of_structure else drawn_size(name, rng, truth.unit)
         reduced = _faint_share(run, truth, name, full) if share is None else share
         if reduced is None:
             return None
-        size = shrunk(name, full, reduced, truth.unit)
+        size = full if of_structure else shrunk(name, full, reduced, truth.unit)
         alone = replace(truth, effects={name: size})
         truth = replace(truth, effects={**truth.effects, name: size})
         if name not in STATISTICAL and share is not None and not _brought_out(run, alone, truth):

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from benchctl.diagnosis.keys import keys_of_names
+from benchctl.proof.classes import CLASSES
 from benchctl.proof.truth import Truth
 from benchctl_instruments.physics.effects.effect import Parameter
 from benchctl_instruments.physics.effects.registry import effect
+from benchctl_instruments.physics.structures import structure_named
 
 _BY_CHANCE = {("dropouts", "count")}
 """What is drawn as an expectation: how many came in a recording is chance, and that is what is stated."""
@@ -45,7 +47,7 @@ class Score:
     ----------
     right
         Whether it is what its class asks for: exactly the drawn effects and nothing else; of an outsider, unknown
-        structure in the right coordinate and no name.
+        structure in the right coordinate and no name; of a structure, a model at its stage over its coordinate alone.
     missed, made_up
         Effects that were drawn and not named, and named without having been drawn.
     verdict_right
@@ -74,10 +76,13 @@ def score_diagnosis(truth: Truth, said: Mapping[str, Any]) -> Score:
     missed, made_up = _differences(truth, found)
     verdict_right = said["verdict"] == truth.verdict
     located = _located(truth, said["unexplained"]) if truth.withheld else None
+    structure = CLASSES[truth.kind].structure
+    if structure and located:
+        located = _modelled(truth, said["unexplained"])
     right = not missed and not made_up
     fit = said["fit"]
     return Score(
-        right=right and verdict_right and bool(located) if truth.withheld else right,
+        right=right and (verdict_right or structure) and bool(located) if truth.withheld else right,
         missed=missed,
         made_up=made_up,
         verdict_right=verdict_right,
@@ -87,7 +92,8 @@ def score_diagnosis(truth: Truth, said: Mapping[str, Any]) -> Score:
             for name in truth.effects
             if name in found
             for score in _parameters(name, truth.effects[name], found[name]["parameters"])
-        ),
+        )
+        + tuple(_of_structures(truth, said["unexplained"])),
         heldout_ratio=fit["heldout_after"] / fit["noise"] if fit["noise"] and fit["heldout_after"] else None,
     )
 
@@ -111,6 +117,24 @@ def _differences(truth: Truth, found: Mapping[str, Any]) -> tuple[tuple[str, ...
 def _located(truth: Truth, unexplained: Mapping[str, Any]) -> bool:
     named = unexplained["coordinates"]
     return bool(unexplained["significant"] and named and not set(named[0].split("*")).isdisjoint(truth.lives_in))
+
+
+def _models(unexplained: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    return [unexplained["model"], *unexplained.get("further", ())] if "model" in unexplained else []
+
+
+def _modelled(truth: Truth, unexplained: Mapping[str, Any]) -> bool:
+    """Whether what is unexplained is modelled at the stage and over the coordinate of the concealed structure alone."""
+    said = {(one["stage"], one["coordinates"][0]) for one in _models(unexplained)}
+    drawn = [found for name in truth.withheld if (found := structure_named(name)) is not None]
+    return said == {(one.acts_on, one.over) for one in drawn} and len(unexplained["coordinates"]) == 1
+
+
+def _of_structures(truth: Truth, unexplained: Mapping[str, Any]) -> Iterator[ParameterScore]:
+    for model in _models(unexplained):
+        drawn = truth.effects.get(model["name"])
+        if drawn is not None and model["coordinates"] != ["time"]:  # whose origin no plan knows
+            yield from _parameters(model["name"], drawn, model["parameters"])
 
 
 def _parameters(

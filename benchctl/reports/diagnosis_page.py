@@ -8,6 +8,7 @@ from pathlib import Path
 import tomli_w
 
 from benchctl.diagnosis.result import Diagnosis
+from benchctl.model_file import with_discovered
 from benchctl.recordings.model import Meta, StepInfo
 from benchctl.reports import diagnosis_tables as tables
 from benchctl.reports import diagnosis_words as words
@@ -49,6 +50,7 @@ def diagnosis_page(diagnosis: Diagnosis, meta: Meta, infos: Sequence[StepInfo], 
         drawings=drawings(diagnosis, unit),
         beyond=beyond_chance(diagnosis),
         unexplained_where=[words.coordinate(name) for name in diagnosis.unexplained.coordinates],
+        structures=[tables.structure_section(one) for one in diagnosis.unexplained.models],
         unexplained_says=words.prose(diagnosis.unexplained.says),
         next_says=words.prose(diagnosis.next_experiment.says),
         notes=[words.prose(note) for note in diagnosis.notes],
@@ -58,7 +60,7 @@ def diagnosis_page(diagnosis: Diagnosis, meta: Meta, infos: Sequence[StepInfo], 
         fit_rows=tables.fit_rows(diagnosis, unit),
         baseline=tables.baseline_rows(diagnosis.baseline),
         held_out=sum(step.heldout for step in diagnosis.steps),
-        model_toml=tomli_w.dumps(dict(diagnosis.model)) if diagnosis.model else "",
+        model_toml=tomli_w.dumps(with_discovered(diagnosis.model)) if diagnosis.model else "",
         setup=setup_section.facts(meta, infos),
         provenance_rows=setup_section.provenance(meta, digest),
     )

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from benchctl.diagnosis.result import Diagnosis, Estimate, Finding, NotFound
+from benchctl.diagnosis.result import Diagnosis, Estimate, Finding, NotFound, StructureModel
 from benchctl.reports import diagnosis_words as words
 from benchctl.reports import text
 from benchctl.reports.advice import Advice, advice_for
@@ -14,7 +14,7 @@ from benchctl.reports.diagnosis_headline import Kind, changed, kind_of, title
 from benchctl_instruments.physics.chamber_effects.registry import chamber_effects
 from benchctl_instruments.physics.drive_effects.registry import drive_effects
 from benchctl_instruments.physics.effects.effect import DescribedEffect
-from benchctl_instruments.physics.effects.registry import effects
+from benchctl_instruments.physics.effects.registry import effect, effects
 
 _SHARES: Mapping[Kind, str] = {
     "physics": "what the noise does not account for",
@@ -96,6 +96,30 @@ def finding_section(
         ),
         alone=kind_of(finding.effect) == "physics" and not finding.alternatives,
         advice=advice_for(finding.effect),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StructureSection:
+    """A structure without a name as it was modelled."""
+
+    title: str
+    formula: str
+    parameters: tuple[ParameterRow, ...]
+    explains: str
+    hints: tuple[str, ...]
+
+
+def structure_section(one: StructureModel) -> StructureSection:
+    """A structure with its formula and its parameters."""
+    meanings = {name: known.meaning for name, known in effect(one.identifier).parameters.items()}
+    return StructureSection(
+        title=f"{one.shape.replace('_', ' ').capitalize()} of the {one.stage} over the"
+        f" {' and '.join(words.coordinate(name) for name in one.coordinates)}",
+        formula=one.formula,
+        parameters=tuple(_parameter(name, value, meanings) for name, value in one.parameters.items()),
+        explains=text.percent(100 * one.explains),
+        hints=one.hints,
     )
 
 

@@ -32,6 +32,7 @@ def figures_of(problem: Problem, chosen: Selection) -> FitFigures:
     heldout = chosen.heldout[problem.step] & counted
     fitted = counted & ~heldout
     before, after = chosen.before.residual, left_of(problem, chosen.after, chosen.whitener)
+    named = after if chosen.named is None else left_of(problem, chosen.named, chosen.whitener)
     noise = noise_of(problem, chosen)
     return FitFigures(
         unit=problem.unit,
@@ -39,7 +40,7 @@ def figures_of(problem: Problem, chosen: Selection) -> FitFigures:
         before=_rms(before[fitted]),
         after=_rms(after[fitted]),
         heldout_before=_rms(before[heldout]),
-        heldout_named=_rms(after[heldout]),
+        heldout_named=_rms(named[heldout]),
         heldout_after=_rms(after[heldout]),
     )
 

@@ -18,6 +18,7 @@ from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.signals.normal import Z95
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 from benchctl_instruments.physics.effects.registry import effect as effect_named
+from benchctl_instruments.physics.structures import Structure
 
 _FREE = 50.0
 """Of a logarithm: an error beyond which a number is not determined at all."""
@@ -36,26 +37,15 @@ def noise_effects(chosen: Selection) -> tuple[DescribedEffect, ...]:
 
 
 def _effects(problem: Problem, chosen: Selection) -> Iterator[Finding]:
-    whole = chosen.whole
-    errors = np.sqrt(np.diag(whole.robust_covariance(problem.step)))
-    total = chosen.before.squares - chosen.after.squares
+    named = chosen.named or chosen.after
+    total = chosen.before.squares - named.squares
     if problem.disturbed:
-        total = float(np.sum(judged(problem, chosen.before) ** 2 - judged(problem, chosen.after) ** 2))
+        total = float(np.sum(judged(problem, chosen.before) ** 2 - judged(problem, named) ** 2))
     total = max(total, 1e-300)
-    for place, (key, effect) in enumerate(zip(keys_of(whole.point.effects), whole.point.effects, strict=True)):
+    for key, effect, estimates in estimates_of(problem, chosen):
+        if isinstance(effect, Structure):
+            continue
         evidence = chosen.evidence[key]
-        estimates: dict[str, Estimate] = {}
-        for name, parameter in effect.parameters.items():
-            value = effect.values[name]
-            index = next((i for i, one in enumerate(whole.numbers) if one.effect == place and one.name == name), None)
-            # of a number that the recording does not show, a rail that no output reaches, the interval is all it may be
-            half = 0.0 if index is None else Z95 * float(errors[index]) or math.inf
-            low, high = value - half, value + half
-            if parameter.logarithmic and index is not None:
-                low, high = value * math.exp(-min(half, _FREE)), value * math.exp(min(half, _FREE))
-            if index is not None and parameter.role != "phase":
-                low, high = max(low, min(parameter.low, value)), min(high, max(parameter.high, value))
-            estimates[name] = Estimate(value=value, low=low, high=high, unit=parameter.unit)
         alternatives, probability = _alternatives(evidence.rivals)
         yield Finding(
             effect=effect.identifier,
@@ -68,6 +58,26 @@ def _effects(problem: Problem, chosen: Selection) -> Iterator[Finding]:
             says=effect.says(),
             alternatives=alternatives,
         )
+
+
+def estimates_of(problem: Problem, chosen: Selection) -> Iterator[tuple[str, DescribedEffect, dict[str, Estimate]]]:
+    """Every effect of the model with its key, and its parameters with their intervals."""
+    whole = chosen.whole
+    errors = np.sqrt(np.diag(whole.robust_covariance(problem.step)))
+    for place, (key, effect) in enumerate(zip(keys_of(whole.point.effects), whole.point.effects, strict=True)):
+        estimates: dict[str, Estimate] = {}
+        for name, parameter in effect.parameters.items():
+            value = effect.values[name]
+            index = next((i for i, one in enumerate(whole.numbers) if one.effect == place and one.name == name), None)
+            # of a number that the recording does not show, a rail that no output reaches, the interval is all it may be
+            half = 0.0 if index is None else Z95 * float(errors[index]) or math.inf
+            low, high = value - half, value + half
+            if parameter.logarithmic and index is not None:
+                low, high = value * math.exp(-min(half, _FREE)), value * math.exp(min(half, _FREE))
+            if index is not None and parameter.role != "phase":
+                low, high = max(low, min(parameter.low, value)), min(high, max(parameter.high, value))
+            estimates[name] = Estimate(value=value, low=low, high=high, unit=parameter.unit)
+        yield key, effect, estimates
 
 
 def _alternatives(rivals: Mapping[str, float]) -> tuple[tuple[Alternative, ...], float]:

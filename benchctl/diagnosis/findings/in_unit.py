@@ -26,7 +26,13 @@ def not_found_in(one: NotFound, unit: str) -> NotFound:
 
 def unexplained_in(one: Unexplained, unit: str) -> Unexplained:
     """The same of what is unexplained."""
-    return one if unit == "V" else replace(one, says=text_in(one.says, unit))
+    if unit == "V":
+        return one
+    models = tuple(
+        replace(model, says=text_in(model.says, unit), parameters=estimates_in(model.parameters, unit))
+        for model in one.models
+    )
+    return replace(one, says=text_in(one.says, unit), models=models)
 
 
 def estimates_in(estimates: Mapping[str, Estimate], unit: str) -> Mapping[str, Estimate]:

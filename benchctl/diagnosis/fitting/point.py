@@ -83,8 +83,8 @@ def at_bound(effect: DescribedEffect) -> bool:
 
 
 def stands_at(value: float, low: float, high: float) -> bool:
-    """Whether a number is as near one of its bounds as it can be told."""
-    return value - low <= _AT * abs(low) or high - value <= _AT * abs(high)
+    """Whether a number is as near one of its bounds as it can be told; it is never at one that is infinite."""
+    return any(math.isfinite(end) and abs(end - value) <= _AT * abs(end) for end in (low, high))
 
 
 def _in_logarithms(number: Free) -> bool:

@@ -40,7 +40,7 @@ def named(
         if rest.power < _ROUNDED * rounding_v2:
             return chosen, NOTHING, (f"{rest.says} It is little enough to be owed to the converter's steps.",)
         judged = rest if isinstance(problem, GyroProblem) else _beside_time(rest, chosen.after)
-        less = {name: without(problem, chosen, name) for name in chosen.evidence}
+        less = {name: without(problem, chosen, *shared) for name, shared in _shared(chosen).items()}
         gains = {name: _beside(judged, chosen.after, one) for name, one in less.items()} | _noises(chosen, rest)
         instead = {
             name: instead_of(problem, chosen.whitener, one, rest, seed=seed)
@@ -61,6 +61,18 @@ def named(
         significant=True, share=rest.share_of(ceiling), coordinates=rest.coordinates, says=rest.says
     )
     return chosen, unexplained, ()
+
+
+def _shared(chosen: Selection) -> dict[str, tuple[str, ...]]:
+    """By the key of each finding those that share what it explains: itself, and what it looks like.
+
+    Beside a delay a mount that gives way brings little, and it beside the mount; what the two bring together is theirs.
+    """
+    effects = dict(zip(chosen.evidence, chosen.after.point.effects, strict=True))
+    return {
+        key: tuple(other for other, its in effects.items() if other == key or effect.identifier in its.look_alikes)
+        for key, effect in effects.items()
+    }
 
 
 def _beside_disturbance(problem: Problem, chosen: Selection) -> Unexplained:

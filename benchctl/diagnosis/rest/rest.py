@@ -34,13 +34,9 @@ CHANCE = 0.003
 """How often noise alone may leave a significant rest, over all coordinates together."""
 SHORT = 10.0
 """A finding that brings less than so many times what is left follows it to no better than a third of its size."""
-FAITHFUL = 300.0
-"""A right model of an effect leaves less than one part in so many of what it explains: it is right to some percent."""
 NOISES = ("bias_random_walk", "flicker_noise")
 """Effects that are in the whitener rather than in the prediction."""
 
-_CLEARLY = 1.05
-"""By how much a coordinate must do better in a finding's stead: the finding's own model is not perfect either."""
 _HALF = 0.5
 """What a coordinate must bring in a finding's stead, as a share, for the finding to be doubted at all."""
 _OWED = 100.0
@@ -203,10 +199,9 @@ def withdrawn(gains: Mapping[str, float], rest: Rest, instead: Mapping[str, floa
     """Findings that the rest forbids to name; `gains` are in twice the log likelihood, what each alone brings.
 
     A right model of an effect leaves nearly nothing of what it explains, a wrong one that follows it half leaves much:
-    a finding stands where it brings more than `SHORT` times what is left, or, where the coordinate itself in its stead
-    brings as much (`instead`, from `instead_of`), `FAITHFUL` times. Where the coordinate brings not even `_HALF` as
-    much, what is left is something else, as in every real recording. Slow noise is not named where a structure brings
-    as much.
+    a finding stands where it brings more than `SHORT` times what is left, or where the coordinate itself in its stead
+    (`instead`, from `instead_of`) brings not even `_HALF` as much: then what is left is something else, as in every
+    real recording. Slow noise is not named where a structure brings as much.
     """
     if not rest.significant:
         return ()
@@ -218,7 +213,7 @@ def withdrawn(gains: Mapping[str, float], rest: Rest, instead: Mapping[str, floa
         in_its_stead = held.get(name, gain)
         if in_its_stead < _HALF * gain:
             return False
-        return gain < (FAITHFUL if in_its_stead > _CLEARLY * gain else SHORT) * rest.gain
+        return gain < SHORT * rest.gain
 
     return tuple(name for name, gain in gains.items() if falls(name, gain))
 

@@ -97,9 +97,9 @@ def select_between(
     return search.problem, chosen
 
 
-def without(problem: Problem, chosen: Selection, key: str) -> Fit:
-    """The fit of all but the effect of a key, on the steps that chose."""
-    return fit(problem, chosen.whitener, _dropped(chosen.after.point, {key}), chosen.after.fitted)
+def without(problem: Problem, chosen: Selection, *keys: str) -> Fit:
+    """The fit of all but the effects of some keys, on the steps that chose."""
+    return fit(problem, chosen.whitener, _dropped(chosen.after.point, keys), chosen.after.fitted)
 
 
 def reduced(problem: Problem, chosen: Selection, keys: Collection[str]) -> Selection:

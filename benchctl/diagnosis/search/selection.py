@@ -51,6 +51,8 @@ class Selection:
     evidence: Mapping[str, Evidence]
     heldout: BoolArray
     least: float
+    named: Fit | None = None
+    """`after` without the structures that have no name; None where there are none."""
 
     @property
     def whitener(self) -> Whitener:

@@ -9,6 +9,7 @@ import benchctl_instruments.physics.effects as package
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.effect_modules import known_effects, refuse_broken
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
+from benchctl_instruments.physics.structures import structure_named
 
 
 @lru_cache(maxsize=1)
@@ -18,8 +19,13 @@ def effects() -> MappingProxyType[str, type[PhysicalEffect]]:
 
 
 def effect(identifier: str) -> type[PhysicalEffect]:
-    """The effect of an identifier; `UsageError` where there is none, or one of another package that cannot be used."""
+    """The effect of an identifier, or the structure.
+
+    `UsageError` where there is none, or one of another package that cannot be used.
+    """
     known = effects()
+    if identifier not in known and (made := structure_named(identifier)) is not None:
+        return made
     if identifier not in known:
         refuse_broken(identifier)
         raise UsageError(f"effect {identifier!r}: there is no such effect; there are {', '.join(known)}")

@@ -12,7 +12,7 @@ from benchctl.proof.planned import planned
 from benchctl.proof.sizes import STATISTICAL, WANDERING
 from benchctl_instruments.physics.effects.registry import effects
 
-QUICK = ("nothing", "moved", "single", "pair", "wandering", "outsider")
+QUICK = ("nothing", "moved", "single", "pair", "wandering", "outsider", "structure")
 
 
 @pytest.mark.parametrize(
@@ -22,7 +22,7 @@ def test_a_trial_conceals_what_its_class_says(kind: ClassName) -> None:
     wanted = CLASSES[kind]
     for index in range(2):
         truth = draw(11, index, kind)
-        assert len(truth.effects) == wanted.effects + wanted.wandering
+        assert len(truth.effects) == wanted.effects + wanted.wandering + wanted.structure
         assert bool(set(truth.effects) & set(WANDERING)) >= wanted.wandering
         assert truth.verdict == wanted.verdict
         if wanted.share is None:

@@ -1,0 +1,64 @@
+"""What has no name is modelled: stage, coordinate and shape are those that were put into a foreign recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchctl.diagnosis import diagnose
+from benchctl.diagnosis.result import Diagnosis
+from benchctl.model_file import Model, read_model, write_model
+from benchctl.recordings.importing import import_recording
+from benchctl.recordings.reader import open_recording
+from benchctl.reports.diagnosis_page import diagnosis_page
+from tests.shared import SHARED, needs_shared
+
+pytestmark = pytest.mark.slow
+
+
+def diagnosed(name: str, folder: Path) -> Diagnosis:
+    import_recording(SHARED / "recordings" / name, None, folder / "imported.h5")
+    with open_recording(folder / "imported.h5") as opened:
+        return diagnose(opened)
+
+
+def model_in(told: Diagnosis) -> Any:
+    return told.as_json()["unexplained"]["model"]
+
+
+@needs_shared("recordings/unnamed/kink")
+def test_a_kink_of_the_scale_factor_is_found_at_its_temperature(tmp_path: Path) -> None:
+    told = diagnosed("unnamed/kink", tmp_path)
+    model = model_in(told)
+    assert (model["stage"], model["coordinates"], model["shape"]) == ("scale", ["gyro_temp"], "kink")
+    assert model["parameters"]["at"]["value"] == pytest.approx(27.665, abs=0.1)
+    assert model["parameters"]["above"]["value"] == pytest.approx(-4.794e-4, rel=0.01)
+    assert told.findings == ()
+    assert told.fit.heldout_after < 1.05 * told.fit.noise < 0.7 * told.fit.heldout_named
+    _is_written_and_read_back(told, tmp_path)
+
+
+@needs_shared("recordings/sealed/d")
+def test_a_mode_hop_is_a_step_of_the_scale_factor_that_takes_hardly_any_temperature(tmp_path: Path) -> None:
+    told = diagnosed("sealed/d", tmp_path)
+    model = model_in(told)
+    assert (model["stage"], model["coordinates"], model["shape"]) == ("scale", ["gyro_temp"], "step")
+    assert model["parameters"]["at"]["value"] == pytest.approx(34.589, abs=0.05)
+    assert model["parameters"]["change"]["value"] == pytest.approx(-0.0096963, rel=0.01)
+    assert model["parameters"]["width"]["value"] < 0.2
+    assert told.unexplained.coordinates == ("gyro_temp*rate",)
+    assert told.fit.heldout_after < 1.05 * told.fit.noise
+    with open_recording(tmp_path / "imported.h5") as opened:
+        page = diagnosis_page(told, opened.meta, opened.infos, digest="", unit="V")
+    assert "K = K0·(1 + change·clip((gyro_temp − at)/width + ½, 0, 1))" in page
+    assert "a mode hop of the source" in page
+
+
+def _is_written_and_read_back(told: Diagnosis, folder: Path) -> None:
+    """The model file carries the structure under `discovered`, and gives it back as an effect."""
+    tables = {name: part for name, part in told.model.items() if name != "format"}
+    write_model(folder / "model.toml", Model(**tables))
+    assert "[discovered.kink_of_scale_over_gyro_temp]" in (folder / "model.toml").read_text(encoding="utf-8")
+    assert read_model(folder / "model.toml").effects == told.model["effects"]

@@ -1,0 +1,65 @@
+"""Structures without a name: what each shape does to an output, and how one is known again by its name."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.chain import Signals
+from benchctl_instruments.physics.effects.making import make_effects
+from benchctl_instruments.physics.structures import COORDINATES, SHAPES, STAGES, structure, structure_named
+
+
+def signals(coil_c: list[float], output_v: float = 2.0) -> Signals:
+    temp = np.array(coil_c)
+    zeros = np.zeros_like(temp)
+    return Signals(
+        interval_s=0.01,
+        time_s=0.01 * np.arange(temp.size),
+        angle_deg=zeros,
+        rate_dps=zeros,
+        acceleration_dps2=zeros,
+        housing_c=temp,
+        coil_c=temp,
+        sensed_rate_dps=zeros,
+        output_v=np.full_like(temp, output_v),
+        encoder_deg=zeros,
+        thermistor_c=temp,
+        coil_rate_c_per_s=zeros,
+    )
+
+
+def test_a_kink_of_the_scale_factor_changes_it_beyond_one_temperature_only() -> None:
+    (kink,) = make_effects({"kink_of_scale_over_gyro_temp": {"at": 30.0, "above": -1e-3}})
+    assert kink.apply(signals([20.0, 30.0, 40.0])).output_v.tolist() == pytest.approx([2.0, 2.0, 2.0 * (1.0 - 0.01)])
+    assert kink.says() == "Above 30 °C of the coil's temperature the scale factor falls by 0.1 % per °C."
+
+
+def test_a_step_of_the_bias_adds_the_same_voltage_at_any_rate() -> None:
+    (step,) = make_effects({"step_of_bias_over_gyro_temp": {"at": 30.0, "change": 3e-3, "width": 0.1}})
+    assert step.apply(signals([29.9, 30.1], output_v=-1.0)).output_v.tolist() == pytest.approx([-1.0, -0.997])
+    assert step.says().startswith("Where the coil's temperature is above 30 °C the bias is 3 mV higher")
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("stage", STAGES)
+@pytest.mark.parametrize("over", COORDINATES)
+def test_the_name_of_a_structure_says_all_of_it(shape: str, stage: str, over: str) -> None:
+    kind = structure_named(f"{shape}_of_{stage}_over_{over}")
+    assert kind is not None
+    assert (kind.shape, kind.acts_on, kind.over) == (shape, stage, over)
+    made = kind.make({name: 1e-3 if one.role == "size" else 5.0 for name, one in kind.parameters.items()})
+    assert np.isfinite(made.apply(signals([20.0, 60.0])).output_v).all()
+    assert made.says().endswith(".")
+
+
+def test_a_name_of_no_structure_is_refused() -> None:
+    assert structure_named("kink_of_scale_over_moon_phase") is None
+    with pytest.raises(UsageError, match="there is no such effect"):
+        make_effects({"kink_of_scale_over_moon_phase": {"at": 1.0, "above": 1.0}})
+
+
+def test_within_a_range_places_are_bounded_by_it() -> None:
+    at = structure("scale", "gyro_temp", "kink", (-10.0, 50.0)).parameters["at"]
+    assert (at.low, at.high) == (-10.0, 50.0)
