@@ -32,6 +32,14 @@ def diagnose(
     following: Annotated[
         Path | None, typer.Option("--next", metavar="FILE.py", help="Write the next experiment, for benchctl run.")
     ] = None,
+    effect_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--write-effect",
+            metavar="FILE.py",
+            help="Write a structure that has no name as an effect, named after the file, for you to describe.",
+        ),
+    ] = None,
     settle: Annotated[
         bool,
         typer.Option("--settle", help="Run the next experiment on the simulated bench, and diagnose both jointly."),
@@ -66,6 +74,7 @@ def diagnose(
     Example: `benchctl diagnose results/20261120-180000_diagnostic_SIM-0001`,
     `benchctl diagnose recording.h5 --settle --dry-run`
     """
+    from benchctl.cli.effect_writing import refuse_other_effect_files, write_effect
     from benchctl.cli.live import search_progress
     from benchctl.cli.places import report_folder
     from benchctl.kept_memory import keep_memory
@@ -81,6 +90,8 @@ def diagnose(
             from benchctl.cli.settling import bench_of, foretell_next, refuse_other_files, run_next, write_next
         if following is not None:
             refuse_other_files(following)
+        if effect_file is not None:
+            refuse_other_effect_files(effect_file)
         if dry_run and not settle:
             raise UsageError("--dry-run: without --settle nothing is run; leave it out, or say --settle, too")
         folder = report_folder(recordings[0], out, json_to, quiet)
@@ -106,6 +117,8 @@ def diagnose(
             result.say(line)
         if following is not None:
             result.say(write_next(following, found.diagnosis))
+        if effect_file is not None:
+            result.say(write_effect(effect_file, found.diagnosis))
         if folder is not None:
             written = write_diagnosed(found, folder)
             add_to_manifest(folder, written.values())

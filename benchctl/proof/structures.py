@@ -51,7 +51,8 @@ def structure_size(identifier: str, rng: np.random.Generator, unit: TrialUnit) -
     if kind.shape == "bump":
         return {"change": largest, "at": at, "width": wide * float(rng.uniform(0.04, 0.12))}
     phase = float(rng.uniform(0.0, math.tau))
-    whole = float(rng.integers(1, 7)) if kind.over == "angle" else float(rng.uniform(1.5, 4.0))
+    # slower waves over the angle have a name
+    whole = float(rng.integers(5, 10)) if kind.over == "angle" else float(rng.uniform(1.5, 4.0))
     return {"cosine": largest * math.cos(phase), "sine": largest * math.sin(phase), "period": wide / whole}
 
 

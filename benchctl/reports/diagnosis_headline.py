@@ -73,12 +73,14 @@ def moved(diagnosis: Diagnosis) -> dict[str, Estimate]:
 
 def changed(diagnosis: Diagnosis) -> bool:
     """Whether what is left differs before and after: faults of the data are left out in both."""
-    return any(kind_of(one.effect) != "data" for one in diagnosis.findings)
+    return bool(diagnosis.unexplained.models) or any(kind_of(one.effect) != "data" for one in diagnosis.findings)
 
 
 def predicts_otherwise(diagnosis: Diagnosis) -> bool:
     """Whether the model with the findings predicts other samples; noise that only grows changes what they weigh."""
-    return any(kind_of(one.effect) == "physics" or one.effect in WANDERING for one in diagnosis.findings)
+    return bool(diagnosis.unexplained.models) or any(
+        kind_of(one.effect) == "physics" or one.effect in WANDERING for one in diagnosis.findings
+    )
 
 
 def _names(findings: Sequence[Finding], kind: str) -> str:

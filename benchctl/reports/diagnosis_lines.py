@@ -24,6 +24,10 @@ def lines(diagnosis: Diagnosis, unit: str) -> Iterator[str]:
             yield from _wrapped(f"{row.name}: {row.was} → {row.stated} ({row.change})", "  ")
     if diagnosis.unexplained.significant:
         yield from _wrapped(f"unexplained: {words.prose(diagnosis.unexplained.says)}")
+    for model in diagnosis.unexplained.models:
+        yield from _wrapped(f"model: {model.formula}", "  ")
+        if model.hints:
+            yield from _wrapped(f"causes of this kind (hints): {'; '.join(model.hints)}", "  ")
     yield from _wrapped(_fit(diagnosis, unit))
     for note in diagnosis.notes:
         yield from _wrapped(f"note: {words.prose(note)}")

@@ -57,6 +57,20 @@ def test_a_recording_that_is_too_short_is_refused(tmp_path: Path, capsys: pytest
     assert "needs 2000 or more" in line
 
 
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("mode-hop.py", "named after the file"),
+        ("hop.txt", "named after the file"),
+        ("thermal_lag.py", "there is an effect"),
+    ],
+)
+def test_an_effect_s_file_of_a_name_that_no_effect_can_have_is_refused(
+    name: str, why: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert why in refused(capsys, write_moving(tmp_path / "r.h5"), "--write-effect", tmp_path / name)
+
+
 def test_without_scans_the_line_says_what_there_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     def only_polls(meta: Meta, steps: list[Step]) -> tuple[Meta, list[Step]]:
         times = np.arange(0.0, 20.0, 5.0)

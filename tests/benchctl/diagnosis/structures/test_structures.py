@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from benchctl.cli.effect_writing import write_effect
 from benchctl.diagnosis import diagnose
 from benchctl.diagnosis.result import Diagnosis
 from benchctl.model_file import Model, read_model, write_model
@@ -38,6 +39,8 @@ def test_a_kink_of_the_scale_factor_is_found_at_its_temperature(tmp_path: Path) 
     assert told.findings == ()
     assert told.fit.heldout_after < 1.05 * told.fit.noise < 0.7 * told.fit.heldout_named
     _is_written_and_read_back(told, tmp_path)
+    assert "effect slope_change" in write_effect(tmp_path / "slope_change.py", told)
+    assert "class SlopeChange(PhysicalEffect)" in (tmp_path / "slope_change.py").read_text(encoding="utf-8")
 
 
 @needs_shared("recordings/sealed/d")

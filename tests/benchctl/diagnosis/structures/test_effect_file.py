@@ -1,0 +1,43 @@
+"""The file of an effect that a structure becomes keeps the contract of effects, and does what was found."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchctl.diagnosis.result import Estimate, StructureModel
+from benchctl.diagnosis.structures.effect_file import effect_source
+from benchctl_instruments.physics.effect_contract import check_effect
+from benchctl_instruments.physics.structures import SHAPES, structure_named
+
+PLACES = {"at": 27.7, "width": 2.0, "length": 8.0, "period": 30.0, "tau": 400.0}
+
+
+def loaded(source: str, name: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    (folder / f"{name}.py").write_text(source, encoding="utf-8")
+    monkeypatch.syspath_prepend(str(folder))
+    return importlib.import_module(name).ModeHop
+
+
+@pytest.mark.parametrize("shape", [shape for shape in SHAPES if shape != "exponential"])
+def test_it_keeps_the_contract_of_effects(shape: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    identifier = f"{shape}_of_scale_over_gyro_temp"
+    kind = structure_named(identifier)
+    assert kind is not None
+    values = {name: PLACES.get(name, 2e-5) for name in kind.parameters}
+    found = StructureModel(
+        identifier=identifier,
+        stage="scale",
+        coordinates=("gyro_temp",),
+        shape=shape,
+        formula="",
+        parameters={name: Estimate(value=one, low=one, high=one, unit="1") for name, one in values.items()},
+        explains=1.0,
+        says=kind.make(values).says(),
+    )
+    made = loaded(effect_source("mode_hop", found), f"of_a_{shape}", tmp_path, monkeypatch)
+    check_effect(made)
+    assert made(**values).says() == kind.make(values).says()
