@@ -111,7 +111,7 @@ def _note(path: Path) -> Path:
 
 def _replace(path: Path, text: str) -> None:
     """Put a new file in the place of whatever has that name."""
-    fresh = path.with_name(f"{path.name}.{os.getpid()}")
+    fresh = path.with_name(f".{path.name}.{os.getpid()}.tmp")  # `recover` removes what a death leaves of that name
     with suppress(FileNotFoundError):
         fresh.unlink()
     with os.fdopen(os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644), "w", encoding="utf-8") as file:

@@ -88,7 +88,7 @@ def _diagnosis(
     problem.forget()  # what is left is found without predictions
     tried = {effect.identifier for effect in chosen.after.point.effects}
     chosen, unexplained, owed = named(problem, chosen, rounding_v2=rounding_v2, seed=seed)
-    chosen, unexplained = with_structures(problem, chosen, unexplained, seed=seed)
+    chosen, unexplained, owed = with_structures(problem, chosen, unexplained, owed, seed=seed)
     found = (*with_sine(problem, findings_of(problem, chosen)), *fault_findings(problem, faults))
     findings = tuple(finding_in(one, problem.unit) for one in found)
     unexplained = unexplained_in(unexplained, problem.unit)

@@ -23,6 +23,8 @@ FloatArray = npt.NDArray[np.float64]
 
 _BINS = 1000
 _PLACES, _EDGES = 60, 40
+_UNSEEN, _RARE = 1e-7, 1e-9
+"""Shares of its own power, and of that at its largest everywhere, that a shape must have beside what was fitted."""
 _WIDTHS = (0.01, 0.03, 0.1)
 _BUMPS = (0.01, 0.025, 0.06, 0.15)
 _PERIODS = np.geomspace(0.03, 2.0, 80)
@@ -101,7 +103,8 @@ class _Along:
         known = columns @ self.known
         power = (columns * self.information) @ columns.T
         own = power - known @ self.covariance @ known.T
-        if (np.diag(own) <= 1e-7 * np.diag(power)).any():
+        largest = np.abs(columns).max(axis=1) ** 2 * float(self.information.sum())
+        if (np.diag(own) <= np.maximum(_UNSEEN * np.diag(power), _RARE * largest)).any():
             return 0.0, np.zeros(len(columns))
         score = columns @ self.pull
         weights = inverse(own) @ score

@@ -9,6 +9,7 @@ decide.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +26,7 @@ from benchctl.diagnosis.search.scatter import scatter
 from benchctl.diagnosis.search.selection import Evidence, Selection
 from benchctl.diagnosis.signals.blocks import block_starts
 from benchctl.diagnosis.structures.scan import Begun, places_along
+from benchctl_instruments.physics.effects.effect import DescribedEffect
 from benchctl_instruments.physics.structures import COORDINATES, Structure, StructureStage, structure
 
 FloatArray = npt.NDArray[np.float64]
@@ -33,6 +35,13 @@ _MOST_STRUCTURES = 2
 _NEAR_THE_BEST = 0.4
 """Share of the best coordinate's promise below which another one is not modelled."""
 _MOST_COORDINATES, _FITTED = 4, 6
+_KINDS = {
+    "gyro_temp": "temperature",
+    "gyro_temp_rate": "temperature",
+    "chamber_temp": "temperature",
+    "angle": "angle",
+    "time": "time",
+}
 _TIE = 10.0
 """In twice the log likelihood: two coordinates whose models differ by less are not told apart."""
 
@@ -59,12 +68,18 @@ class _Candidate:
         return added
 
 
-def modelled(problem: GyroProblem, chosen: Selection, rest: Rest, *, seed: int) -> Modelled | None:
-    """The selection with what is left modelled; None where no shape explains it."""
+def modelled(
+    problem: GyroProblem, chosen: Selection, rest: Rest, *, apart_from: Sequence[DescribedEffect] = (), seed: int
+) -> Modelled | None:
+    """The selection with what is left modelled; None where no shape explains it.
+
+    Shapes over coordinates along which one of the effects `apart_from` acts are not tried.
+    """
+    taken = {_kind(word) for effect in apart_from for word in _own(effect.coordinate)}
     found: list[Structure] = []
     ties: tuple[str, ...] = ()
     while len(found) < _MOST_STRUCTURES and rest.significant:
-        candidates = _candidates(problem, chosen, rest)
+        candidates = _candidates(problem, chosen, rest, taken)
         if not candidates:
             break
         best = max(candidates, key=lambda one: one.evidence)
@@ -98,12 +113,25 @@ def _with(problem: GyroProblem, chosen: Selection, after: Fit) -> Selection:
     return replace(chosen, after=after, whole=whole, evidence={**chosen.evidence, key: evidence})
 
 
-def _candidates(problem: GyroProblem, chosen: Selection, rest: Rest) -> list[_Candidate]:
+def _kind(word: str) -> str:
+    """What a coordinate is of: motion, temperature, angle, time."""
+    return _KINDS.get(word, "motion")
+
+
+def _own(coordinate: str) -> list[str]:
+    """The words of a coordinate; of two without the rate, in proportion to which a scale factor acts."""
+    words = coordinate.split("*")
+    return [word for word in words if word != "rate"] or words
+
+
+def _candidates(problem: GyroProblem, chosen: Selection, rest: Rest, taken: set[str]) -> list[_Candidate]:
     """Models with one structure more that hold on steps which they were not fitted to."""
     pull = pull_of(problem, chosen.whitener, chosen.after)
     known = {effect.identifier for effect in chosen.after.point.effects}
     begun: list[Begun] = []
     for stage, over in _places_of(problem, rest):
+        if _kind(over) in taken:
+            continue
         begun += places_along(problem, pull, stage, over)
     looked = 2.0 * math.log(max(sum(one.places for one in begun), 1.0))
     begun = [one for one in begun if one.effect.identifier not in known]

@@ -37,16 +37,28 @@ _PERIODIC = ("a controller that cycles", "a compressor", "interference")
 
 
 def with_structures(
-    problem: Problem, chosen: Selection, unexplained: Unexplained, *, seed: int
-) -> tuple[Selection, Unexplained]:
-    """The selection with what is unexplained modelled, and what is then said of it; as it is where no shapes fit."""
-    if not unexplained.significant or not isinstance(problem, GyroProblem):
-        return chosen, unexplained
+    problem: Problem, chosen: Selection, unexplained: Unexplained, owed: tuple[str, ...], *, seed: int
+) -> tuple[Selection, Unexplained, tuple[str, ...]]:
+    """The selection with what is unexplained modelled, and what is then said of it; as it is where no shapes fit.
+
+    What is little enough to be `owed` to the model of a finding is a structure all the same where a shape explains it
+    over another coordinate than those along which findings act.
+    """
+    if not (unexplained.significant or owed) or not isinstance(problem, GyroProblem):
+        return chosen, unexplained, owed
     rest = rest_of(problem, chosen.whitener, chosen.after, seed=seed)
-    found = modelled(problem, chosen, rest, seed=seed)
+    findings = () if unexplained.significant else chosen.after.point.effects
+    found = modelled(problem, chosen, rest, apart_from=findings, seed=seed)
     if found is None or _explained(rest, found.left) < _MOST_OF_IT:
-        return chosen, unexplained
-    return replace(found.chosen, named=chosen.after), _stated(problem, found, rest, unexplained.share)
+        return chosen, unexplained, owed
+    share = unexplained.share if unexplained.significant else _share(chosen, found)
+    return replace(found.chosen, named=chosen.after), _stated(problem, found, rest, share), ()
+
+
+def _share(chosen: Selection, found: Modelled) -> float:
+    """What the structures explain of what was left at first, in power."""
+    first, bare, after = chosen.before.squares, chosen.after.squares, found.chosen.after.squares
+    return min(max((bare - after) / max(first - after, 1e-300), 0.0), 1.0)
 
 
 def _stated(problem: Problem, found: Modelled, rest: Rest, share: float) -> Unexplained:

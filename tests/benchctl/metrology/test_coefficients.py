@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 
 import numpy as np
@@ -65,11 +66,11 @@ def test_a_term_that_reaches_into_the_first_samples_only_is_refused() -> None:
     "truth", [{"Q": 1.0}, {"N": 1.0}, {"B": 1.0}, {"K": 1.0}, {"Q": 0.05, "N": 1.0}, {"N": 0.1, "K": 0.3}], ids=str
 )
 def test_intervals_hold_the_truth_nineteen_times_in_twenty(truth: dict[str, float]) -> None:
-    """Of coefficients and of deviations, over 500 records."""
+    """Of coefficients and of deviations, over 200 records: by chance alone 95 % are 90 to 99 % of a coefficient's."""
     chance = np.random.default_rng(17)
     held: Counter[str] = Counter()
     stated: Counter[str] = Counter()
-    for _ in range(500):
+    for _ in range(200):
         rates = record(chance, SAMPLES, INTERVAL_S, **{term.lower(): value for term, value in truth.items()})
         found = analysed(Series(values=rates, interval_s=INTERVAL_S, unit="deg/s", source="made"))
         for term, value in truth.items():
@@ -90,4 +91,5 @@ def test_intervals_hold_the_truth_nineteen_times_in_twenty(truth: dict[str, floa
             held["deviation"] += int(inside.sum())
             stated["deviation"] += inside.size
     for name, count in stated.items():
-        assert 0.93 <= held[name] / count <= 0.97, (name, held[name] / count)
+        room = 0.02 if name == "deviation" else 3.0 * math.sqrt(0.95 * 0.05 / count)
+        assert abs(held[name] / count - 0.95) <= room, (name, held[name] / count)
