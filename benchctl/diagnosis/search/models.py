@@ -178,7 +178,14 @@ class Models:
         def worth(one: Scored) -> float:
             return float(f"{max(one.promise / most_promise, one.gain / most_gain):.6g}")
 
-        return sorted((one for one in ranked if worth(one) > _WORTH_TRYING), key=worth, reverse=True)[:_TRIED]
+        tried = sorted((one for one in ranked if worth(one) > _WORTH_TRYING), key=worth, reverse=True)[:_TRIED]
+        names = {one.probe.identifier for one in tried}
+        hidden = [one for one in self._free(present, screening).scored if one.probe.identifier not in names]
+        pulled = max(hidden, key=lambda one: one.probe.pulled, default=None)
+        most = max(most_gain, max((one.gain for one in screening.scored), default=0.0))
+        if pulled is not None and pulled.probe.pulled > max(_WORTH_TRYING * most, least):
+            tried.append(pulled)
+        return tried
 
     def _free(self, present: Fit, screening: Screening) -> Screening:
         """What may still join a model: places that are not taken, and were not refused."""

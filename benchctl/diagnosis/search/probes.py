@@ -22,7 +22,8 @@ class Probe:
 
     `sizes` are the values in whose proportion the columns grow; empty where the effect has no size: then the one column
     is the whole effect. `places` is how many independent places it was chosen from by a look at the data: what chance
-    brings grows with it.
+    brings grows with it. `pulled` is the gain that the residual itself promised where it proposed the place: a fit that
+    went astray without the effect may hide it from any other look.
     """
 
     kind: type[DescribedEffect]
@@ -30,6 +31,7 @@ class Probe:
     sizes: tuple[float, ...]
     circumstances: dict[str, float]
     places: float = 1.0
+    pulled: float = 0.0
 
     @property
     def identifier(self) -> str:

@@ -8,6 +8,7 @@ how many they were chosen.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -57,42 +58,45 @@ def proposals(problem: Problem, whitener: Whitener, fitted: Fit) -> list[Probe]:
     tried = [name for name in wanted if name in problem.effects]
     found = shared_out(lambda name: list(_places(problem, pull, name)), tried)
     return [
-        probe_at(problem, problem.effects[name], place, places=count)
+        replace(probe_at(problem, problem.effects[name], place, places=count), pulled=pulled)
         for name, places in zip(tried, found, strict=True)
-        for place, count in places
+        for place, count, pulled in places
     ]
 
 
-def _places(problem: Problem, pull: Pull, name: str) -> Iterator[tuple[Mapping[str, float], float]]:
-    """The best places of an effect, its parameters by name, each with the number of places that it is out of."""
+def _places(problem: Problem, pull: Pull, name: str) -> Iterator[tuple[Mapping[str, float], float, float]]:
+    """The best places of an effect, its parameters by name, each with the number of places that it is out of.
+
+    Last what it promises, of effects without a size.
+    """
     parameters = problem.effects[name].parameters
     if name == "mains_pickup":
         kinds = np.unique(problem.step_kinds, return_inverse=True)[1][problem.step]
         lowest = parameters["frequency_hz"].low
         for place in mains_places(pull, _clock_s(problem), problem.interval_s, kinds, lowest, _COUNT):
-            yield {"frequency_hz": place.value}, place.places
+            yield {"frequency_hz": place.value}, place.places, 0.0
     elif name == "adc_nonlinearity":
         for place in converter_places(pull, pull.fitted.predicted, parameters["period_v"].low, _COUNT):
-            yield {"period_v": place.value}, place.places
-    elif name == "fringe_ambiguity":
+            yield {"period_v": place.value}, place.places, 0.0
+    elif name == "fringe_ambiguity":  # has no size: where the fit went astray, its own column says nothing
         for place in fold_places(pull, problem.coordinates["rate"], float(problem.baseline_start[0]), _COUNT):
-            yield {"fold_dps": place.value}, place.places
+            yield {"fold_dps": place.value}, place.places, place.gain
     elif name == "overload":
         for place in onset_places(pull, problem.coordinates["rate"], pull.fitted.predicted, _COUNT):
-            yield {"onset_dps": place.value}, place.places
+            yield {"onset_dps": place.value}, place.places, 0.0
     elif name == "two_rails":
         if isinstance(problem, PointsProblem):
             if problem.end is not None and (rails := problem.end.rails()) is not None:
-                yield {"lower_v": rails.lower_v, "upper_v": rails.upper_v}, rails.places
+                yield {"lower_v": rails.lower_v, "upper_v": rails.upper_v}, rails.places, 0.0
             return
         for pair in rail_places(pull, pull.fitted.predicted, _COUNT):
-            yield {"lower_v": pair.lower_v, "upper_v": pair.upper_v}, pair.places
+            yield {"lower_v": pair.lower_v, "upper_v": pair.upper_v}, pair.places, 0.0
     elif name == "saturation":
         for place in limit_places(pull, pull.fitted.predicted, _COUNT):
-            yield {"limit_v": place.value}, place.places
+            yield {"limit_v": place.value}, place.places, 0.0
     elif isinstance(problem, GyroProblem):
         for place in line_places(problem, pull, int(parameters["lines_per_rev"].high), _COUNT):
-            yield {"lines_per_rev": place.value}, place.places
+            yield {"lines_per_rev": place.value}, place.places, 0.0
 
 
 def _clock_s(problem: Problem) -> FloatArray:

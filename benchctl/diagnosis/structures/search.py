@@ -31,7 +31,6 @@ from benchctl_instruments.physics.structures import COORDINATES, Structure, Stru
 
 FloatArray = npt.NDArray[np.float64]
 
-_MOST_STRUCTURES = 2
 _NEAR_THE_BEST = 0.4
 """Share of the best coordinate's promise below which another one is not modelled."""
 _MOST_COORDINATES, _FITTED = 4, 6
@@ -69,16 +68,22 @@ class _Candidate:
 
 
 def modelled(
-    problem: GyroProblem, chosen: Selection, rest: Rest, *, apart_from: Sequence[DescribedEffect] = (), seed: int
+    problem: GyroProblem,
+    chosen: Selection,
+    rest: Rest,
+    *,
+    apart_from: Sequence[DescribedEffect] = (),
+    most: int = 2,
+    seed: int,
 ) -> Modelled | None:
-    """The selection with what is left modelled; None where no shape explains it.
+    """The selection with what is left modelled by at most so many structures; None where no shape explains it.
 
     Shapes over coordinates along which one of the effects `apart_from` acts are not tried.
     """
     taken = {_kind(word) for effect in apart_from for word in _own(effect.coordinate)}
     found: list[Structure] = []
     ties: tuple[str, ...] = ()
-    while len(found) < _MOST_STRUCTURES and rest.significant:
+    while len(found) < most and rest.significant:
         candidates = _candidates(problem, chosen, rest, taken)
         if not candidates:
             break
@@ -163,7 +168,9 @@ def _fitted(problem: GyroProblem, chosen: Selection, begun: Structure, looked: f
 
 def _places_of(problem: GyroProblem, rest: Rest) -> list[tuple[StructureStage, str]]:
     """The stages and coordinates of which what is left may be a function, the most promising first."""
-    most = max(one.promise for one in rest.looked)
+    # time and step follow everything, whichever coordinate it is a function of
+    tied = [one.promise for one in rest.looked if {"time", "step"}.isdisjoint(one.words[0].split("*"))]
+    most = max(tied, default=0.0)
     found: dict[tuple[StructureStage, str], None] = {}
     for one in rest.looked:
         if one.promise < _NEAR_THE_BEST * most or len(one.words) != 1:

@@ -12,6 +12,7 @@ from benchctl.diagnosis.rest.rest import Rest, rest_of
 from benchctl.diagnosis.result import StructureModel, Unexplained
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.structures.search import Modelled, modelled
+from benchctl.diagnosis.structures.settled import instead_of_names, settled
 from benchctl_instruments.physics.structures import FORMULAS, PHRASES, Structure
 
 _HINTS: Mapping[tuple[str, str], tuple[str, ...]] = {
@@ -44,7 +45,12 @@ def with_structures(
     What is little enough to be `owed` to the model of a finding is a structure all the same where a shape explains it
     over another coordinate than those along which findings act.
     """
-    if not (unexplained.significant or owed) or not isinstance(problem, GyroProblem):
+    if not isinstance(problem, GyroProblem):
+        return chosen, unexplained, owed
+    if (better := instead_of_names(problem, chosen, seed=seed)) is not None:
+        less, instead = better
+        return *_taken(problem, less, instead, _share(less, instead), seed), ()
+    if not (unexplained.significant or owed):
         return chosen, unexplained, owed
     rest = rest_of(problem, chosen.whitener, chosen.after, seed=seed)
     findings = () if unexplained.significant else chosen.after.point.effects
@@ -52,7 +58,16 @@ def with_structures(
     if found is None or _explained(rest, found.left) < _MOST_OF_IT:
         return chosen, unexplained, owed
     share = unexplained.share if unexplained.significant else _share(chosen, found)
-    return replace(found.chosen, named=chosen.after), _stated(problem, found, rest, share), ()
+    return *_taken(problem, chosen, found, share, seed), ()
+
+
+def _taken(
+    problem: GyroProblem, bare: Selection, found: Modelled, share: float, seed: int
+) -> tuple[Selection, Unexplained]:
+    """The selection with what was modelled beside a `bare` one, and what is said of it."""
+    found = replace(found, chosen=settled(problem, found.chosen))
+    rest = rest_of(problem, bare.whitener, bare.after, seed=seed)
+    return found.chosen, _stated(problem, found, rest, share)
 
 
 def _share(chosen: Selection, found: Modelled) -> float:

@@ -1,0 +1,83 @@
+"""Named effects beside structures: what was found before a structure, and stood for it, is not stated beside it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from benchctl.diagnosis.fitting.fit import Point, fit, gain_of
+from benchctl.diagnosis.fitting.wandering import PROCESSES
+from benchctl.diagnosis.gyro.problem import GyroProblem
+from benchctl.diagnosis.keys import keys_of
+from benchctl.diagnosis.rest.rest import rest_of
+from benchctl.diagnosis.search.select import reduced, without
+from benchctl.diagnosis.search.selection import Selection
+from benchctl.diagnosis.structures.search import Modelled, modelled
+from benchctl_instruments.physics.structures import Structure
+
+_CLEARLY = 20.0
+"""In twice the log likelihood, beyond what its parameters cost: by that much a structure must be better than names."""
+
+_NEARLY_ALL = 0.98
+"""A process follows anything slow: a structure that explains nearly as much takes its place."""
+
+
+def settled(problem: GyroProblem, chosen: Selection) -> Selection:
+    """The selection without findings that gain too little beside its structures, its noise measured beside them."""
+    while (needless := _needless(problem, chosen)) is not None:
+        chosen = reduced(problem, chosen, {needless})
+    if chosen.noise.found:
+        noise = chosen.noise.measured(problem, chosen.after, least_gain=chosen.least)
+        after, whole = (fit(problem, noise.whitener, one.point, one.fitted) for one in (chosen.after, chosen.whole))
+        chosen = replace(chosen, noise=noise, after=after, whole=whole)
+    point = chosen.after.point
+    named = tuple(effect for effect in point.effects if not isinstance(effect, Structure))
+    bare = fit(problem, chosen.whitener, Point(baseline=point.baseline, effects=named), chosen.after.fitted)
+    return replace(chosen, named=bare)
+
+
+def _needless(problem: GyroProblem, chosen: Selection) -> str | None:
+    effects = chosen.after.point.effects
+    for key, effect in zip(keys_of(effects), effects, strict=True):
+        if isinstance(effect, Structure):
+            continue
+        if gain_of(chosen.after, without(problem, chosen, key)) < chosen.least:
+            return key
+    return None
+
+
+def instead_of_names(problem: GyroProblem, chosen: Selection, *, seed: int) -> tuple[Selection, Modelled] | None:
+    """A structure in the place of several findings along one coordinate, or of a wandering bias, where it is better.
+
+    It must have fewer parameters than the findings have together. Beside it comes the selection without them. None
+    where there are no such findings, or they do as well.
+    """
+    for keys, parameters, gain in _replaceable(problem, chosen):
+        less = reduced(problem, chosen, keys)
+        found = modelled(problem, less, rest_of(problem, less.whitener, less.after, seed=seed), most=1, seed=seed)
+        if found is None:
+            continue
+        fewer = parameters - len(found.structures[0].parameters)
+        gained = gain_of(found.chosen.after, less.after)
+        if keys[0] in PROCESSES:
+            if gained > _NEARLY_ALL * gain:
+                return less, found
+        elif fewer > 0 and gained - gain + fewer * math.log(chosen.after.rows) > _CLEARLY:
+            return less, found
+    return None
+
+
+def _replaceable(problem: GyroProblem, chosen: Selection) -> Iterator[tuple[tuple[str, ...], int, float]]:
+    """Keys of findings along one coordinate, their parameters and gain; and of a wandering bias, which has one."""
+    effects = dict(zip(chosen.evidence, chosen.after.point.effects, strict=True))
+    for coordinate in np.unique([effect.coordinate for effect in effects.values()]).tolist():
+        keys = tuple(key for key, effect in effects.items() if effect.coordinate == coordinate)
+        if len(keys) > 1:
+            gain = gain_of(chosen.after, without(problem, chosen, *keys))
+            yield keys, sum(len(effects[key].parameters) for key in keys), gain
+    for name, noisy in chosen.noise.found.items():
+        if name in PROCESSES:
+            yield (name,), 1, noisy.gain
