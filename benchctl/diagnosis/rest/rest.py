@@ -356,7 +356,8 @@ def _ranges(view: View) -> tuple[tuple[float, float], ...]:
 def _says(best: Looked, named: tuple[str, ...], ranges: tuple[tuple[float, float], ...]) -> str:
     where = _phrase(best.words[0])
     if ranges:
-        word = best.words[0].replace("*rate", "") if best.words[0].endswith("*rate") else best.words[0].split("*")[0]
+        words = best.words[0].split("*")
+        word = next((one for one in words if one != "rate"), words[0])
         low, high = ranges[0]
         where += f", most at {low:.3g} to {high:.3g} {COORDINATE_UNITS.get(word, '')}".rstrip()
     others = [_phrase(word) for word in named if word not in best.words]
