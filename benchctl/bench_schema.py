@@ -154,9 +154,14 @@ def _effect(kind: type[PhysicalEffect]) -> Schema:
 def _parameter(name: str, parameter: Parameter | None) -> Schema:
     number: Schema = {"type": "number"}
     if parameter is not None:
-        zero = parameter.low if parameter.zero is None else parameter.zero  # which is always allowed
-        bounds = {"minimum": min(parameter.low, zero), "maximum": max(parameter.high, zero)}
-        number |= {word: bound for word, bound in bounds.items() if math.isfinite(bound)}
+        bounds: Schema = {"minimum": parameter.low, "maximum": parameter.high}
+        zero = parameter.zero  # which is always allowed
+        if zero is not None and math.isfinite(zero) and not parameter.low <= zero <= parameter.high:
+            number["anyOf"] = [{"const": zero}, bounds]
+        elif zero is not None and math.isinf(zero):
+            number["minimum" if zero > 0.0 else "maximum"] = parameter.low if zero > 0.0 else parameter.high
+        else:
+            number |= bounds
     told = _quantity(number) if unit_stated(name) else number
     if parameter is not None:
         told["description"] = f"{parameter.meaning[:1].upper()}{parameter.meaning[1:]}. In {parameter.unit}."

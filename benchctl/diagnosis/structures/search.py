@@ -88,6 +88,10 @@ def modelled(
         if not candidates:
             break
         best = max(candidates, key=lambda one: one.evidence)
+        if best.structure.over == "output":  # which is nearly the rate, of which more is a function
+            rates = [one for one in candidates if one.structure.over == "rate"]
+            nearest = max(rates, key=lambda one: one.evidence, default=best)
+            best = nearest if nearest.evidence > best.evidence - _TIE else best
         if not found:
             near = [one for one in candidates if one.evidence > best.evidence - _TIE]
             words = dict.fromkeys(one.structure.coordinate for one in near)

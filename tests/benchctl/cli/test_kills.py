@@ -7,7 +7,7 @@ import pytest
 
 from tests.benchmarks.kills import AT_REST_DPS, PLANNED, run_trial, table
 
-CAMPAIGNS = 3
+CAMPAIGNS = 5
 
 
 @pytest.mark.slow
