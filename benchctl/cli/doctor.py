@@ -1,4 +1,4 @@
-"""`benchctl doctor`: what may keep a bench from working, and what to do about it."""
+"""`benchctl doctor`: check this machine and a bench, and advise what to do."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ _TITLES = {
     "machine": "This machine",
     "results": "Where campaigns land",
     "ports": "Serial ports",
-    "network": "Network",
     "bench": "The bench",
 }
 _WIDEST = 20
@@ -30,7 +29,7 @@ def doctor(
             "--bench",
             metavar="BENCH",
             autocompletion=bench_files,
-            help="A bench.toml, whose ports and instruments are looked at, too.",
+            help="A bench.toml, whose ports and instruments are checked, too.",
         ),
     ] = None,
     out: Annotated[
@@ -39,14 +38,12 @@ def doctor(
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Look at this machine, at ports, network and instruments, and say what to do; move nothing.
+    """Check disk, ports, permissions, network and instruments, and advise what to do; move nothing.
 
-    An instrument is asked who it is, as `benchctl check` does, unless another program has it. Exit status 0: nothing
-    is bad; 2: this machine or the bench's file cannot be used; 3: something on the bench does not answer.
+    Instruments are identified as by `benchctl check`, unless another program uses them. Exit status 0: nothing is bad;
+    2: this machine or the bench's file cannot be used; 3: something on the bench does not answer.
     Example: `benchctl doctor --bench bench.toml`
     """
-    from dataclasses import asdict
-
     from benchctl.doctor.examine import examine
     from benchctl.doctor.finding import UNUSABLE, blamed, exit_status, summary
     from benchctl_instruments.errors import LinkError, UsageError
@@ -61,20 +58,19 @@ def doctor(
             found.append(finding)
             for line in lines_of(finding):
                 result.say(line)
-        told = [asdict(finding) for finding in found]
-        result.values["findings"] = [{name: each[name] for name in _KEYS} for each in told]
+        result.values["findings"] = [
+            {"where": each.where, "what": each.what, "verdict": each.verdict, "says": each.message, "do": each.do}
+            for each in found
+        ]
         result.say(f"\n{summary(found)}")
         status = exit_status(found)
         if status:
             raise (UsageError if status == UNUSABLE else LinkError)(blamed(found))
 
 
-_KEYS = ("where", "what", "verdict", "says", "do")
-
-
 def lines_of(finding: Finding) -> list[str]:
-    """A finding for a person: how it stands, and, where something is to be done, what."""
-    lines = [f"  {finding.verdict:<4}  {finding.what:<{_WIDEST}}  {finding.says}"]
+    """Return the lines that show a finding at the terminal."""
+    lines = [f"  {finding.verdict:<4}  {finding.what:<{_WIDEST}}  {finding.message}"]
     if finding.do:
         lines.append(f"  {'':<4}  {'':<{_WIDEST}}  -> {finding.do}")
     return lines

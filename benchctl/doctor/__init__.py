@@ -1,1 +1,1 @@
-"""What may keep a bench from working, looked for on this machine and on its wires; every finding says what to do."""
+"""`benchctl doctor`: check the disk, serial ports, network and instruments; every finding states what to do."""

@@ -1,4 +1,4 @@
-"""A finding: what was looked at, how it stands, and what to do about it."""
+"""A finding of the doctor: what was checked, the result, and what to do."""
 
 from __future__ import annotations
 
@@ -7,68 +7,65 @@ from dataclasses import dataclass
 from typing import Literal
 
 Verdict = Literal["ok", "look", "bad"]
-"""`ok`: as it should be. `look`: works, or cannot be told, and may cost a campaign. `bad`: does not work."""
-
-MACHINE = "machine"
-"""Where the findings belong that are not the bench's."""
+"""`ok`: works. `look`: a warning. `bad`: does not work."""
 
 UNUSABLE, BENCH_BAD = 2, 3
-"""The exit status for input, or a machine, that cannot be used; and for a bench on which something does not answer."""
+"""Exit status for input or a machine that cannot be used; and for a bench on which something does not answer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """One thing that was looked at.
+    """One check.
 
-    `where` is `machine`, `results`, `ports`, `network`, `bench`, or an instrument's role; `what` the thing in a word or
-    two; `says` how it stands; `do` what to do, empty where nothing is to be done. `unusable` marks a bad finding that
-    is the input's or this machine's, not the bench's.
+    `where` is `machine`, `results`, `ports`, `bench`, or an instrument's role; `what` the checked item; `message` the
+    result; `do` the advice, empty where nothing is to be done. `unusable` marks a bad finding that is caused by the
+    input or this machine, not by the bench.
     """
 
     where: str
     what: str
     verdict: Verdict
-    says: str
+    message: str
     do: str = ""
     unusable: bool = False
 
 
-def ok(where: str, what: str, says: str, do: str = "") -> Finding:
-    """As it should be."""
-    return Finding(where=where, what=what, verdict="ok", says=says, do=do)
+def ok(where: str, what: str, message: str, do: str = "") -> Finding:
+    """Return a finding that is as expected."""
+    return Finding(where=where, what=what, verdict="ok", message=message, do=do)
 
 
-def look(where: str, what: str, says: str, do: str) -> Finding:
-    """A warning."""
-    return Finding(where=where, what=what, verdict="look", says=says, do=do)
+def look(where: str, what: str, message: str, do: str) -> Finding:
+    """Return a warning."""
+    return Finding(where=where, what=what, verdict="look", message=message, do=do)
 
 
-def bad(where: str, what: str, says: str, do: str, *, unusable: bool = False) -> Finding:
-    """Something that does not work."""
-    return Finding(where=where, what=what, verdict="bad", says=says, do=do, unusable=unusable)
+def bad(where: str, what: str, message: str, do: str, *, unusable: bool = False) -> Finding:
+    """Return a finding of something that does not work."""
+    return Finding(where=where, what=what, verdict="bad", message=message, do=do, unusable=unusable)
 
 
 def exit_status(findings: Iterable[Finding]) -> int:
-    """0 where nothing is bad; 2 where this machine or the input is among what is; 3 where only the bench is."""
-    found = [finding for finding in findings if finding.verdict == "bad"]
-    if not found:
+    """Return 0 without a bad finding, 2 where this machine or the input is bad, 3 where only the bench is."""
+    bads = [finding for finding in findings if finding.verdict == "bad"]
+    if not bads:
         return 0
-    return UNUSABLE if any(finding.unusable for finding in found) else BENCH_BAD
+    return UNUSABLE if any(finding.unusable for finding in bads) else BENCH_BAD
 
 
 def summary(findings: Iterable[Finding]) -> str:
-    """One line: how many are bad, and what to do first."""
+    """Return one line: how many findings are bad, and what to do first."""
     found = list(findings)
-    bads, looks = ([each for each in found if each.verdict == verdict] for verdict in ("bad", "look"))
+    bads, warnings = ([each for each in found if each.verdict == verdict] for verdict in ("bad", "look"))
     if not bads:
-        more = f"; {len(looks)} to look at before a long campaign" if looks else ""
+        more = f"; {len(warnings)} to look at before a long campaign" if warnings else ""
         return f"nothing is bad{more}"
     first = next((each for each in bads if each.unusable), bads[0])
-    return f"{_count(bads, found)}; first {first.where}, {first.what}: {first.do or first.says}"
+    return f"{_count(bads, found)}; first {first.where}, {first.what}: {first.do or first.message}"
 
 
 def blamed(findings: Iterable[Finding]) -> str:
-    """The same, shorter: how many are bad, and where."""
+    """Return one short line: how many findings are bad, and where."""
     found = list(findings)
     bads = [each for each in found if each.verdict == "bad"]
     return f"{_count(bads, found)}: {', '.join(dict.fromkeys(each.where for each in bads))}"

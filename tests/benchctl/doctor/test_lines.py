@@ -11,7 +11,7 @@ from benchctl.doctor.finding import Finding
 from benchctl.doctor.lines import line_findings
 from benchctl.locks import is_held
 from tests.benchctl.doctor.benches import NOBODY, bench_at, server
-from tests.benchctl.doctor.ports.ptys import held, terminal
+from tests.benchctl.doctor.ptys import held, terminal
 from tests.benchctl.lock_place import own_lock_place
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -41,7 +41,7 @@ WITH_THEM = """
 from benchctl.doctor.lines import line_findings
 from tests.benchctl.doctor.benches import bench_at
 for each in line_findings(bench_at({}, chamber={"model": "lazy"}, rate_table={"model": "broken"}), limit_s=1.0):
-    print(each.verdict, each.where, each.says, sep="|")
+    print(each.verdict, each.where, each.message, sep="|")
 """
 
 
@@ -64,9 +64,9 @@ def test_one_instrument_that_does_not_answer_hides_none_of_the_others() -> None:
         took_s = time.monotonic() - began_s
     bads = _bads(found)
     assert bads.keys() == {"rate_table", "chamber", "digitizer"}
-    assert bads["rate_table"].says.startswith("silent: ")
-    assert bads["chamber"].says.startswith("what comes is not what watlow_f4t says")
-    assert any("port 3: the machine is there and refuses that port" in finding.says for finding in found)
+    assert bads["rate_table"].message.startswith("silent: ")
+    assert bads["chamber"].message.startswith("the received bytes are not of the protocol of watlow_f4t")
+    assert any("port 3: the machine is there and refuses that port" in finding.message for finding in found)
     assert [finding.where for finding in found] == sorted(
         (finding.where for finding in found), key=["rate_table", "chamber", "digitizer"].index
     )
@@ -88,7 +88,7 @@ def test_an_instrument_that_another_program_has_is_named_and_left_alone() -> Non
             holder.kill()
     (finding,) = [each for each in found if each.where == "chamber"]
     assert (finding.verdict, finding.what) == ("look", "in use")
-    assert f"is in use by process {holder.pid} (campaign results/2026-11-22, since " in finding.says
+    assert f"is in use by process {holder.pid} (campaign results/2026-11-22, since " in finding.message
     assert _bads(found).keys() == {"rate_table", "digitizer"}
 
 
@@ -107,7 +107,7 @@ def test_a_driver_that_never_returns_has_a_time_limit_and_one_that_breaks_is_nam
     )
     told = ran.stdout.splitlines()
     assert "bad|rate_table|broken failed with ZeroDivisionError: a fault of its own" in told, ran.stderr
-    assert f"bad|chamber|{NOBODY['chamber']}: no end within 1 s" in told
+    assert f"bad|chamber|{NOBODY['chamber']}: not finished within 1 s" in told
     assert any(line.startswith("bad|digitizer|127.0.0.1, port 3: ") for line in told)
 
 
@@ -115,7 +115,7 @@ def test_an_address_that_is_none_is_the_inputs_fault() -> None:
     found = list(line_findings(bench_at({"chamber": "192.168.1.60"})))
     (finding,) = [each for each in found if each.where == "chamber"]
     assert (finding.verdict, finding.unusable) == ("bad", True)
-    assert "expected tcp://HOST:PORT" in finding.says
+    assert "expected tcp://HOST:PORT" in finding.message
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
@@ -125,7 +125,7 @@ def test_nothing_is_sent_on_a_port_that_another_program_has_open() -> None:
         found = list(line_findings(bench_at({"chamber": f"serial://{device}?baud=9600"}, chamber=chamber)))
     of_chamber = [each for each in found if each.where == "chamber"]
     assert [each.what for each in of_chamber] == ["speed", "port"]
-    assert f"is in use by process {pid}" in of_chamber[-1].says
+    assert f"is in use by process {pid}" in of_chamber[-1].message
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a pty is a thing of POSIX")
@@ -139,5 +139,5 @@ def test_two_instruments_on_one_line_are_asked_one_after_the_other() -> None:
             rate_table={"model": "newport_esp301", "options": {"timeout_s": 0.1}},
         )
         bads = _bads(list(line_findings(bench)))
-    assert bads["chamber"].says.startswith("silent: Watlow F4 at ")
-    assert bads["rate_table"].says.startswith("silent: rate table ")
+    assert bads["chamber"].message.startswith("silent: Watlow F4 at ")
+    assert bads["rate_table"].message.startswith("silent: rate table ")

@@ -1,8 +1,12 @@
 import socket
+from collections import namedtuple
 
-from benchctl.doctor.network.ports_of_models import usual_ports
-from benchctl.doctor.network.reach import Reached, reach, reach_finding
+import pytest
+
+from benchctl.doctor.reach import Reached, reach, reach_finding, subnet_of, usual_ports
 from benchctl_instruments.links.address import Address, parse_address
+
+snicaddr = namedtuple("snicaddr", "family address netmask broadcast ptp")
 
 
 def _address(port: int, host: str = "127.0.0.1") -> Address:
@@ -36,7 +40,9 @@ def test_a_port_that_refuses_gets_a_hint_of_the_models_usual_one() -> None:
     reached = reach("127.0.0.1", port)
     finding = reach_finding("chamber", _address(port), "watlow_f4t", reached)
     assert (finding.verdict, reached.outcome) == ("bad", "refused")
-    assert finding.says == f"127.0.0.1, port {port}: the machine is there and refuses that port (this machine itself)"
+    assert (
+        finding.message == f"127.0.0.1, port {port}: the machine is there and refuses that port (this machine itself)"
+    )
     assert finding.do.endswith("correct the port; watlow_f4t usually answers at port 502")
 
 
@@ -44,7 +50,7 @@ def test_a_name_that_nobody_knows_is_told_apart() -> None:
     reached = reach("no-such-instrument.invalid", 502)
     finding = reach_finding("chamber", _address(502, "no-such-instrument.invalid"), "watlow_f4t", reached)
     assert reached.outcome == "unresolved"
-    assert finding.says.startswith("nobody knows a host 'no-such-instrument.invalid': ")
+    assert finding.message.startswith("no host is named 'no-such-instrument.invalid': ")
     assert "write its number" in finding.do
 
 
@@ -71,5 +77,18 @@ def test_who_waits_for_an_answer_waits_no_longer_than_told() -> None:
 
 
 def test_usual_ports_are_known_of_models_that_have_some() -> None:
-    assert usual_ports("acutrol3000") == "acutrol3000 usually answers at port 9888 or 9878"
+    assert usual_ports("acutrol3000") == "; acutrol3000 usually answers at port 9888 or 9878"
     assert usual_ports("eurotherm_2400") == ""
+
+
+def test_the_subnet_is_the_smallest_of_this_machines_that_holds_the_address(monkeypatch: pytest.MonkeyPatch) -> None:
+    cards = {
+        "eth0": [snicaddr(socket.AF_INET, "192.168.2.5", "255.255.0.0", None, None)],
+        "eth1": [snicaddr(socket.AF_INET, "192.168.1.5", "255.255.255.0", None, None)],
+        "eth2": [snicaddr(socket.AF_INET6, "fe80::5", None, None, None)],
+    }
+    monkeypatch.setattr("psutil.net_if_addrs", lambda: cards)
+    assert subnet_of("192.168.1.60") == "192.168.1.0/24"
+    assert subnet_of("192.168.7.1") == "192.168.0.0/16"
+    assert subnet_of("127.0.0.2") == "127.0.0.0/8"
+    assert [subnet_of(host) for host in ("8.8.8.8", "fe80::1", "chamber")] == ["", "", ""]

@@ -7,7 +7,7 @@ import pytest
 from benchctl.bench import Bench, bench_of_text, template
 from benchctl.campaign.opened import simulated_bench
 from benchctl.doctor.finding import Finding
-from benchctl.doctor.instruments.asking import findings_of_instrument
+from benchctl.doctor.instruments import findings_of_instrument
 from benchctl_instruments.catalog import Kind
 from benchctl_instruments.links.address import parse_address
 from benchctl_instruments.simulated.clock import ScaledClock
@@ -35,8 +35,8 @@ def test_instruments_that_answer_as_the_bench_says_are_fine() -> None:
         table, chamber = (_asked(bench, role) for role in ("rate_table", "chamber"))
         identity, stream = _asked(bench, "digitizer")
     assert [finding.verdict for finding in (*table, *chamber, identity, stream)] == ["ok"] * 4
-    assert f"answers as watlow_f4t at {addresses['chamber']}: Watlow F4T1L1EAA1D1AAA" in chamber[0].says
-    assert "serial 470012345" in identity.says
+    assert f"answers as watlow_f4t at {addresses['chamber']}: Watlow F4T1L1EAA1D1AAA" in chamber[0].message
+    assert "serial 470012345" in identity.message
     assert stream.what == "stream"
 
 
@@ -45,7 +45,7 @@ def test_another_serial_number_than_the_benchs_is_another_instrument() -> None:
         bench = bench_at(addresses, digitizer={"serial": "470099999"})
         identity, _ = _asked(bench, "digitizer")
     assert identity.verdict == "bad"
-    assert identity.says.endswith("serial 470012345; the bench expects serial 470099999")
+    assert identity.message.endswith("serial 470012345; the bench expects serial 470099999")
     assert "[digitizer]" in identity.do
 
 
@@ -53,7 +53,7 @@ def test_a_stream_port_that_refuses_is_found_where_the_other_port_is_fine() -> N
     with twins() as addresses:
         identity, stream = _asked(bench_at({**addresses, "digitizer_stream": "tcp://127.0.0.1:4"}), "digitizer")
     assert (identity.verdict, stream.verdict) == ("ok", "bad")
-    assert "127.0.0.1, port 4: the machine is there and refuses that port" in stream.says
+    assert "127.0.0.1, port 4: the machine is there and refuses that port" in stream.message
     assert stream.do.endswith("labjack_t7 usually answers at port 502 or 702")
 
 
@@ -62,8 +62,8 @@ def test_who_takes_a_connection_and_says_nothing_is_silent() -> None:
     with server(b"") as address:
         connection, answer = _asked(bench_at({"rate_table": address}, rate_table=QUICK), "rate_table")
     assert (connection.verdict, answer.verdict, answer.what) == ("ok", "bad", "answer")
-    assert answer.says.startswith(f"silent: rate table {address}: sent ':mode? 1', no reply within 0.2 s")
-    assert answer.do.startswith("the line is there, and nobody speaks: ")
+    assert answer.message.startswith(f"silent: rate table {address}: sent ':mode? 1', no reply within 0.2 s")
+    assert answer.do.startswith("the line works, the instrument is silent: ")
 
 
 @pytest.mark.slow
@@ -71,7 +71,7 @@ def test_rubbish_is_shown_and_taken_for_another_protocol() -> None:
     with server(b"\xde\xad\xbe\xef") as address:
         *_, identity = _asked(bench_at({"chamber": address}, chamber=QUICK), "chamber")
     assert (identity.verdict, identity.what) == ("bad", "identity")
-    assert r"what comes is not what watlow_f4t says (b'\xde\xad\xbe\xef" in identity.says
+    assert r"the received bytes are not of the protocol of watlow_f4t (b'\xde\xad\xbe\xef" in identity.message
     assert "compare speed, parity, protocol" in identity.do
 
 
@@ -79,14 +79,16 @@ def test_a_labjack_at_the_chambers_address_is_named() -> None:
     with twins() as addresses:
         *_, identity = _asked(bench_at({**addresses, "chamber": addresses["digitizer"]}), "chamber")
     assert identity.verdict == "bad"
-    assert identity.says.startswith("who answers is no watlow_f4t, but a LabJack T7, serial 470012345: ")
+    assert identity.message.startswith("the device that answers is not watlow_f4t but a LabJack T7, serial 470012345: ")
     assert "are two addresses interchanged?" in identity.do
 
 
 def test_another_table_of_another_maker_is_named() -> None:
     with twins() as addresses:
         *_, identity = _asked(bench_at(addresses, rate_table={"model": "aerotech_ensemble"} | QUICK), "rate_table")
-    assert identity.says.startswith("who answers is no aerotech_ensemble, but one that answers as acutrol3000 does: ")
+    assert identity.message.startswith(
+        "the device that answers is not aerotech_ensemble but one that answers as acutrol3000 does: "
+    )
 
 
 @needs_terminals
@@ -97,7 +99,7 @@ def test_a_controller_with_another_unit_number_is_found_by_it() -> None:
         expected = {"model": "watlow_f4", "options": {"timeout_s": 0.2}}
         (unit,) = _asked(bench_at(addresses, chamber=expected), "chamber")
     assert (unit.verdict, unit.what) == ("bad", "unit")
-    assert unit.says.startswith("Modbus unit 1 is silent; unit 7 answers at serial:///dev/")
+    assert unit.message.startswith("Modbus unit 1 is silent; unit 7 answers at serial:///dev/")
     assert unit.do == "[chamber.options] unit_id = 7, or set the controller's own address to 1"
 
 
@@ -111,7 +113,7 @@ def test_a_controller_with_another_unit_number_is_found_by_it() -> None:
 def test_a_description_that_no_driver_takes_is_the_inputs_fault(change: dict[str, object], says: str) -> None:
     (finding,) = _asked(bench_at({}, chamber=change), "chamber")
     assert (finding.verdict, finding.unusable, finding.what) == ("bad", True, "description")
-    assert says in finding.says
+    assert says in finding.message
 
 
 def test_an_option_of_the_wrong_kind_is_the_inputs_fault_however_late_it_shows() -> None:
@@ -119,7 +121,7 @@ def test_an_option_of_the_wrong_kind_is_the_inputs_fault_however_late_it_shows()
         bench = bench_at(addresses, rate_table={"options": {"reply_terminator": 5}})
         (finding,) = _asked(bench, "rate_table")
     assert finding.verdict == "bad"
-    assert "rate_table.options" in f"{finding.says} {finding.do}".replace("[", "").replace("]", "")
+    assert "rate_table.options" in f"{finding.message} {finding.do}".replace("[", "").replace("]", "")
 
 
 @needs_terminals
@@ -140,7 +142,7 @@ def test_every_chamber_is_recognised_where_another_is_expected(there: str, said:
     with twins(chamber={"model": there}) as addresses:
         *_, identity = _asked(bench_at(addresses, chamber={"model": said}), "chamber")
     assert identity.verdict == "bad"
-    assert f"one that answers as {there} does" in identity.says
+    assert f"one that answers as {there} does" in identity.message
 
 
 @pytest.mark.slow
@@ -151,5 +153,5 @@ def test_a_controller_that_was_away_for_a_while_is_told_from_one_of_another_unit
         there = bench_at(running.addresses, chamber={"options": {"timeout_s": 0.1}})
         *_, answer = _asked(there, "chamber")
     assert (answer.verdict, answer.what) == ("bad", "answer")
-    assert answer.says.startswith("answers now, and did not before: Watlow F4T at ")
+    assert answer.message.startswith("answers now, but did not before: Watlow F4T at ")
     assert "timeout_s" in answer.do

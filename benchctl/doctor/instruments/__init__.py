@@ -1,1 +1,0 @@
-"""The instruments themselves: who answers, who else does, and who does not."""

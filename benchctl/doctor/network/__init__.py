@@ -1,1 +1,0 @@
-"""The way to instruments with a network address: names, routes, ports, firewalls."""

@@ -1,1 +1,0 @@
-"""The serial ports of this machine, and those that a bench names."""
