@@ -147,7 +147,11 @@ class Command:
 
 
 class CommandReader:
-    """Commands out of what the gyro hears, bytes cut anywhere; a line that is no command is passed over."""
+    """Commands out of what the gyro hears, bytes cut anywhere; a line that is no command is passed over.
+
+    A command stands at the end of its line: the driver of ESA-PRL sends buffers of fixed length, whose rest, behind the
+    line's end, is not defined and comes before its next command.
+    """
 
     def __init__(self) -> None:
         self._line = b""
@@ -156,5 +160,5 @@ class CommandReader:
         """The commands that are complete with these bytes."""
         *lines, self._line = (self._line + data).split(b"\n")
         self._line = self._line[-256:]
-        found = (re.fullmatch(rb"([=?])([a-z]+)(?:,([!-~]*))?", line.strip().lower()) for line in lines)
+        found = (re.search(rb"([=?])([a-z]+)(?:,([!-~]*))?\Z", line.strip().lower()) for line in lines)
         return [Command(*(part.decode("ascii") for part in one.groups(b""))) for one in found if one]

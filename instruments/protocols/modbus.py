@@ -44,9 +44,9 @@ EXCEPTION_WORDS = {
 MOST_READ, MOST_WRITTEN = 125, 123  # registers a request
 LONGEST_RTU_FRAME = 256
 
-RTU_FIXED_LENGTH = dict.fromkeys((1, 2, 3, 4, 5, 6), 8)
-RTU_COUNTED = (15, 16)  # their seventh byte counts the bytes that follow
-RTU_HEAD, RTU_CRC = 7, 2
+RTU_FIXED_LENGTH = dict.fromkeys((1, 2, 3, 4, 5, 6, 8), 8) | dict.fromkeys((7, 11, 12, 17), 4) | {22: 10, 24: 6}
+RTU_COUNT_AT = {15: 6, 16: 6, 20: 2, 21: 2, 23: 10}  # which of their bytes counts the bytes that follow
+RTU_HEAD, RTU_CRC = 11, 2  # the longest head that tells a frame's length
 MBAP = struct.Struct(">HHHB")
 
 
@@ -163,13 +163,16 @@ class RtuFraming:
 
 def rtu_length(head: bytes | bytearray) -> int:
     """Length in bytes of the RTU request that begins so; 0 where it cannot be known yet, or is no request at all."""
-    if len(head) < RTU_HEAD:
+    if len(head) < 2:
         return 0
     function = head[1]
-    if function in RTU_COUNTED:
-        length = RTU_HEAD + head[RTU_HEAD - 1] + RTU_CRC
-        return length if length <= LONGEST_RTU_FRAME else 0
-    return RTU_FIXED_LENGTH.get(function, 0)
+    count_at = RTU_COUNT_AT.get(function, 0)
+    if not count_at:
+        return RTU_FIXED_LENGTH.get(function, 0)
+    if len(head) <= count_at:
+        return 0
+    length = count_at + 1 + head[count_at] + RTU_CRC
+    return length if length <= LONGEST_RTU_FRAME else 0
 
 
 def parse_request(unit: int, pdu: bytes, transaction: int = 0) -> Request:

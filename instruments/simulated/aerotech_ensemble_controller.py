@@ -72,6 +72,7 @@ class _Axis:
         self.target_deg: float | None = None  # of a move, while it goes on; as the table counts
         self.in_plane = False  # whether that move is a LINEAR
         self.homing = False
+        self.stopping = True  # until it has come to rest; a servo that hunts about its place afterwards does not move
         self.set_as_delivered()
 
     def set_as_delivered(self) -> None:
@@ -90,9 +91,9 @@ class _Axis:
 
     @property
     def turns(self) -> bool:
-        alone = self.target_deg is not None and not self.in_plane
-        coasts = self.target_deg is None and abs(self.table.motion().rate_dps) > AT_REST_DPS
-        return self.rate_dps != 0.0 or alone or coasts
+        if self.target_deg is not None:
+            return not self.in_plane
+        return self.rate_dps != 0.0 or self.stopping
 
     def status(self) -> AxisStatus:
         shown = {
@@ -115,14 +116,14 @@ class _Axis:
 
     def disable(self) -> None:
         self.enabled = self.homing = False
-        self.rate_dps, self.target_deg = 0.0, None
+        self.rate_dps, self.target_deg, self.stopping = 0.0, None, True
         self.table.open_loop()
 
     def acknowledge(self) -> None:
         self.faults = 1 << EMERGENCY_STOP if self.stop_pressed else 0
 
     def abort(self) -> None:
-        self.rate_dps, self.target_deg, self.homing = 0.0, None, False
+        self.rate_dps, self.target_deg, self.homing, self.stopping = 0.0, None, False, True
         if self.enabled:
             self._demand(0.0, self.parameters[ABORT_DECELERATION])
 
@@ -132,7 +133,7 @@ class _Axis:
         if abs(rate_dps) > self.most_dps:
             self.trip(RATE_COMMAND)
             return
-        self.rate_dps = rate_dps
+        self.rate_dps, self.stopping = rate_dps, True
         self._demand(rate_dps, self.ramp_dps2)
 
     def refuse_move(self) -> None:
@@ -158,6 +159,7 @@ class _Axis:
         """See whether a move has ended, and what has tripped."""
         motion = self.table.motion()
         angle_deg, rate_dps = self.angle_deg, -motion.rate_dps
+        self.stopping = self.rate_dps != 0.0 or (self.stopping and abs(rate_dps) > AT_REST_DPS)
         arrived = self.target_deg is not None and abs(self.target_deg + motion.angle_deg) < AT_ANGLE_DEG
         if arrived and self.target_deg is not None and abs(rate_dps) < AT_REST_DPS:
             if self.homing:

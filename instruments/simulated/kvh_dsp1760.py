@@ -16,7 +16,7 @@ from benchctl_instruments.simulated.settings import WorldSettings
 SETTINGS = {  # what each may be, a pattern, and what it is as delivered
     "config": ("[01]", "0"),
     "dr": ("|".join(map(str, kvh.RATES_HZ)), "1000"),
-    "rotfmt": ("rate|delta", "delta"),
+    "rotfmt": ("rate|delta|reset", "delta"),
     "rotunits": ("|".join(kvh.ROTATION_DEGREES), "rad"),
     "tempunits": ("f|" + "|".join(kvh.TEMPERATURE_STEP_C), "c"),
     "axes": (r"(-?[\d.]+,){8}-?[\d.]+", "1,0,0,0,1,0,0,0,1"),
@@ -101,7 +101,7 @@ class SimulatedKvhDsp1760(DigitalGyro):
             return kvh.encode_answer(name)
         if command.sign == "?" or not self._may_be(name, value):
             return kvh.encode_answer("invalid", name, *([value] if value else []))
-        self._settings[name] = value
+        self._settings[name] = self._delivered[name] if value == "reset" else value
         if name != "config":
             return kvh.encode_answer(name, value)
         if value == "1":

@@ -5,9 +5,9 @@ where it stands; `OR` turns it to the home index, at the table's 0 deg, and coun
 the commands behind them, `ST` too. `SN` names the unit and converts nothing.
 
 How it decides where no source says how the real one does: `MV`, `PA`, `PR` and `OR` are not allowed while the axis
-moves (error 27, or 30 of the axis during homing); a software limit stops the axis and leaves its motor on; the
-emergency stop and a rate far beyond the axis's own switch the motor off, and it cannot be switched on while the stop is
-pressed. A search for a limit switch, of which the stage has none, is aborted. The queue holds ten errors and then
+moves (error 27, or 30 of the axis during homing); a move beyond a software limit is refused, and a limit that `MV`
+reaches stops the axis and leaves its motor on; the emergency stop and a rate far beyond the axis's own switch the motor
+off, and it cannot be switched on while the stop is pressed. A search for a limit switch, of which the stage has none, is aborted. The queue holds ten errors and then
 forgets the oldest. There are three axes, and the second and third have no stage. Programs and groups of axes do not
 exist.
 """
@@ -79,6 +79,7 @@ class Esp301Controller:
         self._stop_pressed = False
         self._turns = 0  # the direction of MV
         self._target_deg: float | None = None  # of PA, PR and OR, until the axis is there
+        self._stops = True  # until it has come to rest; a servo that hunts about its place afterwards does not move
         self._index_deg: float | None = None  # the home index that OR goes to, as the table counts
         self._waits: tuple[Callable[[], bool], float] | None = None  # for what WS or WP does, and for how much longer
         self.closing = threading.Event()
@@ -259,7 +260,11 @@ class Esp301Controller:
         return self._table.motion().angle_deg - self._origin_deg
 
     def _moves(self) -> bool:
-        return self._turns != 0 or self._target_deg is not None or abs(self._table.motion().rate_dps) > AT_REST_DPS
+        self._settle()
+        return self._turns != 0 or self._target_deg is not None or self._stops
+
+    def _settle(self) -> None:
+        self._stops = self._stops and abs(self._table.motion().rate_dps) > AT_REST_DPS
 
     def _switch_on(self) -> None:
         if self._stop_pressed:
@@ -269,9 +274,12 @@ class Esp301Controller:
             self._table.close_loop()
 
     def _switch_off(self) -> None:
+        self._end_motion()
         self._on = False
-        self._turns, self._target_deg, self._index_deg = 0, None, None
         self._table.open_loop()
+
+    def _end_motion(self) -> None:
+        self._turns, self._target_deg, self._index_deg, self._stops = 0, None, None, True
 
     def _restart(self) -> None:
         self._switch_off()
@@ -279,7 +287,7 @@ class Esp301Controller:
         self._set_as_delivered()
 
     def _stop(self) -> None:
-        self._turns, self._target_deg, self._index_deg = 0, None, None
+        self._end_motion()
         if self._on:
             self._table.set_limits(self._most_dps, self._settings["AG"])
             self._table.demand_rate(0.0)
@@ -297,8 +305,10 @@ class Esp301Controller:
 
     def _move(self, position_deg: float, *, relative: bool) -> None:
         self._refuse_motion()
-        here_deg = self._angle_deg()
-        self._target_deg = here_deg + position_deg if relative else position_deg
+        target_deg = self._angle_deg() + position_deg if relative else position_deg
+        if target_deg > self._settings["SR"] or target_deg < self._settings["SL"]:
+            raise _RejectedError(HIGH_LIMIT if target_deg > self._settings["SR"] else LOW_LIMIT)
+        self._target_deg = target_deg
         self._table.set_limits(self._settings["VA"], self._settings["AC"])
         self._table.demand_angle(self._target_deg + self._origin_deg)
 
@@ -333,6 +343,7 @@ class Esp301Controller:
     def _watch(self) -> None:
         """See whether a move has ended, and what has tripped."""
         rate_dps, angle_deg = self._table.motion().rate_dps, self._angle_deg()
+        self._settle()
         arrived = self._target_deg is not None and abs(self._target_deg - angle_deg) < AT_ANGLE_DEG
         if arrived and abs(rate_dps) < AT_REST_DPS:
             self._origin_deg = self._origin_deg if self._index_deg is None else self._index_deg

@@ -60,6 +60,16 @@ def talk(address: str, request: bytes, lines: int) -> bytes:
     return reply
 
 
+def test_a_servo_that_hunts_about_its_place_takes_the_next_move(
+    controller: EnsembleController, table: InstantTable
+) -> None:
+    told(controller, "ENABLE X", "MOVEABS X 10 XF 50")
+    table.rate_dps = 0.02
+    assert status(controller) & (IN_POSITION | MOVE_ACTIVE) == IN_POSITION
+    told(controller, "MOVEABS X 20 XF 50")
+    assert table.angle_deg == -20.0
+
+
 def test_the_polling_of_a_published_driver_byte_for_byte(table: InstantTable) -> None:
     with SimulatedEnsemble(table) as server:
         table.angle_deg = -350.0  # since power-up

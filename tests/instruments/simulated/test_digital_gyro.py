@@ -100,6 +100,16 @@ def test_leaving_configuration_may_be_confirmed_by_frames_only(inputs: RampInput
     assert gyro.due()[:4] == kvh.HEADER
 
 
+def test_the_driver_of_esa_configures_it_by_buffers_of_fixed_length(gyro: SimulatedKvhDsp1760) -> None:
+    """drivers-dsp1760, dsp1760.cpp: it sends the rest of each buffer too, which comes before its next command."""
+    gyro.feed(b"=config,1\n" + b"=dr,250\n".ljust(16, b"\0") + b"=config,0\n")
+    assert said(gyro, "=config,1", "?dr").endswith(b"DR,250\r\n")
+    gyro.feed(b"=rotfmt,rate\n".ljust(32, b"\x7f"))
+    assert said(gyro, "?rotfmt") == b"ROTFMT,RATE\r\n"
+    assert gyro.feed(b"=rotfmt,reset\n".ljust(32, b"\0")) == b"ROTFMT,RESET\r\n"
+    assert said(gyro, "?rotfmt") == b"ROTFMT,DELTA\r\n"
+
+
 def test_the_queries_of_a_public_driver_for_the_1750_are_answered(gyro: SimulatedKvhDsp1760) -> None:
     """What ros_kvh1750 does at its start: lines end with LF alone, and each query goes in and out of configuration."""
     for query, answer in (("TEMPUNITS", b"TEMPUNITS,C\r\n"), ("ROTFMT", b"ROTFMT,DELTA\r\n"), ("DR", b"DR,1000\r\n")):

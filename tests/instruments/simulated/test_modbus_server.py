@@ -13,6 +13,7 @@ from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 
 from benchctl_instruments.errors import LinkError
 from benchctl_instruments.links.address import parse_address
+from benchctl_instruments.protocols.modbus import with_crc
 from benchctl_instruments.links.modbus import ModbusLink
 from benchctl_instruments.simulated.modbus_server import ModbusRtuServer, ModbusTcpServer
 from tests.instruments.modbus_device import Memory
@@ -107,6 +108,16 @@ def test_a_server_without_a_unit_of_its_own_answers_as_whatever_unit_is_asked(me
 def test_a_serial_line_answers_literal_bytes(line: serial.SerialBase) -> None:
     line.write(READ_5)
     assert line.read(len(FIVE)) == FIVE
+
+
+@pytest.mark.parametrize(
+    "pdu",
+    ["07", "08 00 00 12 34", "0B", "0C", "11", "16 00 05 00 F2 00 25", "17 00 05 00 01 00 05 00 01 02 00 63", "18 00 05"],
+)
+def test_a_function_that_a_device_lacks_is_refused_on_a_serial_line_too(line: serial.SerialBase, pdu: str) -> None:
+    request = bytes.fromhex(pdu)
+    line.write(with_crc(b"\x01" + request))
+    assert line.read(5) == with_crc(bytes([0x01, request[0] | 0x80, 1]))
 
 
 def test_noise_and_other_units_on_a_serial_line_are_met_with_silence(line: serial.SerialBase) -> None:

@@ -18,6 +18,13 @@ from benchctl_instruments.simulated.newport_esp301_controller import Esp301Contr
 from tests.instruments.table_machine import InstantTable
 
 
+class Coasting(InstantTable):
+    """It turns on when it is stopped."""
+
+    def demand_rate(self, rate_dps: float) -> None:
+        self.rate_dps = rate_dps or self.rate_dps
+
+
 @pytest.fixture
 def table() -> InstantTable:
     return InstantTable()
@@ -172,6 +179,35 @@ def test_an_angle_is_counted_from_where_it_was_defined(on: Esp301Controller, tab
     assert on.execute("1TP?") == ["110.000000"]
     told(on, "1DH")
     assert on.execute("1TP?") == ["0.000000"]
+
+
+def test_a_servo_that_hunts_about_its_place_is_done_and_takes_the_next_move(
+    on: Esp301Controller, table: InstantTable
+) -> None:
+    told(on, "1PA10")
+    assert on.execute("1MD?") == ["1"]
+    table.rate_dps = 0.02
+    assert on.execute("1MD?") == ["1"]
+    told(on, "1PA20")
+    assert table.angle_deg == 20.0
+
+
+def test_an_axis_that_was_stopped_moves_until_it_is_at_rest() -> None:
+    table = Coasting()
+    controller = Esp301Controller(table)
+    told(controller, "1MO", "1MV+", "1ST")
+    assert controller.execute("1MD?") == ["0"]
+    table.rate_dps = 0.0
+    assert controller.execute("1MD?") == ["1"]
+
+
+@pytest.mark.parametrize(("line", "code"), [("1PA391", "106"), ("1PR50", "106"), ("1PA309", "107"), ("1PR-50", "107")])
+def test_a_move_beyond_a_software_limit_is_refused(
+    on: Esp301Controller, table: InstantTable, line: str, code: str
+) -> None:
+    told(on, "1SL310", "1SR390")
+    assert error_of(on, line) == code
+    assert table.demands == []
 
 
 @pytest.mark.parametrize(("turn", "angle_deg", "code"), [("+", 400.0, "106"), ("-", 300.0, "107")])
