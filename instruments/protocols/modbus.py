@@ -62,9 +62,9 @@ class ModbusRefusal(Exception):  # noqa: N818 - "error" is what a caller is told
 class Request:
     """What a master asks of a unit.
 
-    `values` are the words to write; `count` the number of registers meant. `fault` is the exception code that the
-    request deserves by its form alone, 0 where there is nothing to object to. `transaction` is TCP's, to be repeated in
-    the reply.
+    `values` are the words to write; `count` the number of registers meant. `data` is what follows the code of a
+    function that is none of these four. `fault` is the exception code that the request deserves by its form alone, 0
+    where there is nothing to object to. `transaction` is TCP's, to be repeated in the reply.
     """
 
     unit: int
@@ -72,6 +72,7 @@ class Request:
     address: int = 0
     count: int = 0
     values: tuple[int, ...] = ()
+    data: bytes = b""
     fault: int = 0
     transaction: int = 0
 
@@ -83,7 +84,7 @@ class ServerFraming(Protocol):
         """Take bytes as they come; the requests that are complete with them, in order."""
 
     def reply(self, request: Request, values: Sequence[int] = ()) -> bytes:
-        """The reply to a request that was carried out; `values` are the words read."""
+        """The reply to a request that was carried out; `values` are the words read, or bytes of another function."""
 
     def refuse(self, request: Request, code: int) -> bytes:
         """The reply to a request that was not."""
@@ -195,6 +196,7 @@ def parse_request(unit: int, pdu: bytes, transaction: int = 0) -> Request:
         return Request(
             unit=unit,
             function=function,
+            data=pdu[1:],
             fault=ILLEGAL_VALUE if known else ILLEGAL_FUNCTION,
             transaction=transaction,
         )
@@ -213,6 +215,8 @@ def parse_request(unit: int, pdu: bytes, transaction: int = 0) -> Request:
 
 def reply_pdu(request: Request, values: Sequence[int]) -> bytes:
     """Function code and data of the reply to a request that was carried out."""
+    if isinstance(values, bytes):
+        return bytes([request.function]) + values
     if request.function in READS:
         return struct.pack(f">BB{len(values)}H", request.function, 2 * len(values), *values)
     if request.function == WRITE_ONE:

@@ -1,7 +1,8 @@
 """A simulated LabJack T7: its registers on Modbus TCP and its spontaneous stream on a socket of its own.
 
-Its registers are LabJack's: inputs, DIO_EF and stream act, `t7_register_map` lists the others. An unknown register is
-refused with the exception "illegal data address". It is stricter than the T7 in one way: while a stream runs, inputs
+Its registers are LabJack's: inputs, DIO_EF and stream act, `t7_register_map` lists the others. Beside the functions of
+Modbus it knows Modbus Feedback (76), which LabJack's library and async_labjack use. An unknown register is refused with
+the exception "illegal data address". It is stricter than the T7 in one way: while a stream runs, inputs
 are not read singly, and neither they nor the stream can be configured; that is refused with error 2605.
 
 The scan interval is a whole number of steps of 100 ns, 65536 at most; a longer one takes steps of 200 ns, 400 ns, ...
@@ -11,12 +12,14 @@ That the steps double is assumed from the T7's timers; LabJack states no more th
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import struct
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from typing import Self, TypeVar
 
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.protocols.modbus import DEVICE_FAILURE, ILLEGAL_ADDRESS, ModbusRefusal
+from benchctl_instruments.protocols.modbus import DEVICE_FAILURE, ILLEGAL_ADDRESS, ILLEGAL_VALUE, ModbusRefusal
 from benchctl_instruments.protocols.t7_stream import MOST_SAMPLES
 from benchctl_instruments.simulated import t7_register_map as labjack
 from benchctl_instruments.simulated.faults.link_faults import LinkFaults
@@ -27,7 +30,7 @@ from benchctl_instruments.simulated.modbus_server import ModbusTcpServer
 from benchctl_instruments.simulated.registers import Register, RegisterTable, f32, u32, word
 from benchctl_instruments.simulated.t7_stream_buffer import StreamBuffer, StreamSettings
 from benchctl_instruments.simulated.t7_stream_server import T7StreamServer
-from benchctl_instruments.simulated.t7_terminals import EF_ENABLE, EF_INDEX, RANGE, RANGES_V, T7Terminals
+from benchctl_instruments.simulated.t7_terminals import EF_ENABLE, EF_INDEX, RANGE, T7Terminals
 
 Number = TypeVar("Number", int, float)
 
@@ -36,6 +39,7 @@ SCAN_CLOCK_HZ, LONGEST_COUNT = 10_000_000, 1 << 16
 CORE_AT_START = 0xF000_0000  # it has been on for a while, and wraps soon
 DEFAULT_BUFFER_BYTES, LARGEST_BUFFER_BYTES = 4096, 32768
 ETHERNET = 1
+FEEDBACK, FEEDBACK_FRAME = 76, struct.Struct(">BHB")  # LabJack's own function; of a frame: 1 writes, address, registers
 
 STREAM_RUNS, LIST_INVALID, RATE_INVALID, TARGET_INVALID = 2605, 2607, 2608, 2612
 BUFFER_INVALID, PACKET_INVALID, NOT_RUNNING = 2615, 2618, 2620
@@ -92,7 +96,10 @@ class SimulatedLabJackT7:
         self._flash_pointer = 0
         self._started = 0  # CORE_TIMER at the first scan
         self._stream = T7StreamServer(inputs, host=host, port=stream_port)
-        self._modbus = ModbusTcpServer(RegisterTable(self._registers()), unit_id=None, host=host, port=port)
+        self._table = RegisterTable(self._registers())
+        self._modbus = ModbusTcpServer(
+            self, unit_id=None, host=host, port=port, functions={FEEDBACK: self._carry_out_feedback}
+        )
 
     @property
     def address(self) -> str:
@@ -149,6 +156,42 @@ class SimulatedLabJackT7:
     def __exit__(self, *exc: object) -> None:
         self.stop()
 
+    def read(self, address: int, count: int) -> list[int]:
+        """`count` words from `address` on."""
+        with self._noting_refusals():
+            return self._table.read(address, count)
+
+    def write(self, address: int, values: list[int]) -> None:
+        """Write words from `address` on."""
+        with self._noting_refusals():
+            self._table.write(address, values)
+
+    @contextmanager
+    def _noting_refusals(self) -> Iterator[None]:
+        try:
+            yield
+        except ModbusRefusal as refusal:
+            self._last_exception = refusal.code
+            if refusal.code != DEVICE_FAILURE:
+                self._last_error = NO_CODE
+            raise
+
+    def _carry_out_feedback(self, frames: bytes) -> bytes:
+        """Reads and writes one after the other; the words read. What went before a refused one stays done."""
+        words: list[int] = []
+        while frames:
+            if len(frames) < FEEDBACK_FRAME.size:
+                raise ModbusRefusal(ILLEGAL_VALUE)
+            writes, address, count = FEEDBACK_FRAME.unpack_from(frames)
+            data, frames = frames[FEEDBACK_FRAME.size :], frames[FEEDBACK_FRAME.size + 2 * count * writes :]
+            if not count or writes > 1 or (writes and len(data) < 2 * count):
+                raise ModbusRefusal(ILLEGAL_VALUE)
+            if writes:
+                self.write(address, list(struct.unpack_from(f">{count}H", data)))
+            else:
+                words += self.read(address, count)
+        return struct.pack(f">{len(words)}H", *words)
+
     def _registers(self) -> list[Register]:
         return [
             *(self._setting(address, kind) for address, kind, _ in labjack.each(labjack.KEPT)),
@@ -171,7 +214,7 @@ class SimulatedLabJackT7:
             u32(61520, lambda: self._core_timer(self._inputs.now())),
             u32(61522, lambda: math.floor(self._inputs.now() * 20)),
             u32(61810, lambda: self._flash_pointer, lambda value: setattr(self, "_flash_pointer", value)),
-            Register(address=61812, words=8, read=lambda: self._terminals.flash(self._flash_pointer)),
+            Register(address=61812, words=labjack.CALIBRATION_WORDS, read=lambda: labjack.flash(self._flash_pointer)),
             u32(61998, _write_only, lambda value: self.restart() if value >> 16 == REBOOT else None),
             *(f32(2 * ain, partial(self._at_rest, self._terminals.single_volts, ain)) for ain in AINS),
             *(u32(50000 + 2 * ain, partial(self._at_rest, self._terminals.single_code, ain)) for ain in AINS),
@@ -187,8 +230,8 @@ class SimulatedLabJackT7:
         if any(address in addresses for addresses in CONFIGURATION):
             self._refuse_while_streaming()
         if (address - RANGE) / 2 in AINS:
-            wide_enough = [range_v for range_v in RANGES_V if value and range_v >= value * (1.0 - 1e-6)]
-            value = min(wide_enough, default=RANGES_V[0])
+            wide_enough = [range_v for range_v in labjack.RANGES_V if value and range_v >= value * (1.0 - 1e-6)]
+            value = min(wide_enough, default=labjack.RANGES_V[0])
         if (address - EF_INDEX) / 2 in DIOS and self._settings[address - EF_INDEX + EF_ENABLE]:
             raise self._refusal(NO_CODE)
         self._settings[address] = value
@@ -263,7 +306,7 @@ class SimulatedLabJackT7:
             raise self._refusal(STREAM_RUNS)
 
     def _refusal(self, code: int) -> ModbusRefusal:
-        self._last_error, self._last_exception = code, DEVICE_FAILURE
+        self._last_error = code
         return ModbusRefusal(DEVICE_FAILURE)
 
     def _core_timer(self, bench_time_s: float) -> int:

@@ -6,7 +6,7 @@ several pipelined requests, so that a client's time-outs and queues could not be
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from threading import Lock
 
 from benchctl_instruments.protocols.modbus import (
@@ -40,6 +40,8 @@ class ModbusSession:
         Whether unit 0 means every unit: writes are then carried out and not answered.
     ignores
         The writes that the unit acknowledges and does not carry out.
+    functions
+        Functions of the unit's own, by code: from the data of a request to that of its reply.
     """
 
     def __init__(
@@ -51,7 +53,9 @@ class ModbusSession:
         lock: Lock,
         broadcasts: bool = False,
         ignores: Callable[[Request], bool] = lambda _: False,
+        functions: Mapping[int, Callable[[bytes], bytes]] | None = None,
     ) -> None:
+        self._functions = functions or {}
         self._framing = framing
         self._registers = registers
         self._unit_id = unit_id
@@ -73,10 +77,13 @@ class ModbusSession:
         return self._carry_out(request)
 
     def _carry_out(self, request: Request) -> bytes:
-        if request.fault:
+        own = self._functions.get(request.function)
+        if request.fault and own is None:
             return self._framing.refuse(request, request.fault)
         try:
             with self._lock:
+                if own is not None:
+                    return self._framing.reply(request, own(request.data))
                 if request.function in READS:
                     return self._framing.reply(request, self._registers.read(request.address, request.count))
                 if not self._ignores(request):
@@ -99,6 +106,8 @@ class ModbusTcpServer(TcpServer):
         Where; port 0 takes a free one.
     pace_baud
         Bytes leave as a line at this speed would let them; None: at once.
+    functions
+        See `ModbusSession`.
     """
 
     wire: Wire = MODBUS_TCP
@@ -111,10 +120,11 @@ class ModbusTcpServer(TcpServer):
         host: str = "127.0.0.1",
         port: int = 0,
         pace_baud: int | None = None,
+        functions: Mapping[int, Callable[[bytes], bytes]] | None = None,
     ) -> None:
         lock = Lock()
         super().__init__(
-            lambda: ModbusSession(TcpFraming(), registers, unit_id=unit_id, lock=lock),
+            lambda: ModbusSession(TcpFraming(), registers, unit_id=unit_id, lock=lock, functions=functions),
             host=host,
             port=port,
             pace_baud=pace_baud,

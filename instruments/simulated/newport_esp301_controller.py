@@ -7,9 +7,9 @@ the commands behind them, `ST` too. `SN` names the unit and converts nothing.
 How it decides where no source says how the real one does: `MV`, `PA`, `PR` and `OR` are not allowed while the axis
 moves (error 27, or 30 of the axis during homing); a move beyond a software limit is refused, and a limit that `MV`
 reaches stops the axis and leaves its motor on; the emergency stop and a rate far beyond the axis's own switch the motor
-off, and it cannot be switched on while the stop is pressed. A search for a limit switch, of which the stage has none, is aborted. The queue holds ten errors and then
-forgets the oldest. There are three axes, and the second and third have no stage. Programs and groups of axes do not
-exist.
+off, and it cannot be switched on while the stop is pressed. A search for a limit switch, of which the stage has none,
+is aborted. The queue holds ten errors and then forgets the oldest. There are three axes, and the second and third have
+no stage. Programs and groups of axes do not exist.
 """
 
 from __future__ import annotations

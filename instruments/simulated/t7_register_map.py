@@ -3,11 +3,13 @@
 Kept registers can be written and read back and have no effect, as far as `labjack_t7` gives them none. Not simulated,
 so unknown to it: serial buses, Lua, files, Wi-Fi, AIN_EF, the real-time clock, Mux80 inputs (AIN14 to 254 read 0 V).
 
-Source: ljm_constants.json (LabJack's public map); STREAM_DATATYPE (4018) T-series datasheet 3.2.4.
+Source: ljm_constants.json (LabJack's public map); STREAM_DATATYPE (4018) T-series datasheet 3.2.4; flash 20.0.1 and the
+nominal constants of NSchrading/async_labjack (calibrations.rs).
 """
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal
@@ -15,6 +17,7 @@ from typing import Literal
 Kind = Literal["u16", "u32", "f32"]
 WORDS: dict[Kind, int] = {"u16": 1, "u32": 2, "f32": 2}
 ANALOG_INPUTS, DIGITAL_LINES, SCAN_LIST_LENGTH = 255, 23, 128
+RANGES_V = (10.0, 1.0, 0.1, 0.01)
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +114,21 @@ ALL_INPUTS = {43900: 40000, 43902: 41000, 43903: 41500, 43904: 42000}
 
 MIXED: dict[Kind, float] = {"f32": -9999.0, "u16": 0xFFFF}
 """What AIN_ALL reads where the inputs differ."""
+
+
+FLASH_CALIBRATION = 0x3C4000
+CALIBRATION_WORDS = 82
+
+
+def flash(address: int) -> list[int]:
+    """Words of the internal flash from an address on: the calibration, nominal, and FFFFh elsewhere."""
+    converters = [(span_v / 32768, -span_v / 32768, 32768.0, -span_v) for span_v in RANGES_V]  # slopes, centre, offset
+    outputs, thermometer, currents = (13200.0, 0.0) * 2, (-92.6, 467.6), (10e-6, 200e-6, 15e-9)
+    constants = [*sum(converters * 2, ()), *outputs, *thermometer, *currents]  # converters of streams, of slow readings
+    words = struct.unpack(f">{CALIBRATION_WORDS}H", struct.pack(f">{len(constants)}f", *constants))
+    first = (address - FLASH_CALIBRATION) // 2
+    found = words[first:] if 0 <= first < CALIBRATION_WORDS else ()
+    return [*found, *[0xFFFF] * (CALIBRATION_WORDS - len(found))]
 
 
 def each(rows: Iterable[Row]) -> Iterator[tuple[int, Kind, float]]:

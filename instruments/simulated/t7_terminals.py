@@ -1,13 +1,12 @@
 """The inputs of a simulated T7: what is wired to them, how they are configured, and what its converters make of them.
 
 As delivered the encoder is on DIO0 and DIO1, the gyro on AIN0, its thermistor on AIN1; the other analog inputs see 0 V.
-Streamed volts are 16-bit codes; the slow converter of single readings resolves 24 bits. Both are ideal, and so is the
-calibration in the flash. Enabling quadrature leaves the count as it is.
+Streamed volts are 16-bit codes; the slow converter of single readings resolves 24 bits. Both are ideal. Enabling
+quadrature leaves the count as it is.
 """
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -19,13 +18,11 @@ from benchctl_instruments.physics.adc import codes_from_volts, volts_from_codes
 from benchctl_instruments.simulated.machines import SINGLE_READING_S, AnalogInputs
 from benchctl_instruments.simulated.t7_register_map import ANALOG_INPUTS, DIGITAL_LINES
 
-RANGES_V = (10.0, 1.0, 0.1, 0.01)
 QUADRATURE = 10
 RANGE, EF_ENABLE, EF_INDEX = 40000, 44000, 44100
 DATA_CAPTURE_16 = 4899
 READ_A_0 = 3000
 HIGHEST_STREAMED_CODE = 0xFFFE  # FFFFh marks skipped scans and nothing else
-CALIBRATION_FLASH_ADDRESS = 0x3C4000
 
 
 @dataclass(slots=True)
@@ -90,14 +87,6 @@ class T7Terminals:
                 codes = codes_from_volts(volts, range_v=self._range_v(address // 2))
                 samples[:, place] = np.minimum(codes, HIGHEST_STREAMED_CODE)
         return samples
-
-    def flash(self, address: int) -> list[int]:
-        """The eight words from a flash address on: the calibration of a range, or nothing but FFFFh."""
-        if address not in (CALIBRATION_FLASH_ADDRESS + 16 * place for place in range(len(RANGES_V))):
-            return [0xFFFF] * 8
-        range_v = RANGES_V[(address - CALIBRATION_FLASH_ADDRESS) // 16]
-        slope = 2.0 * range_v / 65536
-        return list(struct.unpack(">8H", struct.pack(">4f", slope, -slope, 32768.0, -range_v)))
 
     def _wired(self, channel: int, gyro_v: FloatArray, thermistor_v: FloatArray) -> FloatArray:
         wired = {self.gyro_ain: gyro_v, self.thermistor_ain: thermistor_v}

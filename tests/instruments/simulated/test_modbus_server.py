@@ -13,8 +13,8 @@ from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 
 from benchctl_instruments.errors import LinkError
 from benchctl_instruments.links.address import parse_address
-from benchctl_instruments.protocols.modbus import with_crc
 from benchctl_instruments.links.modbus import ModbusLink
+from benchctl_instruments.protocols.modbus import with_crc
 from benchctl_instruments.simulated.modbus_server import ModbusRtuServer, ModbusTcpServer
 from tests.instruments.modbus_device import Memory
 
@@ -112,7 +112,16 @@ def test_a_serial_line_answers_literal_bytes(line: serial.SerialBase) -> None:
 
 @pytest.mark.parametrize(
     "pdu",
-    ["07", "08 00 00 12 34", "0B", "0C", "11", "16 00 05 00 F2 00 25", "17 00 05 00 01 00 05 00 01 02 00 63", "18 00 05"],
+    [
+        "07",
+        "08 00 00 12 34",
+        "0B",
+        "0C",
+        "11",
+        "16 00 05 00 F2 00 25",
+        "17 00 05 00 01 00 05 00 01 02 00 63",
+        "18 00 05",
+    ],
 )
 def test_a_function_that_a_device_lacks_is_refused_on_a_serial_line_too(line: serial.SerialBase, pdu: str) -> None:
     request = bytes.fromhex(pdu)

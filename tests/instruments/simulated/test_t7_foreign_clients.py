@@ -1,8 +1,8 @@
 """The simulated LabJack T7 answers clients that know nothing of this project.
 
 pymodbus' client and plain sockets do what LabJack's public pages show (T-series datasheet 3.2.4, low-level streaming;
-the register map ljm_constants.json); FEMTO-ST's `scinstr`, a driver for T7s without LabJack's own library, runs as it
-is published.
+the register map ljm_constants.json), and what async_labjack sends; FEMTO-ST's `scinstr`, a driver for T7s without
+LabJack's own library, runs as it is published.
 """
 
 from __future__ import annotations
@@ -179,6 +179,74 @@ def packet_of(stream: socket.socket, transaction: int, samples: int) -> np.ndarr
     assert (number, protocol, length) == (transaction, 0, 10 + 2 * samples)
     assert (unit, function, kind, reserved, status) == (1, 76, 16, 0, 0)
     return np.frombuffer(stream.recv(2 * samples, socket.MSG_WAITALL), ">u2").astype(np.uint16)
+
+
+class Feedback:
+    """What NSchrading/async_labjack does after it has connected: almost all of it by Modbus Feedback, function 76."""
+
+    def __init__(self, t7: SimulatedLabJackT7) -> None:
+        self._wire = socket.create_connection(("127.0.0.1", parse_address(t7.address).port), timeout=10.0)
+
+    def __enter__(self) -> Feedback:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._wire.close()
+
+    def ask(self, data: bytes, *, function: int = 76) -> bytes | int:
+        """Data of the reply; negative: the code of an exception."""
+        self._wire.sendall(struct.pack(">HHHBB", 7, 0, 2 + len(data), 1, function) + data)
+        _, _, length, _, answered = struct.unpack(">HHHBB", self._wire.recv(8, socket.MSG_WAITALL))
+        come = self._wire.recv(length - 2, socket.MSG_WAITALL)
+        assert answered & 0x7F == function
+        return -come[0] if answered & 0x80 else come
+
+
+def reads(address: int, count: int) -> bytes:
+    return struct.pack(">BHB", 0, address, count)
+
+
+def writes(address: int, data: bytes) -> bytes:
+    return struct.pack(">BHB", 1, address, len(data) // 2) + data
+
+
+def test_async_labjack_connects_streams_and_reads_the_calibration(t7: SimulatedLabJackT7) -> None:
+    settings = {4002: (1000.0, "f"), 4004: (2, "I"), 4006: (20, "I"), 4008: (0.0, "f"), 4010: (0, "I")}
+    settings |= {4012: (4096, "I"), 4016: (1, "I"), 4020: (0, "I")}
+    words = {address: struct.pack(f">{kind}", value) for address, (value, kind) in settings.items()}
+    stop = writes(4990, bytes(4)) + reads(4990, 2)
+    with Feedback(t7) as client:
+        assert client.ask(struct.pack(">HH", 60000, 2), function=4) == b"\x04" + struct.pack(">f", 7.0)
+        calibration = client.ask(writes(61810, struct.pack(">I", 0x3C4000)) + reads(61812, 82))
+        assert isinstance(calibration, bytes)
+        constants = struct.unpack(">41f", calibration)
+        assert constants[:4] == constants[16:20] == pytest.approx((10 / 32768, -10 / 32768, 32768.0, -10.0))
+        assert constants[32:] == pytest.approx((13200.0, 0.0, 13200.0, 0.0, -92.6, 467.6, 10e-6, 200e-6, 15e-9))
+        start = b"".join(writes(address, data) for address, data in (*words.items(), (4018, bytes(4))))
+        wanted = b"".join(words.values())
+        assert client.ask(start + b"".join(reads(address, 2) for address in words)) == wanted
+        scan_list = struct.pack(">HHBII", 4100, 4, 8, 0, 2)
+        assert client.ask(scan_list, function=16) == struct.pack(">HH", 4100, 4)
+        assert client.ask(writes(4990, struct.pack(">I", 1)) + reads(4990, 2)) == struct.pack(">I", 1)
+        assert client.ask(stop) == bytes(4)
+        assert client.ask(stop) == -4
+        assert client.ask(struct.pack(">HH", 55000, 1), function=4) == b"\x02" + struct.pack(">H", 2620)
+
+
+def test_what_modbus_feedback_wrote_before_a_refused_frame_stays_written(t7: SimulatedLabJackT7) -> None:
+    with Feedback(t7) as client:
+        assert client.ask(writes(46000, struct.pack(">f", 2.5)) + reads(4494, 2) + writes(46000, bytes(4))) == -2
+        assert client.ask(reads(46000, 2)) == struct.pack(">f", 2.5)
+        for broken in (b"\0\0\0", struct.pack(">BHB", 0, 46000, 0), struct.pack(">BHB", 1, 46000, 2) + b"\0\0"):
+            assert client.ask(broken) == -3
+        assert client.ask(struct.pack(">BHB", 2, 46000, 2)) == -3
+
+
+def test_the_registers_of_the_last_error_speak_of_the_last_refusal(client: Client) -> None:
+    assert client.put(4990, 0) == -4
+    assert (client.get(55000, "u16"), client.get(55001, "u16")) == (2620, 4)
+    assert client.get(4494) == -2
+    assert (client.get(55000, "u16"), client.get(55001, "u16")) == (0, 2)
 
 
 class OldPymodbus(ModbusTcpClient):
