@@ -32,12 +32,8 @@ class SimulatedAcutrol3000(TableServer):
         self, table: TableMachine, *, host: str = "127.0.0.1", port: int = 0, pace_baud: int | None = None
     ) -> None:
         controller = AcutrolController(table)
-        self._server = TcpServer(lambda: _Conversation(controller.execute), host=host, port=port, pace_baud=pace_baud)
-        super().__init__(controller, self._server)
-
-    def cut_connections(self) -> None:
-        """Pull the cable for a moment."""
-        self._server.cut_connections()
+        server = TcpServer(lambda: _Conversation(controller.execute), host=host, port=port, pace_baud=pace_baud)
+        super().__init__(controller, server)
 
 
 class _Conversation:

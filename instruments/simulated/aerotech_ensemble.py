@@ -39,14 +39,10 @@ class SimulatedEnsemble(TableServer):
         bare_lines: bool = False,
     ) -> None:
         controller = EnsembleController(table)
-        self._server = TcpServer(
+        server = TcpServer(
             lambda: _Conversation(controller.execute, bare_lines), host=host, port=port, pace_baud=pace_baud
         )
-        super().__init__(controller, self._server)
-
-    def cut_connections(self) -> None:
-        """Pull the cable for a moment."""
-        self._server.cut_connections()
+        super().__init__(controller, server)
 
 
 class _Conversation:

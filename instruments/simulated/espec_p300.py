@@ -13,16 +13,14 @@ from __future__ import annotations
 import re
 import threading
 from collections.abc import Callable
-from typing import Self
 
 from benchctl_instruments.errors import InstrumentError
 from benchctl_instruments.protocols import p300
 from benchctl_instruments.protocols.lines import LineCutter, encode_line
 from benchctl_instruments.protocols.p300 import data_line
-from benchctl_instruments.simulated.faults.link_faults import LinkFaults
 from benchctl_instruments.simulated.faults.wires import Lines, Wire
 from benchctl_instruments.simulated.machines import ChamberMachine
-from benchctl_instruments.simulated.serial_line import SerialLine
+from benchctl_instruments.simulated.serial_line import SerialLine, Served
 from benchctl_instruments.simulated.tcp_server import TcpServer
 
 BAUD = 9600
@@ -268,7 +266,7 @@ class P300Controller:
             self._alarms.append(code)
 
 
-class SimulatedEspecP300:
+class SimulatedEspecP300(Served):
     """A chamber with a P-300 at `tcp://host:port`, or on a serial line; a driver takes its `address`.
 
     Both carry the same lines.
@@ -302,40 +300,11 @@ class SimulatedEspecP300:
         pace_baud: int | None = None,
     ) -> None:
         self.controller = P300Controller(chamber, rs485_address=rs485_address)
-        self._server: TcpServer | SerialLine
-        if over_tcp:
-            self._server = TcpServer(self._connect, host=host, port=port, pace_baud=pace_baud)
-        else:
-            self._server = SerialLine(self._connect, baud=BAUD, pace_baud=pace_baud)
-
-    @property
-    def address(self) -> str:
-        """Where it answers, once it is started."""
-        return self._server.address
-
-    @property
-    def faults(self) -> LinkFaults | None:
-        """What befalls the requests; to be set before the start."""
-        return self._server.faults
-
-    @faults.setter
-    def faults(self, faults: LinkFaults | None) -> None:
-        self._server.faults = faults
-
-    def start(self) -> None:
-        """Serve; when it returns, a client can connect."""
-        self._server.start()
-
-    def stop(self) -> None:
-        """Stop serving; the chamber goes on with what it was doing."""
-        self._server.stop()
-
-    def __enter__(self) -> Self:
-        self.start()
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self.stop()
+        super().__init__(
+            TcpServer(self._connect, host=host, port=port, pace_baud=pace_baud)
+            if over_tcp
+            else SerialLine(self._connect, baud=BAUD, pace_baud=pace_baud)
+        )
 
     def _connect(self) -> _Conversation:
         return _Conversation(self.controller.execute)

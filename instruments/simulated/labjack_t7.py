@@ -16,18 +16,18 @@ import struct
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
-from typing import Self, TypeVar
+from typing import TypeVar
 
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.protocols.modbus import DEVICE_FAILURE, ILLEGAL_ADDRESS, ILLEGAL_VALUE, ModbusRefusal
 from benchctl_instruments.protocols.t7_stream import MOST_SAMPLES
 from benchctl_instruments.simulated import t7_register_map as labjack
-from benchctl_instruments.simulated.faults.link_faults import LinkFaults
 from benchctl_instruments.simulated.faults.stream_faults import StreamFaults
 from benchctl_instruments.simulated.faults.wires import MODBUS_TCP, Wire
 from benchctl_instruments.simulated.machines import AnalogInputs
 from benchctl_instruments.simulated.modbus_server import ModbusTcpServer
 from benchctl_instruments.simulated.registers import Register, RegisterTable, f32, u32, word
+from benchctl_instruments.simulated.serial_line import Served
 from benchctl_instruments.simulated.t7_stream_buffer import StreamBuffer, StreamSettings
 from benchctl_instruments.simulated.t7_stream_server import T7StreamServer
 from benchctl_instruments.simulated.t7_terminals import EF_ENABLE, EF_INDEX, RANGE, T7Terminals
@@ -56,7 +56,7 @@ KINDS: dict[labjack.Kind, Callable[..., Register]] = {"u16": word, "u32": u32, "
 AS_DELIVERED: dict[int, float] = {address: value for address, _, value in labjack.each(labjack.KEPT)} | {RATE: 0.0}
 
 
-class SimulatedLabJackT7:
+class SimulatedLabJackT7(Served):
     """A T7 at `address` and `stream_address`, from `start()` to `stop()`, or in a `with`.
 
     Parameters
@@ -97,28 +97,14 @@ class SimulatedLabJackT7:
         self._started = 0  # CORE_TIMER at the first scan
         self._stream = T7StreamServer(inputs, host=host, port=stream_port)
         self._table = RegisterTable(self._registers())
-        self._modbus = ModbusTcpServer(
-            self, unit_id=None, host=host, port=port, functions={FEEDBACK: self._carry_out_feedback}
+        super().__init__(
+            ModbusTcpServer(self, unit_id=None, host=host, port=port, functions={FEEDBACK: self._carry_out_feedback})
         )
-
-    @property
-    def address(self) -> str:
-        """`tcp://HOST:PORT` of its registers."""
-        return self._modbus.address
 
     @property
     def stream_address(self) -> str:
         """`tcp://HOST:PORT` of its stream."""
         return self._stream.address
-
-    @property
-    def faults(self) -> LinkFaults | None:
-        """What befalls the requests for its registers; to be set before the start."""
-        return self._modbus.faults
-
-    @faults.setter
-    def faults(self, faults: LinkFaults | None) -> None:
-        self._modbus.faults = faults
 
     @property
     def stream_faults(self) -> StreamFaults | None:
@@ -139,22 +125,15 @@ class SimulatedLabJackT7:
         """Serve; when it returns, a driver can connect."""
         self._stream.start()
         try:
-            self._modbus.start()
+            super().start()
         except UsageError:  # its port is taken
             self._stream.stop()
             raise
 
     def stop(self) -> None:
         """Close everything; safe to call twice."""
-        self._modbus.stop()
+        super().stop()
         self._stream.stop()
-
-    def __enter__(self) -> Self:
-        self.start()
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self.stop()
 
     def read(self, address: int, count: int) -> list[int]:
         """`count` words from `address` on."""

@@ -17,7 +17,7 @@ PACED_PIECE_S = 0.005
 
 
 class PtyLine:
-    """One pseudo-terminal from `start()` to `stop()`, by then `port` is its name.
+    """One pseudo-terminal from `start()` to `stop()`, by then `port` is its name and `address` "serial://PORT".
 
     A pseudo-terminal has no speed. With `pace_baud` the device sees a request only when its last byte would have
     arrived, and the reply leaves in pieces at that speed. Bytes that no client takes are dropped once the terminal's
@@ -32,6 +32,11 @@ class PtyLine:
         self.faults: LinkFaults | None = None
         self.port = ""
         self.dropped_bytes = 0
+
+    @property
+    def address(self) -> str:
+        """Of a client's end."""
+        return f"serial://{self.port}"
 
     def start(self) -> None:
         """Make the terminal and serve it from a thread of its own."""

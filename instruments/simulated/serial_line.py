@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from typing import Self
+from typing import Protocol, Self
 
 from benchctl_instruments.simulated.faults.link_faults import LinkFaults
 from benchctl_instruments.simulated.tcp_server import Conversation, TcpServer
@@ -13,7 +13,64 @@ if sys.platform != "win32":
     from benchctl_instruments.simulated.pty_line import PtyLine
 
 
-class SerialLine:
+class Line(Protocol):
+    """What carries an instrument's bytes."""
+
+    faults: LinkFaults | None
+
+    @property
+    def address(self) -> str:
+        """Where it is."""
+
+    def start(self) -> None:
+        """Serve."""
+
+    def stop(self) -> None:
+        """Close everything."""
+
+
+class Served:
+    """What a line serves, from `start()` to `stop()`, or in a `with`."""
+
+    def __init__(self, line: Line) -> None:
+        self._line = line
+
+    @property
+    def address(self) -> str:
+        """Where it answers; that of a pseudo-terminal is known once it is started."""
+        return self._line.address
+
+    @property
+    def faults(self) -> LinkFaults | None:
+        """What befalls the requests; to be set before the start."""
+        return self._line.faults
+
+    @faults.setter
+    def faults(self, faults: LinkFaults | None) -> None:
+        self._line.faults = faults
+
+    def start(self) -> None:
+        """Serve; when it returns, a client can connect."""
+        self._line.start()
+
+    def stop(self) -> None:
+        """Stop serving; safe to call twice. What is behind the line goes on with what it was doing."""
+        self._line.stop()
+
+    def cut_connections(self) -> None:
+        """Pull the cable for a moment; a pseudo-terminal has none."""
+        if isinstance(self._line, TcpServer):
+            self._line.cut_connections()
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.stop()
+
+
+class SerialLine(Served):
     """A line with a device at its end, from `start()` to `stop()`, or in a `with`; the client need not know which kind.
 
     `address` is "serial:///dev/pts/4?baud=19200" or "socket://127.0.0.1:PORT", known once it is started.
@@ -39,39 +96,14 @@ class SerialLine:
         over_tcp: bool = False,
     ) -> None:
         self._baud = baud
-        self._line: PtyLine | TcpServer
         if over_tcp or sys.platform == "win32":
-            self._line = TcpServer(device, pace_baud=pace_baud)
+            super().__init__(TcpServer(device, pace_baud=pace_baud))
         else:
-            self._line = PtyLine(device(), pace_baud=pace_baud)
+            super().__init__(PtyLine(device(), pace_baud=pace_baud))
 
     @property
     def address(self) -> str:
         """What a driver is given to find the line."""
         if isinstance(self._line, TcpServer):
             return self._line.address.replace("tcp://", "socket://")
-        return f"serial://{self._line.port}?baud={self._baud}"
-
-    @property
-    def faults(self) -> LinkFaults | None:
-        """What befalls the requests on the line; to be set before the start."""
-        return self._line.faults
-
-    @faults.setter
-    def faults(self, faults: LinkFaults | None) -> None:
-        self._line.faults = faults
-
-    def start(self) -> None:
-        """Open the line and serve it from a thread of its own."""
-        self._line.start()
-
-    def stop(self) -> None:
-        """Close the line; safe to call twice."""
-        self._line.stop()
-
-    def __enter__(self) -> Self:
-        self.start()
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self.stop()
+        return f"{self._line.address}?baud={self._baud}"

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import threading
-from typing import Protocol, Self
+from typing import Protocol
 
-from benchctl_instruments.simulated.faults.link_faults import LinkFaults
-from benchctl_instruments.simulated.serial_line import SerialLine
-from benchctl_instruments.simulated.tcp_server import TcpServer
+from benchctl_instruments.simulated.serial_line import Line, Served
 
 
 class TableController(Protocol):
@@ -31,7 +29,7 @@ class TableController(Protocol):
         """Start anew, as after a power failure."""
 
 
-class TableServer:
+class TableServer(Served):
     """A controller on a line, from `start()` to `stop()`, or in a `with`.
 
     Parameters
@@ -42,33 +40,19 @@ class TableServer:
         What serves it.
     """
 
-    def __init__(self, controller: TableController, line: TcpServer | SerialLine) -> None:
+    def __init__(self, controller: TableController, line: Line) -> None:
+        super().__init__(line)
         self._controller = controller
-        self._line = line
-
-    @property
-    def address(self) -> str:
-        """Where it answers; that of a serial line is known once it is started."""
-        return self._line.address
-
-    @property
-    def faults(self) -> LinkFaults | None:
-        """What befalls the requests; to be set before the start."""
-        return self._line.faults
-
-    @faults.setter
-    def faults(self, faults: LinkFaults | None) -> None:
-        self._line.faults = faults
 
     def start(self) -> None:
         """Serve; when it returns, a client can connect."""
         self._controller.closing.clear()
-        self._line.start()
+        super().start()
 
     def stop(self) -> None:
         """Stop serving; the table goes on with what it was doing."""
         self._controller.closing.set()
-        self._line.stop()
+        super().stop()
 
     def open_interlock(self) -> None:
         """Open the interlock by hand, as an emergency stop does."""
@@ -85,10 +69,3 @@ class TableServer:
     def restart(self) -> None:
         """Start anew, as after a power failure."""
         self._controller.restart()
-
-    def __enter__(self) -> Self:
-        self.start()
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self.stop()

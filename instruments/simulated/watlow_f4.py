@@ -1,8 +1,8 @@
 """A simulated chamber with a Watlow F4S controller: its registers over a chamber machine, served as Modbus RTU.
 
 Register numbers: EspecNorthAmerica/ChamberConnectLibrary (watlowf4.py); 101, 102, 106, 302 to 331 F4P user manual,
-Watlow 2003, chapter 9. Profiles are stored, shown, started, held and ended; a started one stays at its step and leaves
-the set point alone. The clock shows what was written to it and does not run.
+Watlow 2003, chapter 9. Profiles are stored, shown, started, held and ended; a started one switches the events of its
+step, stays there and leaves the set point alone. The clock shows what was written to it and does not run.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ CELSIUS, RTD = 1, 1
 CONSTANT, RUNNING, HELD = 0, 2, 3  # register 200
 MOST_PROFILES, MOST_STEPS = 40, 256
 STEP, STEP_WORDS, TARGET = 4003, 60, 4044  # the step that 4000 and 4001 choose
+STEP_EVENTS = slice(4030 - STEP, 4038 - STEP)
 NO_STEP, END = [6], [5, *[0] * (STEP_WORDS - 1)]  # the type, then its parameters
 CREATE, INSERT, DELETE, START = 1, 2, 3, 5  # register 4002
 MEMORY = {
@@ -161,15 +162,15 @@ class SimulatedWatlowF4(ModbusRtuServer):
         return scaled(address, get, put, decimals=self._decimals)
 
     def _event(self, number: int) -> Register:
-        def put(value: int) -> None:
-            self._events[number - 1] = value
-            if number == self._on_event:
-                self._chamber.run(bool(value))
-
         def get() -> int:
             return int(self._chamber.running()) if number == self._on_event else self._events[number - 1]
 
-        return word(2000 + 10 * (number - 1), get, put, takes=(0, 1))
+        return word(2000 + 10 * (number - 1), get, partial(self._set_event, number), takes=(0, 1))
+
+    def _set_event(self, number: int, value: int) -> None:
+        self._events[number - 1] = value
+        if number == self._on_event:
+            self._chamber.run(bool(value))
 
     def _change_mode(self, changes: dict[int, int]) -> None:
         self.mode = changes.get(self.mode, self.mode)
@@ -201,6 +202,8 @@ class SimulatedWatlowF4(ModbusRtuServer):
             self._profiles.pop(number, None)
         elif action == START and number in self._profiles:
             self.mode, self._started = RUNNING, [number, step]
+            for event, value in enumerate(self._step(number, step)[STEP_EVENTS], start=1):
+                self._set_event(event, value)
         else:
             raise ModbusRefusal(ILLEGAL_VALUE)
 

@@ -1,4 +1,4 @@
-"""A simulated chamber with a Watlow F4T controller: its registers over a chamber machine, served as Modbus TCP.
+"""A simulated chamber with a Watlow F4T controller: its registers over a chamber machine, served as Modbus TCP or RTU.
 
 Register numbers: EspecNorthAmerica/ChamberConnectLibrary (watlowf4t.py); 1328, 2794 to 2798, 6730 Watlow's and
 TestEquity's F4T manuals. No profile is stored: one that is started runs, and stays where it is. The clock shows what
@@ -14,8 +14,9 @@ from typing import Literal
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.protocols.modbus import DEVICE_FAILURE, ILLEGAL_ADDRESS, ModbusRefusal
 from benchctl_instruments.protocols.words import WordOrder, words_from_f32
+from benchctl_instruments.simulated.faults.wires import MODBUS_RTU, MODBUS_TCP, Wire
 from benchctl_instruments.simulated.machines import ChamberMachine
-from benchctl_instruments.simulated.modbus_server import ModbusTcpServer
+from benchctl_instruments.simulated.modbus_server import ModbusRtuServer, ModbusTcpServer
 from benchctl_instruments.simulated.registers import (
     LimitedSetpoint,
     Register,
@@ -25,12 +26,15 @@ from benchctl_instruments.simulated.registers import (
     laid_out,
     word,
 )
+from benchctl_instruments.simulated.serial_line import Served
 
 AUTO, MANUAL, OFF, ON, NONE = 10, 54, 62, 63, 61
 CELSIUS, FAHRENHEIT = 15, 30
+ETHERNET_UNIT, SERIAL_UNIT = 6730, 14080
+BAUD = 38400
 UP, DOWN = 1456, 1457
 PAUSE, RESUME, TERMINATE, RUNNING, START = 146, 147, 148, 149, 1782
-SAFE, NO, MINUTES = 1667, 59, 57
+SAFE, NO, MINUTES, ABSOLUTE_TEMPERATURE = 1667, 59, 57, 1540
 FUNCTIONS_OF = {6: "D", 8: "E", 14: "F"}  # of the part number, by alarms; all three with profiles
 KEYS, LOOPS = 4, 4
 EVENT_ADDRESSES = (16594, 16596, 16598, 16600, 16822, 16824, 16826, 16828)
@@ -40,8 +44,8 @@ PROFILES = 40
 LIMIT_MODULE = 60 * (5 - 1)  # the only one, in slot 5
 MEMORY = {
     1328: (CELSIUS, 0),  # unit on the panel
-    6730: (CELSIUS, 0),  # unit of the Ethernet bus, by which temperatures come
-    14080: (CELSIUS, 0),  # unit of the RTU bus
+    ETHERNET_UNIT: (CELSIUS, 0),  # of the temperatures that come by it
+    SERIAL_UNIT: (CELSIUS, 0),
     14664: (12, 0, 0, 0, 0, 0, 1, 0, 1, 0, 2026, 0),  # clock: h, min, s, month, day, year
     16558: (1, 0, 1, 0),  # profile and step to start
     18888: (1, 0),  # profile to edit
@@ -51,7 +55,6 @@ CONSTANTS = {
     11250 + LIMIT_MODULE: (NONE, 0),  # state
     11264 + LIMIT_MODULE: (SAFE, 0),  # status
     11288 + LIMIT_MODULE: (NONE, 0),  # error
-    16536: (1540, 0),  # quantity of the profiles' loop 1: absolute temperature
     16570: (0, 0, 0, 0),  # time left: min, h
     16622: (0,) * 6,  # time left in the step: s, min, h
     16886: (0,) * 40 * PROFILES,  # names
@@ -64,7 +67,7 @@ IDLE_SINGLES = {2774: -70.0, 2776: 180.0, 2782: 0.0, 2808: 0.0, 2810: 0.0, 2820:
 OnBy = Literal["event", "toggle_key", "momentary_key", "nothing"]
 
 
-class SimulatedWatlowF4T(ModbusTcpServer):
+class SimulatedWatlowF4T(Served):
     """A Watlow F4T, from `start()` to `stop()`, or in a `with`; a driver takes its `address`.
 
     Parameters
@@ -82,12 +85,16 @@ class SimulatedWatlowF4T(ModbusTcpServer):
     on_by, on_number
         What conditioning is wired to, an event or a key, and its number; "nothing": it conditions, having power.
         The output 1 of module 1 is always on while the chamber runs.
+    over_tcp
+        Modbus TCP; else RTU on a serial line, whose unit is another one.
     host, port, pace_baud
         See `ModbusTcpServer`.
 
     Its part number states its loops and alarms. `memory` (the units of the buses, 6730 and 14080), `profile_state`
-    (register 16568) and `control_mode` (2730, 2814) may be set by hand. `registers` can be served on a serial line too.
+    (register 16568) and `control_mode` (2730, 2814) may be set by hand.
     """
+
+    wire: Wire = MODBUS_TCP
 
     def __init__(
         self,
@@ -99,6 +106,7 @@ class SimulatedWatlowF4T(ModbusTcpServer):
         alarms: int = 8,
         on_by: OnBy = "toggle_key",
         on_number: int = 1,
+        over_tcp: bool = True,
         host: str = "127.0.0.1",
         port: int = 0,
         pace_baud: int | None = None,
@@ -127,8 +135,13 @@ class SimulatedWatlowF4T(ModbusTcpServer):
             self.memory |= laid_out({address + 160 * (number - 1): (code,) for address, code in codes.items()})
             for address, value in singles.items():
                 self.memory |= laid_out({address + 160 * (number - 1): words_from_f32(value, word_order)})
-        self.registers = F4TRegisters(self._registers(), memory=self.memory)
-        super().__init__(self.registers, unit_id=unit_id, host=host, port=port, pace_baud=pace_baud)
+        self._unit_at = ETHERNET_UNIT if over_tcp else SERIAL_UNIT
+        registers = F4TRegisters(self._registers(), memory=self.memory)
+        if over_tcp:
+            super().__init__(ModbusTcpServer(registers, unit_id=unit_id, host=host, port=port, pace_baud=pace_baud))
+        else:
+            self.wire = MODBUS_RTU
+            super().__init__(ModbusRtuServer(registers, unit_id=unit_id, baud=BAUD, pace_baud=pace_baud))
 
     def hold_alarm(self, number: int, code: int) -> None:
         """An alarm shows a state from now on, until it is given another one."""
@@ -139,6 +152,7 @@ class SimulatedWatlowF4T(ModbusTcpServer):
         setpoint = LimitedSetpoint(chamber, -70.0, 180.0)
         return [
             *constants(laid_out({16: tuple(self._part_number.encode()), **CONSTANTS})),
+            *constants(laid_out({16536: (ABSOLUTE_TEMPERATURE, 0) * self._loop})),  # quantity of the profiles' loops
             *(word(1356 + 100 * place, self._state_of(self._alarms, place)) for place in range(len(self._alarms))),
             word(2730 + offset, lambda: self.control_mode, self._set_mode, takes=(AUTO, MANUAL, OFF)),
             self._temperature(2774 + offset, lambda: setpoint.low_c, setpoint.put_low),
@@ -173,14 +187,14 @@ class SimulatedWatlowF4T(ModbusTcpServer):
     def _temperature(
         self, address: int, get: Callable[[], float], put: Callable[[float], None] | None = None
     ) -> Register:
-        """A temperature in the unit of the Ethernet bus."""
+        """A temperature in the unit of the bus."""
 
         def shown() -> float:
-            return get() * 1.8 + 32.0 if self.memory[6730] == FAHRENHEIT else get()
+            return get() * 1.8 + 32.0 if self.memory[self._unit_at] == FAHRENHEIT else get()
 
         def take(value: float) -> None:
             if put is not None:
-                put((value - 32.0) / 1.8 if self.memory[6730] == FAHRENHEIT else value)
+                put((value - 32.0) / 1.8 if self.memory[self._unit_at] == FAHRENHEIT else value)
 
         return f32(address, shown, None if put is None else take, word_order=self._word_order)
 

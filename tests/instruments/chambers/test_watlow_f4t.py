@@ -12,7 +12,7 @@ from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
 from benchctl_instruments.interfaces import Chamber, Identity
 from benchctl_instruments.links.modbus import Retry
 from benchctl_instruments.protocols.words import WordOrder
-from benchctl_instruments.simulated.modbus_server import ModbusRtuServer, ModbusTcpServer
+from benchctl_instruments.simulated.modbus_server import ModbusTcpServer
 from benchctl_instruments.simulated.registers import RegisterTable, word
 from benchctl_instruments.simulated.watlow_f4t import OnBy, SimulatedWatlowF4T
 from tests.instruments.chamber_machine import FakeChamber, InstantClock
@@ -211,24 +211,23 @@ def test_a_profile_that_runs_is_paused_or_waits_is_not_fought_with(
     chamber.stop()
 
 
-@pytest.mark.parametrize(("line", "register"), [("tcp", 6730), ("serial", 14080)])
+@pytest.mark.parametrize(("over_tcp", "register"), [(True, 6730), (False, 14080)])
 def test_a_bus_that_speaks_fahrenheit_is_refused_with_how_to_set_it(
-    twin: SimulatedWatlowF4T, line: str, register: int
+    machine: FakeChamber, over_tcp: bool, register: int
 ) -> None:
     """As delivered: 85 °F would otherwise be taken for 85 °C. The other line's unit does not matter."""
-    with ModbusRtuServer(twin.registers, unit_id=1, over_tcp=True) as serial_server:
-        address = twin.address if line == "tcp" else serial_server.address
-        for unit in (30, 17):
+    with SimulatedWatlowF4T(machine, over_tcp=over_tcp) as twin:
+        for unit, shown in ((30, "30 (°F)"), (17, "17")):
             twin.memory.update({6730: 15, 14080: 15, register: unit})
-            shown = "30 (°F)" if unit == 30 else "17"
             with pytest.raises(InstrumentError) as refused:
-                driver_at(address).open()
+                driver_at(twin.address).open()
             assert f"(register {register}) is code {shown}, expected code 15 (°C); set Display Units" in str(
                 refused.value
             )
         twin.memory.update({6730: 30, 14080: 30, register: 15})
-        with driver_at(address) as chamber:
+        with driver_at(twin.address) as chamber:
             assert chamber.identify().model == "F4T1L1EAA1D1AAA"
+            assert chamber.read().temperature_c == 23.0
 
 
 @pytest.mark.parametrize("alarms", [6, 8, 14])

@@ -35,7 +35,7 @@ Row = tuple[str, int, int | Sequence[int], Sequence[int] | int | None]
 """The client's own name of it; first register; how many are read, or the words that are written; the words that answer,
 the code of an exception, or None for a write that is acknowledged. One word goes with function 6, several with 16."""
 
-SOAK = [3, 0, 0, 0, 0, 0, 0, 30, *[0] * 33, 850, *[0] * 18]
+SOAK = [3, 0, 0, 0, 0, 0, 0, 30, *[0] * 19, 1, *[0] * 13, 850, *[0] * 18]
 NEGATIVE_700 = 0x10000 - 700
 
 WATLOW_F4: tuple[Row, ...] = (
@@ -74,7 +74,7 @@ WATLOW_F4: tuple[Row, ...] = (
     ("edit_prgm_step", 4003, [3], None),
     ("edit_prgm_step", 4012, [0], None),
     ("edit_prgm_step", 4009, [0, 30, 0], None),
-    ("edit_prgm_step", 4030, [0], None),
+    ("edit_prgm_step", 4030, [1], None),
     ("edit_prgm_step", 4044, [850], None),
     ("edit_prgm_step", 4001, [2], None),
     ("edit_prgm_step", 4060, [0], None),
@@ -88,7 +88,9 @@ WATLOW_F4: tuple[Row, ...] = (
     ("get_prgm_steps", 4003, 1, [5]),
     ("prgm_start", 4000, [1], None),
     ("prgm_start", 4001, [1], None),
+    ("prgm_start", 2000, [0], None),
     ("prgm_start", 4002, [5], None),
+    ("get_event", 2000, 1, [1]),  # the event of the step: the chamber conditions
     ("get_status", 200, 1, [2]),
     ("get_prgm_cur", 4100, 1, [1]),
     ("get_prgm_cstep", 4101, 1, [1]),

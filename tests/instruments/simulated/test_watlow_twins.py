@@ -189,6 +189,7 @@ def test_the_f4ts_part_number_states_its_alarms_and_loops(machine: FakeChamber, 
         assert client.read_holding_registers(1356 + 100 * (alarms - 1)).registers == [61]
         assert client.read_holding_registers(1356 + 100 * alarms).exception_code == 2
         assert [client.read_holding_registers(2814 + 160 * loop).registers for loop in range(3)] == [[10]] * 3
+        assert client.read_holding_registers(16536, count=6).registers == [1540, 0] * 3  # temperatures, each of them
         assert client.read_holding_registers(2814 + 160 * 3).exception_code == 2
         client.close()  # type: ignore[no-untyped-call]
     with pytest.raises(UsageError, match="alarms = 7, loop = 1: a simulated Watlow F4T has 6, 8 or 14 alarms"):
