@@ -22,11 +22,17 @@ from benchctl_instruments.errors import UsageError, reason
 MOST_DESCRIPTION_BYTES = 16 << 20
 """JSON: 50 000 steps at 300 bytes. In memory they are thirty times as large."""
 
-MOST_TOML_BYTES = 250_000
-"""TOML is written by hand: a bench.toml has 6000 bytes. Parsing and checking this many takes 0.3 s."""
+MOST_TOML_BYTES = 150_000
+"""TOML is written by hand: a bench.toml has 6000 bytes. Parsing and checking this many takes at most half a second."""
 
 MOST_STEPS = 50_000
 """Steps of a plan: the description of a recording holds no more (`MOST_DESCRIPTION_BYTES`)."""
+
+LONGEST_EXPANSION_S = 2.0
+"""Processor time in which a procedure yields all its steps; ours take a hundredth of a second."""
+
+LONGEST_STEP_S = 366 * 86400.0
+"""Any duration of a step: a year is longer than any soak."""
 
 MOST_DEPTH = 64
 """Tables in tables, lists in lists; ours are five deep. Python's own limit counts the caller's frames, too."""

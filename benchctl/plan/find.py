@@ -12,6 +12,7 @@ from importlib.machinery import SourceFileLoader
 from pathlib import Path
 
 from benchctl.closeness import meant, there_are
+from benchctl.limits import cut, shown
 from benchctl.plan.procedure import Procedure, fault_in
 from benchctl_instruments.entry_points import leave_out, offers
 from benchctl_instruments.errors import UsageError
@@ -49,7 +50,8 @@ def find_procedure(name: str) -> Procedure:
             return found
         raise offers(GROUP)[name].refused(f"it is {type(found).__name__}, expected a function with @procedure")
     names = procedure_names()
-    raise UsageError(f"there is no procedure {name!r}: {meant(name, names, f'{there_are(names)}; a file ends in .py')}")
+    hint = meant(name, names, f"{there_are(names)}; a file ends in .py")
+    raise UsageError(f"there is no procedure {shown(name)}: {hint}")
 
 
 class _LeavesNothing(SourceFileLoader):
@@ -60,8 +62,13 @@ class _LeavesNothing(SourceFileLoader):
 
 
 def _from_file(path: Path) -> Procedure:
-    if not path.is_file():
-        raise UsageError(f"procedure {path}: there is no such file; benchctl procedures lists those there are")
+    try:
+        is_there = path.is_file()
+    except OSError:  # a name longer than the system takes
+        is_there = False
+    if not is_there:
+        name = cut(str(path))
+        raise UsageError(f"procedure {name}: there is no such file; benchctl procedures lists those there are")
     name = f"benchctl_procedure_{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path, loader=_LeavesNothing(name, str(path)))
     if spec is None or spec.loader is None:
@@ -70,8 +77,10 @@ def _from_file(path: Path) -> Procedure:
     sys.modules[spec.name] = module  # dataclasses in it, and the source of the whole file, are looked up there
     try:
         spec.loader.exec_module(module)
-    except (Exception, SystemExit) as err:
+    except BaseException as err:
         # Whatever a user's script raises while it is loaded is a fault of the script, told in one line.
+        if isinstance(err, KeyboardInterrupt):
+            raise
         raise UsageError(f"procedure {path}: cannot be loaded: {fault_in(str(path), err)}") from err
     found = [value for value in vars(module).values() if isinstance(value, Procedure)]
     if len(found) != 1:

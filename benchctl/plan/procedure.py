@@ -9,15 +9,17 @@ from __future__ import annotations
 import inspect
 import itertools
 import math
+import signal
+import threading
 import traceback
 import typing
-from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any
 
 from benchctl.closeness import meant
-from benchctl.limits import MOST_STEPS, cut, shown
+from benchctl.limits import LONGEST_EXPANSION_S, MOST_STEPS, cut, shown
 from benchctl.plan.steps import Step
 from benchctl.quantities import quantity, unit_stated
 from benchctl_instruments.errors import BenchError, UsageError
@@ -136,9 +138,12 @@ class Procedure:
             values[name] = known[name].parse(text)
         given = cut(str(values))
         try:
-            steps = tuple(itertools.islice(self.function(**values), MOST_STEPS + 1))
-        except (Exception, SystemExit) as err:
+            with _limited_time():
+                steps = tuple(itertools.islice(self.function(**values), MOST_STEPS + 1))
+        except BaseException as err:
             # Whatever a user's procedure raises is a fault of it or of its parameters, told in one line.
+            if isinstance(err, KeyboardInterrupt):
+                raise
             where = fault_in(inspect.getfile(inspect.unwrap(self.function)), err)
             raise UsageError(
                 f"procedure {self.name}: these parameters give no plan: {where}; they are {given}"
@@ -195,6 +200,29 @@ def _read_parameters(function: Callable[..., Iterable[Step]]) -> Iterable[Parame
         except UsageError as err:
             raise UsageError(f"procedure {function.__name__}: the default of {name}: {err}") from err
         yield parameter
+
+
+@contextmanager
+def _limited_time() -> Iterator[None]:
+    """Raise `TimeoutError` in a user's code that computes for longer than `LONGEST_EXPANSION_S`.
+
+    Processor time counts, so that a busy machine changes nothing. Only the main thread can be interrupted so, and not
+    on Windows.
+    """
+    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
+        yield
+        return
+
+    def stop(*_: object) -> None:
+        raise TimeoutError(f"computes for more than {LONGEST_EXPANSION_S:g} s")
+
+    before = signal.signal(signal.SIGVTALRM, stop)
+    signal.setitimer(signal.ITIMER_VIRTUAL, LONGEST_EXPANSION_S)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0)
+        signal.signal(signal.SIGVTALRM, before)
 
 
 def fault_in(file: str, err: BaseException) -> str:

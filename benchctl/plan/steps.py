@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields
 from numbers import Integral, Real
 from typing import ClassVar, Literal, get_args
 
-from benchctl.limits import shown
+from benchctl.limits import LONGEST_STEP_S, shown
 from benchctl_instruments.mounting import Position
 
 Role = Literal["fit", "verify"]
@@ -297,17 +297,26 @@ _NOT_NEGATIVE = frozenset({"settle_s", "settle_cycles", "hold_s", "swing_dps"})
 
 
 def faults(step: Step) -> Iterator[str]:
-    """What no bench could do about a step, in words: numbers that are not finite, durations that are not positive."""
+    """What no bench could do about a step, in words: numbers that are not finite, durations not positive or endless."""
+    found = False
     for field in fields(step):
         value = getattr(step, field.name)
         if field.name in _WORDS or field.name in _TEXTS:
             continue
+        says = ""
         if not math.isfinite(value):
-            yield f"{field.name} is {value}, expected a finite number"
+            says = f"{value}, expected a finite number"
         elif field.name in _POSITIVE and value <= 0:
-            yield f"{field.name} is {value:g}, expected more than 0"
+            says = f"{value:g}, expected more than 0"
         elif field.name in _NOT_NEGATIVE and value < 0:
-            yield f"{field.name} is {value:g}, expected 0 or more"
+            says = f"{value:g}, expected 0 or more"
+        elif field.name.endswith("_s") and value > LONGEST_STEP_S:
+            says = f"{value:g}, expected at most {LONGEST_STEP_S:.0f}, a year"
+        if says:
+            found = True
+            yield f"{field.name} is {says}"
+    if not found and step.streamed_s > LONGEST_STEP_S:
+        yield f"streams for {step.streamed_s:g} s, expected at most {LONGEST_STEP_S:.0f}, a year"
     if isinstance(step, ThermalRamp) and step.rate_dps and step.swing_dps:
         yield f"rate_dps is {step.rate_dps:g} and swing_dps {step.swing_dps:g}, expected one of them"
 

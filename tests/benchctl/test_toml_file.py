@@ -53,7 +53,7 @@ def test_a_fault_behind_brackets_and_blanks_in_a_text_is_found_in_time() -> None
 
 
 def test_a_long_unit_is_refused_in_short() -> None:
-    text = f'[unit]\nserial = "a"\n[time]\nrate_hz = 1.0\n[channels.gyro_v]\ncolumn = 1\nunit = "{"x" * 200_000}"\n'
+    text = f'[unit]\nserial = "a"\n[time]\nrate_hz = 1.0\n[channels.gyro_v]\ncolumn = 1\nunit = "{"x" * 100_000}"\n'
     with pytest.raises(UsageError, match=r"map\.toml, line 7: channels\.gyro_v\.unit: the unit 'xxx") as caught:
         parse_map(text, "map.toml")
     assert len(str(caught.value)) < 1500
@@ -62,7 +62,7 @@ def test_a_long_unit_is_refused_in_short() -> None:
 @pytest.mark.parametrize("content", [b"\xff\xfe", b"a = 1\n" * (4 << 20)])
 def test_a_file_that_is_no_text_or_far_too_long_is_refused(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "bench.toml").write_bytes(content)
-    with pytest.raises(UsageError, match=r"bench .*bench\.toml: (expected UTF-8 text|is larger than 0\.25 MB)"):
+    with pytest.raises(UsageError, match=r"bench .*bench\.toml: (expected UTF-8 text|is larger than 0\.15 MB)"):
         load_bench(str(tmp_path / "bench.toml"))
 
 

@@ -1,5 +1,8 @@
 """How often the truth lies inside the stated 95 % intervals: `python -m tests.benchmarks.coverage --seeds 100`.
 
+`-p NAME=VALUE` changes a parameter of its campaign, as of `benchctl run`: `-p points=3 -p soak_s=10min` records a gyro
+that has not settled.
+
 Each seed is a whole campaign on the simulated bench (without wires, smaller than the main job): its own noise, its own
 bias walk, its own mounting of the encoder. An interval that is honest holds the truth in 95 of 100 seeds; with 100
 seeds 90 to 99 are within chance.
@@ -14,6 +17,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from benchctl.bench import load_bench
@@ -66,11 +70,11 @@ def truth() -> dict[str, float]:
     }
 
 
-def trial(seed: int) -> Trial:
-    """Run and fit one small campaign."""
+def trial(seed: int, changed: Mapping[str, str] | None = None) -> Trial:
+    """Run and fit one small campaign, some of its parameters changed."""
     with (
         tempfile.TemporaryDirectory() as folder,
-        open_recording(recorded(seed, PARAMETERS, Path(folder))) as recording,
+        open_recording(recorded(seed, PARAMETERS | dict(changed or {}), Path(folder))) as recording,
     ):
         result = calibrate(recording.steps(), recording.meta)
     true = truth()
@@ -83,10 +87,12 @@ def trial(seed: int) -> Trial:
     )
 
 
-def coverage(seeds: range, processes: int = 2) -> tuple[Counter[str], list[Trial]]:
+def coverage(
+    seeds: range, processes: int = 2, changed: Mapping[str, str] | None = None
+) -> tuple[Counter[str], list[Trial]]:
     """How many seeds held each coefficient, and the trials."""
     with multiprocessing.get_context("spawn").Pool(processes) as pool:
-        trials = list(pool.imap_unordered(trial, seeds))
+        trials = list(pool.imap_unordered(partial(trial, changed=changed), seeds))
     return Counter(name for each in trials for name, held in each.held.items() if held), trials
 
 
@@ -95,8 +101,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=100)
     parser.add_argument("--json", type=Path)
+    parser.add_argument("-p", dest="changed", metavar="NAME=VALUE", action="append", default=[])
+    parser.add_argument("--processes", type=int, default=2)
     arguments = parser.parse_args()
-    counts, trials = coverage(range(1, arguments.seeds + 1))
+    changed = dict(text.split("=", 1) for text in arguments.changed)
+    counts, trials = coverage(range(1, arguments.seeds + 1), arguments.processes, changed)
     worst = {
         level: max(each.error_percent[level] for each in trials) for level in ("raw", "stage_1", "stage_2", "joint")
     }

@@ -11,6 +11,7 @@ from benchctl.plan import POSITIVE, ConstantRate, Range, Sine, Soak, Static, Ste
 from benchctl.plan.find import find_procedure, procedure_names
 from benchctl.plan.steps import faults
 from benchctl_instruments.errors import UsageError
+from tests.benchctl.cli.processes import benchctl
 
 
 @procedure(calibrates=True)
@@ -143,6 +144,57 @@ def test_a_procedure_that_goes_on_and_on_is_ended_at_the_most_steps_of_a_plan() 
     with pytest.raises(UsageError, match=f"these parameters give more than {MOST_STEPS} steps"):
         endless.expand()
     assert len(begun) == MOST_STEPS + 1
+
+
+LAWLESS = """from benchctl.plan import Static, procedure
+
+@procedure()
+def lawless(number: int = 1):
+    {}
+    yield Static(duration_s=1.0)
+"""
+
+
+@pytest.mark.parametrize(
+    ("body", "says"),
+    [
+        ("yield from [Static(duration_s=1.0) for _ in iter(int, 1)]", "TimeoutError: computes for more than"),
+        ("raise GeneratorExit", "GeneratorExit"),
+        ("raise type('Own', (BaseException,), {})('own')", "Own: own"),
+    ],
+)
+def test_a_procedure_that_never_yields_or_raises_anything_is_one_line_with_its_own(
+    tmp_path: Path, body: str, says: str
+) -> None:
+    file = tmp_path / "lawless.py"
+    file.write_text(LAWLESS.format(body))
+    refused = benchctl("check", file, "--bench", "simulated", "--offline")
+    assert refused.returncode == 2
+    (line,) = refused.stderr.splitlines()
+    assert f"{file}, line 5: {says}" in line
+
+
+def test_a_name_longer_than_a_file_may_have_is_no_procedure() -> None:
+    for name in ("x" * 5000, "x" * 5000 + ".py"):
+        refused = benchctl("check", name, "--bench", "simulated")
+        assert refused.returncode == 2
+        (line,) = refused.stderr.splitlines()
+        assert "there is no such" in line or "there is no procedure" in line
+        assert len(line) < 700
+
+
+@pytest.mark.parametrize(
+    ("parameters", "says"),
+    [
+        (("static", "soak_s=1e15"), "hold_s is 1e+15, expected at most 31622400, a year"),
+        (("temperature_sweep", "return_c_per_min=1e-300"), "streams for 6e+303 s, expected at most 31622400, a year"),
+    ],
+)
+def test_a_step_of_more_than_a_year_is_refused(parameters: tuple[str, str], says: str) -> None:
+    refused = benchctl("run", parameters[0], "--bench", "simulated", "--dry-run", "-p", parameters[1])
+    assert refused.returncode == 2
+    (line,) = refused.stderr.splitlines()
+    assert says in line
 
 
 def test_the_numbers_of_a_step_may_be_of_any_library() -> None:
