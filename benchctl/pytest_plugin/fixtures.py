@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from benchctl.plan import Plan, Procedure
     from benchctl_instruments.simulated.bench import SimulatedBench
     from benchctl_instruments.simulated.clock import VirtualClock
-    from benchctl_instruments.simulated.faults.log import Fired
+    from benchctl_instruments.simulated.faults.schedule import Fired
 
 
 @dataclass(frozen=True, slots=True)

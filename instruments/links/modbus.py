@@ -5,19 +5,21 @@ An address `tcp://HOST:PORT` speaks Modbus TCP; `serial://DEVICE?baud=N` and `so
 
 from __future__ import annotations
 
+import contextlib
 import struct
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from threading import Lock, RLock
+from weakref import WeakValueDictionary
 
 from pymodbus import ModbusException
 from pymodbus.pdu import ExceptionResponse, ModbusPDU
 
 from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
 from benchctl_instruments.interfaces import Clock
-from benchctl_instruments.links.address import parse_address, refuse_timeout
-from benchctl_instruments.links.modbus_clients import ModbusClient
-from benchctl_instruments.links.modbus_line import line_at
+from benchctl_instruments.links.address import Address, parse_address, refuse_timeout
+from benchctl_instruments.links.modbus_clients import DEFAULT_BAUD, ModbusClient, RtuClient, connected_client
 from benchctl_instruments.links.recovered import note_recovered
 from benchctl_instruments.links.serial_port import connect_reason
 from benchctl_instruments.links.wirelog import WireLog
@@ -29,6 +31,92 @@ from benchctl_instruments.protocols.words import (
     words_from_f32,
     words_from_u32,
 )
+
+
+class ModbusLine:
+    """One connection, while links use it; everything is done under `lock`.
+
+    Attributes
+    ----------
+    lock
+        Who holds it has the line.
+    client
+        The present connection; None: none.
+    quiet_until_s
+        Wall time before which nothing is said, after a failure: what arrives late is nobody's answer.
+    """
+
+    def __init__(self) -> None:
+        self.lock = RLock()
+        self.client: ModbusClient | None = None
+        self.quiet_until_s = 0.0
+        self._users = 0
+        self._baud = DEFAULT_BAUD
+
+    def join(self, address: Address) -> None:
+        """One link more uses the line.
+
+        Raises
+        ------
+        UsageError
+            Where those who use it talk at another speed.
+        """
+        baud = address.baud or DEFAULT_BAUD
+        if self._users and baud != self._baud:
+            raise UsageError(
+                f"address {str(address)!r}: {baud} baud, but another unit on this line talks at {self._baud};"
+                " give all units of a line the same speed"
+            )
+        self._baud = baud
+        self._users += 1
+
+    def leave(self, why: str) -> None:
+        """One link less uses the line; the last one closes it."""
+        self._users -= 1
+        if not self._users:
+            self.drop(why)
+
+    def connected(self, address: Address, timeout_s: float, wire_log: WireLog) -> ModbusClient:
+        """The connection, new where there is none, with a link's own time-out and log."""
+        if self.client is None:
+            self.client = connected_client(address, timeout_s, wire_log)
+            wire_log.note(f"connected to {address}")
+        elif isinstance(self.client, RtuClient):
+            self.client.lend(timeout_s, wire_log)
+        return self.client
+
+    def drop(self, why: str) -> None:
+        """Give up the connection; the next exchange makes a new one."""
+        if self.client is not None:
+            self.client.wire_log.note(why)
+            with contextlib.suppress(OSError):  # a device that was pulled out cannot be closed in good order
+                self.client.close()
+            self.client = None
+
+    def be_quiet(self, seconds: float) -> None:
+        """Say nothing for so much wall time from now on."""
+        self.quiet_until_s = max(self.quiet_until_s, time.monotonic() + seconds)
+
+    def wait_until_quiet(self) -> None:
+        """Wait until something may be said again."""
+        if (quiet_s := self.quiet_until_s - time.monotonic()) > 0:
+            time.sleep(quiet_s)
+
+
+def line_at(address: Address) -> ModbusLine:
+    """The line of an address: that of the other links to the same serial line, or one of its own."""
+    if address.scheme == "tcp":
+        return ModbusLine()
+    with _GUARD:
+        line = _LINES.get(address.pyserial_url)
+        if line is None:
+            line = _LINES[address.pyserial_url] = ModbusLine()
+        return line
+
+
+_GUARD = Lock()
+_LINES: WeakValueDictionary[str, ModbusLine] = WeakValueDictionary()
+
 
 ADVICE = "check power, cable, speed and unit number"
 BROKEN = (ModbusException, OSError, struct.error, IndexError)  # the last two: a frame shorter than it says

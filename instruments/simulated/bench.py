@@ -11,7 +11,7 @@ from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.chain import Effect
 from benchctl_instruments.simulated.clock import ScaledClock, VirtualClock
 from benchctl_instruments.simulated.faults.bench import BenchFaults
-from benchctl_instruments.simulated.faults.log import Fired
+from benchctl_instruments.simulated.faults.schedule import Fired
 from benchctl_instruments.simulated.faults.tables import FaultTable
 from benchctl_instruments.simulated.settings import WorldSettings
 from benchctl_instruments.simulated.world import World

@@ -8,12 +8,13 @@ import socket
 import threading
 import time
 
-from benchctl_instruments.simulated.faults.stream_faults import JUNK, StreamFaults
-from benchctl_instruments.simulated.faults.stream_kinds import (
+from benchctl_instruments.simulated.faults.stream_faults import (
+    JUNK,
     Overrun,
     StreamCut,
     StreamEnds,
     StreamFault,
+    StreamFaults,
     StreamGap,
     StreamJunk,
     StreamStalls,

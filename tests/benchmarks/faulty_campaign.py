@@ -34,7 +34,7 @@ from benchctl_instruments.simulated.faults.link_kinds import (
     Silence,
     Split,
 )
-from benchctl_instruments.simulated.faults.stream_kinds import Overrun, StreamCut, StreamGap, StreamJunk
+from benchctl_instruments.simulated.faults.stream_faults import Overrun, StreamCut, StreamGap, StreamJunk
 from benchctl_instruments.simulated.faults.tables import FaultTable
 from tests.benchmarks.coverage import PARAMETERS
 

@@ -33,7 +33,7 @@ from benchctl_instruments.interfaces import FloatArray, IntArray, ScanBlock
 from benchctl_instruments.physics.adc import codes_from_volts
 from benchctl_instruments.protocols.t7_stream import MOST_SAMPLES
 from benchctl_instruments.simulated.clock import ScaledClock
-from benchctl_instruments.simulated.faults.stream_kinds import StreamFault
+from benchctl_instruments.simulated.faults.stream_faults import StreamFault
 from benchctl_instruments.simulated.machines import AnalogInputs
 from tests.benchmarks.machine import processor
 from tests.benchmarks.memory import peak_bytes
@@ -119,7 +119,7 @@ class Served:
 def serve(scans: int, faults: Sequence[StreamFault], talk: Connection) -> None:
     """A simulated T7 on a bench that moves: its addresses, and on being told that all is read what it did."""
     # Imported here, so that the reader's memory is the reader's own.
-    from benchctl_instruments.simulated.faults.log import FaultLog
+    from benchctl_instruments.simulated.faults.schedule import FaultLog
     from benchctl_instruments.simulated.faults.stream_faults import StreamFaults
     from benchctl_instruments.simulated.labjack_t7 import SimulatedLabJackT7
     from benchctl_instruments.simulated.world import World

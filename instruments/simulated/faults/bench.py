@@ -8,17 +8,19 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.simulated.faults.chamber import FaultyChamber
-from benchctl_instruments.simulated.faults.frame_faults import FrameFaults
-from benchctl_instruments.simulated.faults.frame_kinds import FrameFault
-from benchctl_instruments.simulated.faults.inputs import FaultyInputs
+from benchctl_instruments.simulated.faults.frame_faults import FrameFault, FrameFaults
 from benchctl_instruments.simulated.faults.link_faults import LinkFaults
 from benchctl_instruments.simulated.faults.link_kinds import AnyLinkFault, LinkFault
-from benchctl_instruments.simulated.faults.log import FaultLog, Fired
-from benchctl_instruments.simulated.faults.machine_kinds import AnyMachineFault, ClockDrift, MachineFault
-from benchctl_instruments.simulated.faults.stream_faults import StreamFaults
-from benchctl_instruments.simulated.faults.stream_kinds import AnyStreamFault, StreamFault
-from benchctl_instruments.simulated.faults.table import FaultyTable
+from benchctl_instruments.simulated.faults.machines import (
+    AnyMachineFault,
+    ClockDrift,
+    FaultyChamber,
+    FaultyInputs,
+    FaultyTable,
+    MachineFault,
+)
+from benchctl_instruments.simulated.faults.schedule import FaultLog, Fired
+from benchctl_instruments.simulated.faults.stream_faults import AnyStreamFault, StreamFault, StreamFaults
 from benchctl_instruments.simulated.faults.tables import FaultTable
 from benchctl_instruments.simulated.faults.wires import Lines
 from benchctl_instruments.simulated.machines import AnalogInputs, ChamberMachine, TableMachine

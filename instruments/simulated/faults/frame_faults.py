@@ -17,11 +17,30 @@ is.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import ClassVar, Literal
 
 from benchctl_instruments.interfaces import FloatArray
-from benchctl_instruments.simulated.faults.frame_kinds import FrameFault
-from benchctl_instruments.simulated.faults.log import FaultLog, Fired
-from benchctl_instruments.simulated.faults.schedule import Schedule
+from benchctl_instruments.simulated.faults.schedule import FaultLog, Fired, Schedule
+from benchctl_instruments.simulated.faults.tables import FaultTable, Place
+
+FrameKind = Literal[
+    "frame_lost",
+    "frame_cut",
+    "frame_bad_checksum",
+    "frame_junk_before",
+    "frame_junk_in",
+    "frame_junk_after",
+    "frames_end",
+]
+
+
+class FrameFault(FaultTable):
+    """A fault that befalls a frame."""
+
+    places: ClassVar[tuple[Place, ...]] = ("gyro",)
+
+    kind: FrameKind
+
 
 JUNK = bytes.fromhex("ff 00 5a 81")
 CHECKSUM_BYTES = 4

@@ -9,10 +9,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.simulated.faults.exchange import Answer, Exchange, Piece, at_once
-from benchctl_instruments.simulated.faults.link_kinds import LinkFault
-from benchctl_instruments.simulated.faults.log import FaultLog, Fired
-from benchctl_instruments.simulated.faults.schedule import Schedule
+from benchctl_instruments.simulated.faults.link_kinds import Answer, Exchange, LinkFault, Piece, at_once
+from benchctl_instruments.simulated.faults.schedule import FaultLog, Fired, Schedule
 from benchctl_instruments.simulated.faults.wires import Wire
 
 if TYPE_CHECKING:

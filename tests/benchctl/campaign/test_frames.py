@@ -26,7 +26,7 @@ from benchctl.recordings.reader import Recording, open_recording
 from benchctl.recordings.verify import verify
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.simulated.clock import ScaledClock
-from benchctl_instruments.simulated.faults.frame_kinds import FrameFault
+from benchctl_instruments.simulated.faults.frame_faults import FrameFault
 
 RATE_HZ = 250.0
 TURN = ConstantRate(rate_dps=40.0, duration_s=8.0, settle_s=0.5)

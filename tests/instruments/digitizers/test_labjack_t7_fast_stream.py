@@ -8,7 +8,7 @@ import dataclasses
 
 import pytest
 
-from benchctl_instruments.simulated.faults.stream_kinds import StreamEnds, StreamGap
+from benchctl_instruments.simulated.faults.stream_faults import StreamEnds, StreamGap
 from tests.benchmarks import t7_stream
 from tests.benchmarks.t7_stream import RATE_HZ, SCANS_A_PACKET, Digest, Run, Served, table
 

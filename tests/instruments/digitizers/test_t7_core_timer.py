@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchctl_instruments.digitizers.t7_core_timer import TICKS_HZ, WRAP, CoreTimer
+from benchctl_instruments.digitizers.labjack_t7 import TICKS_HZ, WRAP, CoreTimer
 
 
 @given(

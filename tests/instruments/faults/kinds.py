@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from benchctl_instruments.simulated.faults.frame_kinds import FrameFault
+from benchctl_instruments.simulated.faults.frame_faults import FrameFault
 from benchctl_instruments.simulated.faults.link_kinds import (
     BadChecksum,
     Cut,
@@ -21,7 +21,7 @@ from benchctl_instruments.simulated.faults.link_kinds import (
     Split,
     TableTrips,
 )
-from benchctl_instruments.simulated.faults.machine_kinds import (
+from benchctl_instruments.simulated.faults.machines import (
     ClockDrift,
     EncoderJump,
     OverRange,
@@ -29,7 +29,7 @@ from benchctl_instruments.simulated.faults.machine_kinds import (
     StuckReading,
     VelocityTrip,
 )
-from benchctl_instruments.simulated.faults.stream_kinds import (
+from benchctl_instruments.simulated.faults.stream_faults import (
     Overrun,
     StreamCut,
     StreamEnds,

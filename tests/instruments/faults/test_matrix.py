@@ -13,7 +13,7 @@ import pytest
 
 from benchctl_instruments.catalog import models
 from benchctl_instruments.simulated.faults.bench import AnyLinkFault, AnyMachineFault, AnyStreamFault
-from benchctl_instruments.simulated.faults.frame_kinds import FrameFault
+from benchctl_instruments.simulated.faults.frame_faults import FrameFault
 from benchctl_instruments.simulated.faults.tables import FaultTable
 from tests.instruments.faults import kinds, outcomes
 from tests.instruments.faults.cells import IMPOSSIBLE, STOPPED, Outcome, befallen

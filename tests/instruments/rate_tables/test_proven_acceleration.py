@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchctl_instruments.rate_tables.proven_acceleration import SHORTEST_S, ProvenAcceleration
+from benchctl_instruments.rate_tables.constant_rate_table import SHORTEST_S, ProvenAcceleration
 from tests.instruments.table_machine import CountedClock
 
 READ = st.tuples(st.floats(0.0, 0.2), st.floats(0.0, 0.2), st.floats(0.0, 0.2), st.floats(-0.05, 0.05))

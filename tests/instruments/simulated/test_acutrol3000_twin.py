@@ -8,8 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from benchctl_instruments.links.address import parse_address
-from benchctl_instruments.simulated.acutrol3000 import SimulatedAcutrol3000
-from benchctl_instruments.simulated.acutrol3000_controller import AcutrolController
+from benchctl_instruments.simulated.acutrol3000 import AcutrolController, SimulatedAcutrol3000
 from tests.instruments.table_machine import InstantTable
 
 

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from benchctl_instruments.links.address import parse_address
 from benchctl_instruments.protocols.ensemble import encode_reply
-from benchctl_instruments.simulated.aerotech_ensemble import SimulatedEnsemble
-from benchctl_instruments.simulated.aerotech_ensemble_controller import EnsembleController
+from benchctl_instruments.simulated.aerotech_ensemble import EnsembleController, SimulatedEnsemble
 from tests.instruments.table_machine import InstantTable
 
 ENABLED, IN_POSITION, MOVE_ACTIVE = 0x1, 0x4, 0x8

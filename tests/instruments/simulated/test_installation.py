@@ -15,7 +15,7 @@ from benchctl_instruments.physics.effects.warm_up import WarmUp
 from benchctl_instruments.physics.gyro import horizontal_earth_rate_dps
 from benchctl_instruments.simulated.bench import SimulatedBench
 from benchctl_instruments.simulated.clock import VirtualClock
-from benchctl_instruments.simulated.faults.machine_kinds import ClockDrift
+from benchctl_instruments.simulated.faults.machines import ClockDrift
 from benchctl_instruments.simulated.settings import WorldSettings
 from benchctl_instruments.simulated.world import World
 from tests.instruments.simulated.quiet import QUIET, quiet

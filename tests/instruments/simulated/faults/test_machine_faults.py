@@ -9,7 +9,7 @@ import pytest
 
 from benchctl_instruments.simulated.clock import VirtualClock
 from benchctl_instruments.simulated.faults.bench import BenchFaults
-from benchctl_instruments.simulated.faults.machine_kinds import (
+from benchctl_instruments.simulated.faults.machines import (
     ClockDrift,
     EncoderJump,
     OverRange,

@@ -1,0 +1,325 @@
+"""The faults of the simulated machines: what a sensor, a drive or a crystal may do, and machines that do it.
+
+An operation is one look at the machine or one demand; it reads as `air`, `set point -20`, `motion`, `sample`. Looks
+come as often as somebody looks, so windows of bench time say best when such a fault happens.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from typing import ClassVar, Generic, Literal, TypeVar
+
+import numpy as np
+from pydantic import Field
+
+from benchctl_instruments.interfaces import FloatArray, IntArray
+from benchctl_instruments.simulated.faults.schedule import FaultLog, Fired, Schedule
+from benchctl_instruments.simulated.faults.tables import FaultTable, Place, Positive
+from benchctl_instruments.simulated.machines import AnalogInputs, ChamberMachine, TableMachine, TableMotion
+
+
+class MachineFault(FaultTable):
+    """A fault of a machine; once it has come it lasts `for_s` of bench time."""
+
+    for_s: float = Field(default=math.inf, gt=0)
+
+
+class StuckReading(MachineFault):
+    """What is read stays what it was: air, motion, or all that is sampled. The machine itself goes on."""
+
+    kind: Literal["stuck_reading"] = "stuck_reading"
+
+
+class OverRange(MachineFault):
+    """The sensor reads `reads`: °C of the chamber's air, or volts at one of the digitizer's terminals."""
+
+    places: ClassVar[tuple[Place, ...]] = ("chamber", "digitizer")
+
+    kind: Literal["over_range"] = "over_range"
+    reads: float = Field(default=1000.0, allow_inf_nan=False)
+    terminal: Literal["gyro", "thermistor"] = "thermistor"
+
+
+class StallsShort(MachineFault):
+    """The chamber comes to a halt `short_c` before every set point that is demanded meanwhile."""
+
+    places: ClassVar[tuple[Place, ...]] = ("chamber",)
+
+    kind: Literal["stalls_short"] = "stalls_short"
+    short_c: Positive = 5.0
+
+
+class VelocityTrip(MachineFault):
+    """The drive's own tachometer reads `reads_dps`."""
+
+    places: ClassVar[tuple[Place, ...]] = ("rate_table",)
+
+    kind: Literal["velocity_trip"] = "velocity_trip"
+    reads_dps: float = Field(default=1e4, allow_inf_nan=False)
+
+
+class EncoderJump(MachineFault):
+    """The encoder's count is off by `counts` from an instant on."""
+
+    places: ClassVar[tuple[Place, ...]] = ("digitizer",)
+
+    kind: Literal["encoder_jump"] = "encoder_jump"
+    counts: int = 50_000
+
+
+class ClockDrift(FaultTable):
+    """The digitizer's crystal is fast by `ppm` (slow where it is below 0), all the time: the schedule is not asked."""
+
+    places: ClassVar[tuple[Place, ...]] = ("digitizer",)
+
+    kind: Literal["clock_drift"] = "clock_drift"
+    ppm: float = Field(default=20.0, gt=-1e5, lt=1e5)
+
+
+AnyMachineFault = StuckReading | OverRange | StallsShort | VelocityTrip | EncoderJump | ClockDrift
+
+
+FaultT = TypeVar("FaultT", bound=MachineFault)
+
+
+class Spell(Generic[FaultT]):
+    """One fault of one machine; safe from any thread.
+
+    Parameters
+    ----------
+    where
+        The instrument's name, as the log states it.
+    fault
+        What happens, and when.
+    log
+        Where to note it.
+
+    Attributes
+    ----------
+    since_s
+        When it last began, in bench time: with its window, where it did so between two looks, else with a look.
+    """
+
+    def __init__(self, where: str, fault: FaultT, log: FaultLog) -> None:
+        self.fault = fault
+        self.since_s = math.inf
+        self._where = where
+        self._schedule = Schedule(fault.when)
+        self._log = log
+        self._until_s = self._looked_s = -math.inf
+        self._lock = threading.Lock()
+
+    def lasts(self, operation: str, now_s: float) -> bool:
+        """Take a look at the machine into account: what is done, and the bench time; whether the fault is there."""
+        with self._lock:
+            if now_s >= self._until_s and self._schedule.fires(operation, now_s):
+                self.since_s = self.fault.from_s if self._looked_s < self.fault.from_s else now_s
+                self._until_s = now_s + self.fault.for_s
+                fired = Fired(bench_s=now_s, where=self._where, kind=self.fault.kind, operation=operation)
+                self._log.note(fired)
+            self._looked_s = now_s
+            return now_s < self._until_s
+
+
+def spells(where: str, faults: Iterable[object], kind: type[FaultT], log: FaultLog) -> list[Spell[FaultT]]:
+    """Those of a machine's faults that are of one kind."""
+    return [Spell(where, fault, log) for fault in faults if isinstance(fault, kind)]
+
+
+Samples = tuple[IntArray, FloatArray, FloatArray]
+
+
+class FaultyInputs:
+    """An `AnalogInputs` around another one.
+
+    A fault of the terminals begins with the scan whose instant it is, where it begins with its window, so that samples
+    do not depend on how many are taken at once. Where the crystal drifts, every time that passes through here is the
+    digitizer's own: fast by so much since bench time 0.
+
+    Parameters
+    ----------
+    inputs
+        The true ones.
+    faults
+        What befalls them; those of other machines are none of their business.
+    log
+        Where to note what has happened.
+    """
+
+    def __init__(self, inputs: AnalogInputs, faults: Sequence[MachineFault | ClockDrift], *, log: FaultLog) -> None:
+        self._inputs = inputs
+        self._pace = 1.0 + 1e-6 * sum(fault.ppm for fault in faults if isinstance(fault, ClockDrift))
+        self._stuck = spells("digitizer", faults, StuckReading, log)
+        self._over = spells("digitizer", faults, OverRange, log)
+        self._jumps = spells("digitizer", faults, EncoderJump, log)
+        self._before: tuple[int, float, float] | None = None  # the scan before this block
+
+    def now(self) -> float:
+        """The present instant, by the digitizer's crystal."""
+        return self._inputs.now() * self._pace
+
+    def wait_until(self, bench_time_s: float, timeout_s: float) -> bool:
+        """Block until an instant by the digitizer's crystal has come."""
+        return self._inputs.wait_until(bench_time_s / self._pace, timeout_s)
+
+    def hold_history(self, since_s: float | None) -> None:
+        """Keep the motion since an instant by the digitizer's crystal."""
+        self._inputs.hold_history(None if since_s is None else since_s / self._pace)
+
+    def sample(self, first_s: float, interval_s: float, scans: int, *, start: int = 0) -> Samples:
+        """Count, gyro volts and thermistor volts, each of shape (scans,)."""
+        samples = self._inputs.sample(first_s / self._pace, interval_s / self._pace, scans, start=start)
+        times_s = first_s + interval_s * np.arange(start, start + scans, dtype=np.float64)
+        self._jump(samples, times_s)
+        self._go_over_range(samples, times_s)
+        self._stick(samples, times_s)
+        self._before = int(samples[0][-1]), float(samples[1][-1]), float(samples[2][-1])
+        return samples
+
+    def _jump(self, samples: Samples, times_s: FloatArray) -> None:
+        for jump in self._jumps:
+            if jump.lasts("sample", float(times_s[-1])):
+                samples[0][times_s >= jump.since_s] += jump.fault.counts
+
+    def _go_over_range(self, samples: Samples, times_s: FloatArray) -> None:
+        for over in self._over:
+            if over.lasts("sample", float(times_s[-1])):
+                column = samples[1] if over.fault.terminal == "gyro" else samples[2]
+                column[times_s >= over.since_s] = over.fault.reads
+
+    def _stick(self, samples: Samples, times_s: FloatArray) -> None:
+        for stuck in self._stuck:
+            if stuck.lasts("sample", float(times_s[-1])):
+                first = int(np.searchsorted(times_s, stuck.since_s))
+                kept = self._before if first == 0 else tuple(column[first - 1].item() for column in samples)
+                for column, value in zip(samples, kept or tuple(c[0].item() for c in samples), strict=True):
+                    column[first:] = value
+
+
+class FaultyChamber:
+    """A `ChamberMachine` around another one.
+
+    Parameters
+    ----------
+    chamber
+        The true one.
+    faults
+        What befalls it; those of other machines are none of its business.
+    now
+        Bench time.
+    log
+        Where to note what has happened.
+    """
+
+    def __init__(
+        self, chamber: ChamberMachine, faults: Sequence[MachineFault], *, now: Callable[[], float], log: FaultLog
+    ) -> None:
+        self._chamber = chamber
+        self._now = now
+        self._stuck = spells("chamber", faults, StuckReading, log)
+        self._over = spells("chamber", faults, OverRange, log)
+        self._stalls = spells("chamber", faults, StallsShort, log)
+        self._last_c = chamber.air_c()
+        self._demanded_c = chamber.setpoint_c()
+
+    def air_c(self) -> float:
+        """Air temperature, as its sensor has it."""
+        now_s = self._now()
+        for over in self._over:
+            if over.lasts("air", now_s):
+                return over.fault.reads
+        if not any(spell.lasts("air", now_s) for spell in self._stuck):
+            self._last_c = self._chamber.air_c()
+        return self._last_c
+
+    def setpoint_c(self) -> float:
+        """The set point as demanded."""
+        return self._demanded_c
+
+    def set_setpoint(self, setpoint_c: float) -> None:
+        """A new set point; one that stalls is followed only so far."""
+        self._demanded_c = setpoint_c
+        reached_c, air_c = setpoint_c, self._chamber.air_c()
+        for stall in self._stalls:
+            if stall.lasts(f"set point {setpoint_c:g}", self._now()):
+                short_c = min(stall.fault.short_c, abs(setpoint_c - air_c))
+                reached_c = setpoint_c - math.copysign(short_c, setpoint_c - air_c)
+        self._chamber.set_setpoint(reached_c)
+
+    def power_percent(self) -> float:
+        """Heating (+) or cooling (-) power."""
+        return self._chamber.power_percent()
+
+    def running(self) -> bool:
+        """Whether it conditions."""
+        return self._chamber.running()
+
+    def run(self, on: bool) -> None:
+        """Conditioning on or off."""
+        self._chamber.run(on)
+
+
+class FaultyTable:
+    """A `TableMachine` around another one, whose motion is measured wrong at times.
+
+    Parameters
+    ----------
+    table
+        The true one.
+    faults
+        What befalls it; those of other machines are none of its business.
+    now
+        Bench time.
+    log
+        Where to note what has happened.
+    """
+
+    def __init__(
+        self, table: TableMachine, faults: Sequence[MachineFault], *, now: Callable[[], float], log: FaultLog
+    ) -> None:
+        self._table = table
+        self._now = now
+        self._stuck = spells("rate_table", faults, StuckReading, log)
+        self._trips = spells("rate_table", faults, VelocityTrip, log)
+        self._last = table.motion()
+
+    def motion(self) -> TableMotion:
+        """The motion as it is measured."""
+        now_s = self._now()
+        if not any(spell.lasts("motion", now_s) for spell in self._stuck):
+            self._last = self._table.motion()
+        for trip in self._trips:
+            if trip.lasts("motion", now_s):
+                return replace(self._last, rate_dps=trip.fault.reads_dps)
+        return self._last
+
+    def close_loop(self) -> None:
+        """Servo on."""
+        self._table.close_loop()
+
+    def open_loop(self) -> None:
+        """Servo off."""
+        self._table.open_loop()
+
+    def limits(self) -> tuple[float, float]:
+        """Rate [deg/s] and acceleration [deg/s²] limits."""
+        return self._table.limits()
+
+    def set_limits(self, rate_dps: float, acceleration_dps2: float) -> None:
+        """New limits."""
+        self._table.set_limits(rate_dps, acceleration_dps2)
+
+    def demand_rate(self, rate_dps: float) -> None:
+        """Turn at a constant rate."""
+        self._table.demand_rate(rate_dps)
+
+    def demand_angle(self, angle_deg: float) -> None:
+        """Go to an unwrapped angle."""
+        self._table.demand_angle(angle_deg)
+
+    def demand_sine(self, amplitude_deg: float, frequency_hz: float, phase_deg: float, slew_deg_per_s: float) -> None:
+        """Oscillate about the present angle."""
+        self._table.demand_sine(amplitude_deg, frequency_hz, phase_deg, slew_deg_per_s)
