@@ -14,11 +14,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from benchctl_instruments.errors import InstrumentError, UsageError
-from benchctl_instruments.protocols.acl import Command, Lines, encode_reply, parse_commands
-from benchctl_instruments.protocols.lines import parse_number
-from benchctl_instruments.simulated.faults.wires import Lines as LinesWire
-from benchctl_instruments.simulated.faults.wires import Wire
+from benchctl_instruments.protocols.acl import Command, encode_reply, parse_commands
+from benchctl_instruments.protocols.lines import LineCutter, parse_number
+from benchctl_instruments.simulated.faults.wires import Lines, Wire
 from benchctl_instruments.simulated.machines import TableMachine
+from benchctl_instruments.simulated.serial_line import LineConversation
 from benchctl_instruments.simulated.table_server import TableServer
 from benchctl_instruments.simulated.tcp_server import TcpServer
 
@@ -354,33 +354,20 @@ class SimulatedAcutrol3000(TableServer):
         As of `TcpServer`.
     """
 
-    wire: Wire = LinesWire(refusal_line=encode_reply("00000000", "ERROR not now"))
+    wire: Wire = Lines(refusal_line=encode_reply("00000000", "ERROR not now"))
 
     def __init__(
         self, table: TableMachine, *, host: str = "127.0.0.1", port: int = 0, pace_baud: int | None = None
     ) -> None:
         controller = AcutrolController(table)
-        server = TcpServer(lambda: _Conversation(controller.execute), host=host, port=port, pace_baud=pace_baud)
-        super().__init__(controller, server)
 
+        def connect() -> LineConversation:
+            count = itertools.count(1)  # each reply has a header of its own
+            return LineConversation(
+                lambda line: encode_reply(f"{next(count) % 10**8:08d}", controller.execute(line)), LineCutter()
+            )
 
-class _Conversation:
-    """One client's connection: lines in, lines out, each reply under a header of its own."""
-
-    def __init__(self, execute: Callable[[str], str]) -> None:
-        self._execute = execute
-        self._lines = Lines()
-        self._count = itertools.count(1)
-
-    def feed(self, data: bytes) -> bytes:
-        try:
-            lines = self._lines.feed(data)
-        except InstrumentError as err:
-            return self._reply(f"ERROR {err}")
-        return b"".join(self._reply(self._execute(line)) for line in lines)
-
-    def _reply(self, data: str) -> bytes:
-        return encode_reply(f"{next(self._count) % 10**8:08d}", data)
+        super().__init__(controller, TcpServer(connect, host=host, port=port, pace_baud=pace_baud))
 
 
 Twin = SimulatedAcutrol3000

@@ -37,6 +37,7 @@ from benchctl_instruments.simulated.axis import TableAxis
 from benchctl_instruments.simulated.clock import ScaledClock
 from benchctl_instruments.simulated.faults.wires import Lines, Wire
 from benchctl_instruments.simulated.machines import TableMachine
+from benchctl_instruments.simulated.serial_line import LineConversation
 from benchctl_instruments.simulated.table_server import TableServer
 from benchctl_instruments.simulated.tcp_server import TcpServer
 from benchctl_instruments.simulated.timebase import Timebase
@@ -445,30 +446,14 @@ class SimulatedEnsemble(TableServer):
         bare_lines: bool = False,
     ) -> None:
         controller = EnsembleController(table)
-        server = TcpServer(
-            lambda: _Conversation(controller.execute, bare_lines), host=host, port=port, pace_baud=pace_baud
-        )
+        bare = encode_reply(Reply(outcome=Outcome.DONE)) if bare_lines else b""
+
+        def answer(line: str) -> bytes:
+            reply = controller.execute(line)
+            return bare * bool(reply.data) + encode_reply(reply)
+
+        server = TcpServer(lambda: LineConversation(answer, LineCutter(END)), host=host, port=port, pace_baud=pace_baud)
         super().__init__(controller, server)
-
-
-class _Conversation:
-    """One client's connection: lines in, lines out."""
-
-    def __init__(self, execute: Callable[[str], Reply], bare_lines: bool) -> None:
-        self._execute = execute
-        self._bare_lines = bare_lines
-        self._lines = LineCutter(END)
-
-    def feed(self, data: bytes) -> bytes:
-        try:
-            lines = self._lines.feed(data)
-        except InstrumentError:
-            return encode_reply(Reply(outcome=Outcome.NOT_UNDERSTOOD))
-        return b"".join(self._answer(self._execute(line)) for line in lines)
-
-    def _answer(self, reply: Reply) -> bytes:
-        bare = encode_reply(Reply(outcome=Outcome.DONE)) if self._bare_lines and reply.data else b""
-        return bare + encode_reply(reply)
 
 
 Twin = SimulatedEnsemble

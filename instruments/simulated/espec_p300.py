@@ -14,13 +14,12 @@ import re
 import threading
 from collections.abc import Callable
 
-from benchctl_instruments.errors import InstrumentError
 from benchctl_instruments.protocols import p300
 from benchctl_instruments.protocols.lines import LineCutter, encode_line
 from benchctl_instruments.protocols.p300 import data_line
 from benchctl_instruments.simulated.faults.wires import Lines, Wire
 from benchctl_instruments.simulated.machines import ChamberMachine
-from benchctl_instruments.simulated.serial_line import SerialLine, Served
+from benchctl_instruments.simulated.serial_line import LineConversation, SerialLine, Served
 from benchctl_instruments.simulated.tcp_server import TcpServer
 
 BAUD = 9600
@@ -310,19 +309,14 @@ class SimulatedEspecP300(Served):
         return _Conversation(self.controller.execute)
 
 
-class _Conversation:
-    """One client's connection: lines in, lines out. A line ends with CR, LF or both, as terminals send it."""
+class _Conversation(LineConversation):
+    """A line ends with CR, LF or both, as terminals send it; one for another chamber is not answered."""
 
     def __init__(self, execute: Callable[[str], str | None]) -> None:
-        self._execute = execute
-        self._lines = LineCutter()
+        super().__init__(lambda line: b"" if (said := execute(line)) is None else encode_line(said), LineCutter())
 
     def feed(self, data: bytes) -> bytes:
-        try:
-            lines = self._lines.feed(data.replace(b"\r", b"\n"))
-        except InstrumentError:
-            lines = ["(a line that was too long)"]  # is answered as any other that cannot be understood
-        return b"".join(encode_line(answer) for line in lines if (answer := self._execute(line)) is not None)
+        return super().feed(data.replace(b"\r", b"\n"))
 
 
 Twin = SimulatedEspecP300

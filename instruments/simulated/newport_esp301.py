@@ -23,7 +23,7 @@ from benchctl_instruments.protocols.esp301 import ANSWER_END, DEGREES, SENT_END,
 from benchctl_instruments.protocols.lines import LineCutter, parse_number
 from benchctl_instruments.simulated.faults.wires import Lines, Wire
 from benchctl_instruments.simulated.machines import TableMachine
-from benchctl_instruments.simulated.serial_line import SerialLine
+from benchctl_instruments.simulated.serial_line import LineConversation, SerialLine
 from benchctl_instruments.simulated.table_server import TableServer
 
 VERSION = "ESP301 Version 3.0.1 simulated"
@@ -405,23 +405,14 @@ class SimulatedEsp301(TableServer):
 
     def __init__(self, table: TableMachine, *, pace_baud: int | None = None, over_tcp: bool = False) -> None:
         controller = Esp301Controller(table)
-        line = SerialLine(lambda: _Conversation(controller.execute), pace_baud=pace_baud, over_tcp=over_tcp)
+
+        def answer(line: str) -> bytes:
+            return b"".join(text.encode("ascii") + ANSWER_END for text in controller.execute(line))
+
+        line = SerialLine(
+            lambda: LineConversation(answer, LineCutter(SENT_END)), pace_baud=pace_baud, over_tcp=over_tcp
+        )
         super().__init__(controller, line)
-
-
-class _Conversation:
-    """One end of the line: lines in, the answers of their queries out."""
-
-    def __init__(self, execute: Callable[[str], list[str]]) -> None:
-        self._execute = execute
-        self._lines = LineCutter(SENT_END)
-
-    def feed(self, data: bytes) -> bytes:
-        try:
-            lines = self._lines.feed(data)
-        except InstrumentError:  # more than a line can hold: the real one would not answer either
-            return b""
-        return b"".join(answer.encode("ascii") + ANSWER_END for line in lines for answer in self._execute(line))
 
 
 Twin = SimulatedEsp301

@@ -6,6 +6,8 @@ import sys
 from collections.abc import Callable
 from typing import Protocol, Self
 
+from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.protocols.lines import LineCutter
 from benchctl_instruments.simulated.faults.link_faults import LinkFaults
 from benchctl_instruments.simulated.tcp_server import Conversation, TcpServer
 
@@ -68,6 +70,30 @@ class Served:
 
     def __exit__(self, *exc: object) -> None:
         self.stop()
+
+
+class LineConversation:
+    """One connection of an instrument that speaks in lines.
+
+    Parameters
+    ----------
+    answer
+        What goes back for a line. One that is too long is answered as any other that cannot be understood.
+    lines
+        Cuts what comes into lines.
+    """
+
+    def __init__(self, answer: Callable[[str], bytes], lines: LineCutter) -> None:
+        self._answer = answer
+        self._lines = lines
+
+    def feed(self, data: bytes) -> bytes:
+        """Take what arrived, and answer the lines that are complete."""
+        try:
+            lines = self._lines.feed(data)
+        except InstrumentError:
+            lines = ["(a line that was too long)"]
+        return b"".join(map(self._answer, lines))
 
 
 class SerialLine(Served):
