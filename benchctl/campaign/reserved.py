@@ -1,8 +1,9 @@
 """One run on a bench: an instrument belongs to one process of this machine at a time, whichever bench file names it.
 
-An instrument is known by where it is, not by how its address is spelt: a serial port by its real path, a network
-address by port and IP addresses. All names of this machine are one. The locks lie in a folder that depends on neither
-environment nor user. They do not reach other machines; `refuse_bench_in_use` finds what shows of a run there.
+An instrument is known by where it is, not by how its address is spelt: a serial port by its real path and its device
+number, a network address by port and IP addresses. All names of this machine are one. The locks lie in a folder that
+depends on neither environment nor user. They do not reach other machines; `refuse_bench_in_use` finds what shows of a
+run there.
 """
 
 from __future__ import annotations
@@ -44,7 +45,8 @@ def reserved(bench: Bench, purpose: str) -> Iterator[frozenset[str]]:
     with ExitStack() as stack:
         seen: set[Path] = set()  # two instruments on one bus or gateway share a lock
         for name, entry in bench.entries.items():
-            paths = [path for path in lock_files(entry.address or "") if path not in seen]
+            addresses = filter(None, (entry.address, getattr(entry, "stream_address", None)))
+            paths = sorted({path for address in addresses for path in lock_files(address)} - seen)
             seen.update(paths)
             try:
                 was_abandoned = stack.enter_context(held(paths, f"{name} at {entry.address}", purpose))
@@ -85,10 +87,21 @@ def lock_files(address: str) -> tuple[Path, ...]:
     """
     where = parse_address(address)
     if where.scheme == "serial":
-        places = {os.path.normcase(os.path.realpath(where.device))}
+        places = _port(where.device)
     else:
         places = {f"{host}:{where.port}" for host in _hosts(where.host)}
     return tuple(sorted(lock_folder() / f"{_file_name(place)}.lock" for place in places))
+
+
+def _port(device: str) -> set[str]:
+    """The real path of a port and, for a container or a copy of the node may name it otherwise, its number."""
+    path = os.path.realpath(device)
+    places = {os.path.normcase(path)}
+    with suppress(OSError):
+        found = Path(path).stat()
+        if stat.S_ISCHR(found.st_mode) and os.name != "nt":
+            places.add(f"device:{found.st_rdev}")
+    return places
 
 
 def _file_name(place: str) -> str:

@@ -32,8 +32,10 @@ _MOST_DECIMALS = 17
 _MAY_BE_UNKNOWN = ("chamber_setpoint_c",)
 """Numbers that may be NaN."""
 
-_OWN = {"CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "digest"}
-"""What a channel has beside what is said of it: HDF5's own bookkeeping of axes, and its digest."""
+AXIS_ATTRIBUTES = {"CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST"}
+"""HDF5's own bookkeeping of axes, in the attributes of channels."""
+_OWN = {*AXIS_ATTRIBUTES, "digest"}
+"""What a channel has beside what is said of it."""
 _SEALS = {"digest", "manifest"}
 """What the root and a step have beside what is said of them."""
 

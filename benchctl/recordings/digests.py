@@ -22,7 +22,7 @@ import numpy as np
 from benchctl.documents import json_document
 from benchctl.limits import cut
 from benchctl.recordings.attributes import Plain, write_attribute
-from benchctl.recordings.descriptions import attributes_of
+from benchctl.recordings.descriptions import AXIS_ATTRIBUTES, attributes_of
 from benchctl.recordings.hdf5_guard import (
     attribute,
     attribute_names,
@@ -32,7 +32,7 @@ from benchctl.recordings.hdf5_guard import (
     names_in,
     plain_errors,
 )
-from benchctl.recordings.model import FloatArray
+from benchctl.recordings.model import FloatArray, axis_of
 from benchctl.recordings.schema import STEPS
 from benchctl.recordings.unpacking import read_samples
 from benchctl.side_by_side import cores, in_order
@@ -166,12 +166,28 @@ def problems_of_step(
         digests = in_order(lambda name: _digest_or_reason(items[name], known(name)), items, workers)
         found = dict(zip(items, digests, strict=True))
         yield from _compare(group, _step_manifest(group, items, found), where, "channel")
-        sealed = str(attribute(group, "manifest", ""))
-        for name, item in items.items():
-            if isinstance(item, h5py.Dataset) and str(attribute(item, "digest", "none")) not in sealed:
-                yield Problem(f"{where}, channel {cut(name)}", "its digest was changed")
+        sealed = _manifest_in(str(attribute(group, "manifest", "")), "channel") or {"channel": {}}
+        for name, told in sealed["channel"].items():
+            if isinstance(item := items.get(name), h5py.Dataset):
+                if attribute(item, "digest", "none") != told.get("samples"):
+                    yield Problem(f"{where}, channel {cut(name)}", "its digest was changed")
+                if not _is_on_its_axis(name, item):
+                    yield Problem(f"{where}, channel {cut(name)}", "what HDF5 notes of its axis was changed")
     except ValueError as err:
         yield Problem(where, f"cannot be read: {err}")
+
+
+def _is_on_its_axis(name: str, item: h5py.Dataset) -> bool:
+    """Whether HDF5's bookkeeping of axes is there, and no text of anybody's in the place of it."""
+    found = AXIS_ATTRIBUTES & set(attribute_names(item))
+    for each in found & {"DIMENSION_LIST", "REFERENCE_LIST"}:
+        with plain_errors():
+            if h5py.check_string_dtype(kind := h5py.h5a.open(item.id, each.encode()).dtype) or kind.kind not in "OV":
+                return False
+    if name != axis_of(name):
+        return found == {"DIMENSION_LIST"}
+    scale = attribute(item, "CLASS", None), attribute(item, "NAME", None)
+    return scale == ("DIMENSION_SCALE", name) and "DIMENSION_LIST" not in found
 
 
 def _item(group: h5py.Group, name: str) -> Item | str:

@@ -3,6 +3,7 @@
 import os
 import shutil
 import socket
+import stat
 import subprocess
 import sys
 import tempfile
@@ -103,6 +104,31 @@ def test_an_instrument_has_the_same_locks_however_its_address_is_written(one: st
 def test_a_link_to_a_port_is_that_port(tmp_path: Path) -> None:
     (tmp_path / "by-id").symlink_to("/dev/ttyS1")
     assert lock_files(f"serial://{tmp_path}/by-id") == lock_files("serial:///dev/ttyS1")
+
+
+@pytest.mark.skipif(sys.platform == "win32" or os.geteuid() != 0, reason="needs root, to make a device node")
+def test_a_copy_of_a_ports_node_is_that_port(tmp_path: Path) -> None:
+    controller, port = os.openpty()
+    name = os.ttyname(port)
+    os.mknod(tmp_path / "table", stat.S_IFCHR | 0o600, os.stat(name).st_rdev)
+    try:
+        assert set(lock_files(f"serial://{tmp_path}/table")) & set(lock_files(f"serial://{name}"))
+    finally:
+        os.close(port)
+        os.close(controller)
+
+
+def test_the_stream_of_a_digitizer_belongs_to_its_run_too(locks: Path) -> None:
+    def streaming_from(bench: Bench, address: str) -> Bench:
+        return bench.model_copy(update={"digitizer": bench.digitizer.model_copy(update={"stream_address": address})})
+
+    other = _bench("tcp://another-table:1", "serial:///dev/ttyS8", "tcp://another-t7:502")
+    with (
+        reserved(streaming_from(ONE, "tcp://t7:702"), "a run"),
+        pytest.raises(BenchInUseError, match=r"^digitizer at tcp://another-t7:502 is in use by process"),
+        reserved(streaming_from(other, "socket://T7:702"), "another"),
+    ):
+        pass
 
 
 def test_a_name_of_several_addresses_is_locked_under_each(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -35,6 +35,10 @@ def _narrow(file: h5py.File) -> None:
     file["steps/0002"].create_dataset("gyro_v", data=np.zeros(200, np.float32))
 
 
+def _swap_digest(file: h5py.File) -> None:
+    file["steps/0002/gyro_v"].attrs["digest"] = file["steps/0002/time_s"].attrs["digest"]
+
+
 def _set(where: str, name: str, value: object) -> Callable[[h5py.File], None]:
     return lambda file: file[where].attrs.__setitem__(name, value)
 
@@ -69,6 +73,13 @@ CHANGES: list[tuple[Callable[[h5py.File], None], str]] = [
     (_set("steps/0002/gyro_v", "manifest", "{}"), "step 0002, channel gyro_v: manifest was added"),
     (_set("steps/0002/gyro_v", "DIMENSION_LABELS", "x"), "step 0002, channel gyro_v: DIMENSION_LABELS was added"),
     (_set("steps/0002/gyro_v", "digest", "0" * 64), "step 0002, channel gyro_v: its digest was changed"),
+    (_set("steps/0002/gyro_v", "digest", ""), "step 0002, channel gyro_v: its digest was changed"),
+    (_swap_digest, "step 0002, channel gyro_v: its digest was changed"),
+    (_set("steps/0002/gyro_v", "CLASS", "TABLE"), "step 0002, channel gyro_v: what HDF5 notes of its axis was"),
+    (_set("steps/0002/time_s", "NAME", "forged"), "step 0002, channel time_s: what HDF5 notes of its axis was"),
+    (_set("steps/0002/gyro_v", "DIMENSION_LIST", "x"), "step 0002, channel gyro_v: what HDF5 notes of its axis was"),
+    (_set("steps/0002/time_s", "REFERENCE_LIST", 1.0), "step 0002, channel time_s: what HDF5 notes of its axis was"),
+    (lambda file: file["steps/0002/gyro_v"].attrs.__delitem__("DIMENSION_LIST"), "step 0002, channel gyro_v: what"),
     (lambda file: file["steps/0002/gyro_v"].attrs.__delitem__("digest"), "step 0002, channel gyro_v: its digest was"),
     (_set("steps/0002", "digest", "0" * 64), "step 0002: its manifest or its digest was changed"),
     (_set("/", "manifest", "{}"), "recording: its manifest or its digest was changed"),
