@@ -16,7 +16,7 @@ from benchctl.atomic import whole_file
 from benchctl.recordings.digests import Problem, problems_of_member, problems_of_recording, seal_recording
 from benchctl.recordings.hdf5_files import RecordingFile, open_ours
 from benchctl.recordings.model import Meta
-from benchctl.recordings.opening import FINISHED_LIBVER, create_hdf5, reserve
+from benchctl.recordings.opening import FINISHED_LIBVER, create_hdf5, give_back, reserve
 from benchctl.recordings.schema import (
     FINISHED_SUFFIX,
     STEPS,
@@ -26,7 +26,7 @@ from benchctl.recordings.schema import (
     write_attributes,
 )
 from benchctl.recordings.step_writer import file_stem
-from benchctl.recordings.writer import new_file, require_intact
+from benchctl.recordings.writer import finished_file, require_intact
 from benchctl_instruments.errors import UsageError
 
 
@@ -76,6 +76,7 @@ def combine(files: Sequence[Path], path: Path, meta: Meta, begun: Begun | None =
             for file in rest:
                 _copied(file, target)
             seal_recording(target)
+        give_back(temporary)
         with h5py.File(temporary, "r") as written:
             _refuse(path, problems_of_recording(written, proven=proven))
 
@@ -117,7 +118,7 @@ def take_apart(recording: Path, folder: Path, meta: Meta) -> None:
         for info in infos:
             name = group_name(info.index)
             with whole_file(folder / f"{file_stem(info)}{FINISHED_SUFFIX}") as temporary:
-                with new_file(temporary, meta) as target:
+                with finished_file(temporary, meta) as target:
                     _copy(source, name, target)
                     seal_recording(target)
                 require_intact(temporary)

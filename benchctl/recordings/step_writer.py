@@ -37,7 +37,7 @@ from benchctl.recordings.schema import (
     write_attributes,
 )
 from benchctl.recordings.waiting import Waiting
-from benchctl.recordings.writer import new_file, require_intact, write_step
+from benchctl.recordings.writer import finished_file, new_file, require_intact, write_step
 from benchctl_instruments.errors import UsageError
 
 CLOSING_S_PER_SCAN = 1e-5
@@ -158,7 +158,7 @@ class StepWriter:
         samples = self._samples()
         try:
             with whole_file(self._finished) as temporary:
-                with new_file(temporary, self._meta) as file:
+                with finished_file(temporary, self._meta) as file:
                     written = write_step(file, info, samples, self._meta)
                     seal_recording(file, meta_attributes(self._meta))
                 if samples is self._datasets:  # the `.part` file, which goes now, holds samples

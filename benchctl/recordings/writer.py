@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from benchctl.atomic import whole_file
 from benchctl.recordings.digests import Written, problems_of_recording, seal_recording, seal_step
 from benchctl.recordings.hdf5_trial import note_own
 from benchctl.recordings.model import FloatArray, Meta, Step, StepInfo
-from benchctl.recordings.opening import create_hdf5, reserve
+from benchctl.recordings.opening import create_hdf5, give_back, reserve
 from benchctl.recordings.packing import write_samples
 from benchctl.recordings.schema import (
     STEPS,
@@ -47,7 +48,7 @@ def write_recording(path: Path, meta: Meta, steps: Iterable[Step]) -> None:
     UsageError
         Two steps with one index, channels that do not fit together, a disk that refuses. Nothing is left behind.
     """
-    with whole_file(path) as temporary, new_file(temporary, meta) as file:
+    with whole_file(path) as temporary, finished_file(temporary, meta) as file:
         for step in steps:
             check_channels(f"step {step.info.index} {step.info.name!r}", step.channels)
             if group_name(step.info.index) in file:
@@ -74,6 +75,14 @@ def new_file(path: Path, meta: Meta, *, growing: bool = False) -> h5py.File:
         file.close()
         raise
     return file
+
+
+@contextmanager
+def finished_file(path: Path, meta: Meta) -> Iterator[h5py.File]:
+    """As `new_file`, for a file that is finished in the block and takes no more of the disk than it needs."""
+    with new_file(path, meta) as file:
+        yield file
+    give_back(path)
 
 
 def write_step(

@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from benchctl.bench import Bench, load_bench
@@ -162,10 +162,14 @@ def _times_s(step: Step) -> FloatArray:
     servo=st.floats(0.7, 1.3),
     cuts=st.lists(st.integers(1, 5000), max_size=8),
 )
+@example(
+    counts_per_rev=3600, amplitude_dps=10.092, frequency_hz=9.0358, phase=0.074793, servo=1.25794, cuts=[]
+)  # both rates of which the amplitude is made are a whole count off
+@example(counts_per_rev=1024, amplitude_dps=31.3031, frequency_hz=10.17771, phase=0.912055, servo=1.067005, cuts=[])
 def test_a_sine_of_whatever_phase_is_no_deviation_however_coarse_the_encoder(
     counts_per_rev: int, amplitude_dps: float, frequency_hz: float, phase: float, servo: float, cuts: list[int]
 ) -> None:
-    step = Sine(amplitude_dps=amplitude_dps, frequency_hz=frequency_hz, cycles=3)
+    step = Sine(amplitude_dps=amplitude_dps, frequency_hz=frequency_hz, cycles=8)
     omega = 2.0 * np.pi * frequency_hz
     angle_deg = servo * amplitude_dps / omega * np.sin(omega * _times_s(step) + phase)
     assert _looked(HeldMotion(_coarse(counts_per_rev), step, HZ), _counts(angle_deg, counts_per_rev), cuts) == []

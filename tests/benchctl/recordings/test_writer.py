@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from benchctl.recordings.campaign_folder import CampaignWriter
 from benchctl.recordings.model import Step
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.writer import write_recording
@@ -42,6 +43,17 @@ def test_every_float_comes_back_bit_by_bit(values: np.ndarray, tmp_path: Path) -
     write_recording(path, made.meta(), [written])
     with open_recording(path) as recording:
         assert made.same(recording.step(1), written)
+
+
+def test_a_finished_file_takes_no_more_of_the_disk_than_what_it_holds(tmp_path: Path) -> None:
+    nothing = {name: np.zeros(0) for name in made.STREAMED}
+    write_recording(tmp_path / "a.h5", made.meta(), [Step(made.info(1), nothing)])
+    campaign = CampaignWriter(tmp_path / "c", made.meta())
+    campaign.begin_step(made.info(1), made.STREAMED).close(made.info(1))
+    files = [tmp_path / "a.h5", *(tmp_path / "c").rglob("*.h5")]
+    assert len(files) == 3
+    assert max(file.stat().st_size for file in files) < 200_000
+    assert campaign.finish("complete").stat().st_size < 200_000
 
 
 def test_steps_are_read_in_the_order_of_their_index_however_they_were_written(tmp_path: Path) -> None:
