@@ -18,6 +18,7 @@ from benchctl.plan import Mount, Plan, PowerCycle, Soak, Step, ThermalRamp
 from benchctl.plan.steps import positions
 from benchctl.recordings.campaign_folder import CampaignWriter, campaign_lock
 from benchctl.recordings.campaign_state import described, require_campaign
+from benchctl.recordings.hdf5_trial import note_ended
 from benchctl.recordings.journal import Events, events_in, journal_text
 from benchctl.recordings.model import Meta, StepInfo
 from benchctl.recordings.reopen import free_index, reopen, sound_steps
@@ -99,6 +100,7 @@ def past_of(folder: Path, plan: Plan, bench: Bench, *, seeded: bool = False) -> 
     require_campaign(folder)
     lock = campaign_lock(folder)
     lock.acquire("benchctl run --resume")
+    note_ended(folder)
     try:
         try:
             past = _look_back(folder, lock, plan, bench, seeded)

@@ -77,14 +77,12 @@ def diagnose(
     from benchctl.cli.effect_writing import refuse_other_effect_files, write_effect
     from benchctl.cli.live import search_progress
     from benchctl.cli.places import report_folder
-    from benchctl.kept_memory import keep_memory
     from benchctl.recordings.campaign_manifest import add_to_manifest
     from benchctl.recordings.verify import refuse_changed
     from benchctl.reports.diagnosing import diagnose_recordings, write_diagnosed
     from benchctl.reports.diagnosis_lines import lines
     from benchctl_instruments.errors import UsageError
 
-    keep_memory()
     with result_of("diagnose", json_to, quiet) as result:
         if following is not None or settle:  # who runs nothing does not load what runs
             from benchctl.cli.settling import bench_of, foretell_next, refuse_other_files, run_next, write_next

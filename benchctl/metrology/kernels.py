@@ -26,7 +26,7 @@ _LINE = 64
 def room(points: int) -> FloatArray:
     """Unfilled, shape (points,), from the beginning of a cache line on: a register is filled from one, not from two."""
     wider = np.empty(points + _LINE // 8)
-    return wider[-(wider.ctypes.data // 8) % (_LINE // 8) :][:points]
+    return wider[-(wider.__array_interface__["data"][0] // 8) % (_LINE // 8) :][:points]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

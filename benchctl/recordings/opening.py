@@ -12,10 +12,8 @@ within one process HDF5 opens a file only in one way.
 
 from __future__ import annotations
 
-import ctypes
 import errno
 import os
-from contextlib import suppress
 from pathlib import Path
 
 import h5py
@@ -29,8 +27,6 @@ FINISHED_LIBVER = ("v108", "v110")
 _SWMR_LIBVER = ("v110", "v110")
 _OWN_RECORDS = 1 << 20
 """Bytes that HDF5 needs at most beside the samples that are put in at once: groups, attributes, indices of chunks."""
-_READ_ATTEMPTS = 24
-"""The waits between them double from a nanosecond: 17 ms together."""
 
 
 def create_hdf5(path: Path, *, growing: bool = False) -> h5py.File:
@@ -96,15 +92,7 @@ def open_growing(path: Path) -> h5py.File:
     """A file that another process may be writing, open for reading under SWMR; raises what `h5py.File` raises.
 
     Where a header fails its checksum HDF5 reads it again, a hundred times, waiting twice as long each time: for a
-    damaged file that is for ever. Far fewer are enough for a writer in mid-flush. h5py has no call for it; HDF5 has
-    (H5Pset_metadata_read_attempts), and is asked where the system lets it be found.
+    damaged file that is for ever. `hdf5_trial` finds such a file.
     """
-    access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
-    access.set_file_locking(False, True)
-    with suppress(AttributeError, OSError):  # not found: Windows, or an h5py that was linked in another way
-        set_attempts = ctypes.CDLL(h5py.h5p.__file__).H5Pset_metadata_read_attempts
-        set_attempts.argtypes = (ctypes.c_int64, ctypes.c_uint)
-        set_attempts(access.id, _READ_ATTEMPTS)
-    flags = h5py.h5f.ACC_RDONLY | h5py.h5f.ACC_SWMR_READ
     with hdf5_name(path) as name:
-        return h5py.File(h5py.h5f.open(os.fsencode(name), flags, fapl=access))
+        return h5py.File(name, "r", swmr=True, locking=False)

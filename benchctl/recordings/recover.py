@@ -11,6 +11,7 @@ from benchctl.recordings.campaign_manifest import MANIFEST, write_manifest
 from benchctl.recordings.campaign_state import described, require_campaign
 from benchctl.recordings.gather import finished_steps, gather, remove_gathered
 from benchctl.recordings.hdf5_files import RecordingFile
+from benchctl.recordings.hdf5_trial import note_ended
 from benchctl.recordings.journal import (
     append_event,
     events_in,
@@ -55,6 +56,7 @@ def recover(folder: Path) -> Recovered:
     if unfinished or (folder / LOCK).exists():  # a death as the last thing was done leaves the lock's files
         lock = campaign_lock(folder)
         lock.acquire("benchctl recover")
+        note_ended(folder)
         try:
             remove_leftovers(folder)
             if unfinished:

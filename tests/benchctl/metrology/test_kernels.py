@@ -55,7 +55,7 @@ def test_running_sums_are_the_same_bit_for_bit(rows: int) -> None:
 @pytest.mark.parametrize("points", [1, 7, 8, 100_003, 10_000_001])
 def test_room_begins_at_a_cache_line_and_has_the_points_asked_for(points: int) -> None:
     kept = [room(points) for _ in range(3)]
-    assert [one.ctypes.data % 64 for one in kept] == [0, 0, 0]
+    assert [one.__array_interface__["data"][0] % 64 for one in kept] == [0, 0, 0]
     assert {one.shape for one in kept} == {(points,)}
     assert all(one.flags.c_contiguous and one.dtype == np.float64 for one in kept)
 

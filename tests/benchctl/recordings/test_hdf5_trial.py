@@ -13,7 +13,9 @@ import pytest
 
 from benchctl.recordings import hdf5_trial
 from benchctl.recordings.campaign_folder import CampaignWriter
+from benchctl.recordings.hdf5_files import open_ours
 from benchctl.recordings.reader import open_recording
+from benchctl.recordings.recover import recover
 from benchctl.recordings.verify import verify
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made
@@ -51,6 +53,23 @@ def test_a_file_that_keeps_hdf5_busy_for_ever_is_refused(
     with pytest.raises(UsageError, match=r"a\.h5': cannot be opened: HDF5 crashes on it, or takes more than") as caught:
         open_recording(path)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no alarm ends a child there")
+def test_of_a_damaged_step_that_nobody_writes_any_more_no_writer_is_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(hdf5_trial, "_WAITS_S", 2)
+    writer = CampaignWriter(tmp_path / "c", made.meta(status="running"))
+    step = writer.begin_step(made.info(1), made.STREAMED)
+    step.append(made.streamed(0.0, 10))
+    writer.release()
+    content = bytearray(step.path.read_bytes())
+    content[20] ^= 0xFF  # of the superblock, whose checksum HDF5 expects a writer to mend
+    step.path.write_bytes(content)
+    with pytest.raises(UsageError, match=r"cannot be opened: HDF5 crashes on it, or takes more than"):
+        open_ours(step.path)
+    assert [file.name for file in recover(tmp_path / "c").unreadable] == [step.path.name]
 
 
 @pytest.mark.parametrize("read", [open_recording, verify])
