@@ -34,13 +34,13 @@ class Lock:
         self._path, self._what = path, what
         self._lock = _file_lock(path)
 
-    def acquire(self, purpose: str) -> None:
-        """Take the lock; `purpose` is shown to others.
+    def acquire(self, purpose: str, patience_s: float = _PATIENCE_S) -> None:
+        """Take the lock, waiting at most `patience_s` for its holder; `purpose` is shown to others.
 
         Raises `UsageError` where another process has it, naming that process, or where the file system has no locks.
         """
         try:
-            self._lock.acquire(timeout=_PATIENCE_S)
+            self._lock.acquire(timeout=patience_s)
         except Timeout as err:
             raise UsageError(
                 f"{self._what} is in use by {_holder(self._path)}; wait until that is over, or stop it"

@@ -38,6 +38,8 @@ SCHEMA = "benchctl-campaign-manifest/1"
 
 _TURN = ".manifest.lock"
 """Whoever adds to the manifest holds this lock."""
+_PATIENCE_S = 60.0
+"""On a busy machine the turns of several programs take seconds."""
 _LEFT_OUT = {MANIFEST, LOCK, str(Path(LOCK).with_suffix(".json")), STOP}
 
 Entry = Mapping[str, Any]
@@ -68,7 +70,7 @@ def add_to_manifest(folder: Path, paths: Iterable[Path]) -> None:
     with disk_errors(folder / MANIFEST):
         entries = {name: _entry(name, path) for name, path in _files(folder) if path.resolve() in added}
     lock = Lock(folder / _TURN, f"{folder / MANIFEST}")
-    lock.acquire("to add a result")
+    lock.acquire("to add a result", _PATIENCE_S)
     try:
         if (sealed := _sound(folder)) is not None:
             _write(folder, sealed | entries)
