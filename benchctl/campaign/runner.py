@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import time
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -18,7 +20,6 @@ from benchctl.campaign.plan_events import plan_events
 from benchctl.campaign.play import StepPlayer
 from benchctl.campaign.progress import Moment, Progress, nobody
 from benchctl.campaign.provenance import describe, software
-from benchctl.campaign.recoveries import recoveries_told
 from benchctl.campaign.resume import Past, soak_before, steps_to_play, whole_steps
 from benchctl.campaign.safety import SafeState, Supervisor, bring_to_rest, refuse_bench_in_use
 from benchctl.campaign.sameness import refuse_other_instruments
@@ -30,6 +31,7 @@ from benchctl.recordings.campaign_folder import CampaignWriter
 from benchctl.recordings.model import Status
 from benchctl_instruments.errors import BenchError, SafetyError, UsageError
 from benchctl_instruments.interfaces import TableLimits
+from benchctl_instruments.links.recovered import logger
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,7 +155,7 @@ class _Run:
         """Play all steps, then come to rest, then close the recording."""
         reason = "a fault of the program"
         try:
-            with recoveries_told(self.event):
+            with _recoveries_told(self.event):
                 self._play_steps()
             self.status, reason = "complete", ""
         except StoppedError as err:
@@ -261,3 +263,26 @@ class _Run:
                 samples=self.samples + self._player.streamed,
             )
         )
+
+
+class _Teller(logging.Handler):
+    """Hands every record on as an event."""
+
+    def __init__(self, event: Callable[..., None]) -> None:
+        super().__init__()
+        self._event = event
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Tell it."""
+        self._event("recovered", says=record.getMessage())
+
+
+@contextmanager
+def _recoveries_told(event: Callable[..., None]) -> Iterator[None]:
+    """Tell `event` of every recovery while the block runs, as kind `recovered` with what the link `says`."""
+    teller = _Teller(event)
+    logger.addHandler(teller)
+    try:
+        yield
+    finally:
+        logger.removeHandler(teller)
