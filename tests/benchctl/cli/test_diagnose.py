@@ -4,6 +4,8 @@ import io
 import json
 import math
 import os
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -330,3 +332,22 @@ def test_values_that_are_not_finite_do_not_break_the_json(engine: Engine, record
     engine.answers = [replace(_small(pair()), threshold=math.inf)]
     assert diagnose(recording, "--json", "out.json", "--quiet") == 0
     assert json.loads(Path("out.json").read_text())["threshold"] is None
+
+
+STARTED = """
+import os, sys
+sys.argv = ["benchctl", "diagnose", "--help"]
+from benchctl.cli.app import main
+try:
+    main()
+finally:
+    with open("/proc/self/environ") as began_with:
+        print("MALLOC_MMAP_MAX_=0" in began_with.read().split("\\0"), "MALLOC_MMAP_MAX_" in os.environ)
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="asks for the C library of Linux")
+def test_a_diagnosis_begins_with_a_c_library_that_keeps_memory_and_its_children_do_not() -> None:
+    ran = subprocess.run([sys.executable, "-c", STARTED], capture_output=True, text=True, check=True)
+    assert "benchctl diagnose" in ran.stdout
+    assert ran.stdout.splitlines()[-1] == "True False"
