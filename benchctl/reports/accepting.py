@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from benchctl.limits import cut
 from benchctl.metrology.acceptance import accepted
 from benchctl.metrology.limit_file import Limits
 from benchctl.metrology.result import Acceptance
 from benchctl.recordings.campaign_manifest import add_to_manifest
 from benchctl.recordings.verify import opened_unchanged
 from benchctl.reports.acceptance.as_json import values
-from benchctl.reports.acceptance.lines import lines
+from benchctl.reports.acceptance.build import tally
+from benchctl.reports.acceptance.catalogue import catalogue
 from benchctl.reports.acceptance.recording_facts import RecordingFacts, facts_of
+from benchctl.reports.acceptance.values import limits, stated, verdict_of
 from benchctl.reports.acceptance.write import write_acceptance
 
 
@@ -60,3 +64,33 @@ def accept_recording(path: Path, limits: Limits) -> Accepted:
     with opened_unchanged([path], "accepted") as (recording,):
         found = Accepted(acceptance=accepted(recording, limits), facts=facts_of(recording))
     return found
+
+
+_WIDEST = 120
+_GAP = 2
+
+
+def lines(acceptance: Acceptance, language: str = "en") -> str:
+    """Name, value ± U, limit and verdict of each test, aligned; no line is wider than 120 characters, but the last."""
+    words = catalogue(language)
+    names = [_plain(words.test(one.measured.name).name) for one in acceptance.judged]
+    columns = [
+        [_plain(stated(one.measured, words)) for one in acceptance.judged],
+        [_plain(limits(one.limit, words, unit=False)) for one in acceptance.judged],
+        [verdict_of(one, words) for one in acceptance.judged],
+    ]
+    widths = [max(map(len, column), default=0) for column in columns]
+    room = _WIDEST - sum(widths) - _GAP * len(widths)
+    names = [cut(name, room) for name in names]
+    widths.insert(0, max(map(len, names), default=0))
+    told = [
+        "".join(cell.ljust(width + _GAP) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in zip(names, *columns, strict=True)
+    ]
+    verdict = words.word(f"unit_{acceptance.verdict}", "verdicts")
+    return "\n".join([*told, f"{verdict}. {tally(acceptance, words)}"])
+
+
+def _plain(cell: str) -> str:
+    """One line of printable characters, each of one column."""
+    return "".join(" " if one.isspace() else one for one in cell if not unicodedata.category(one).startswith("C"))

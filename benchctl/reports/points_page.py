@@ -6,14 +6,16 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from matplotlib.figure import Figure
+
 from benchctl.calibration.static_points_fit import PointsFit, StaticPointsResult
 from benchctl.recordings.model import Meta
 from benchctl.recordings.static_points import StaticPoints
 from benchctl.reports import setup_section, text, verdict
 from benchctl.reports.coefficient_tables import Coefficient
-from benchctl.reports.figures import Drawing, inline_svg, style
+from benchctl.reports.figures import INK, LEVEL_COLOURS, LEVEL_MARKERS, Drawing, inline_svg, new_figure, style
 from benchctl.reports.html import render, write_page
-from benchctl.reports.points_figures import points_figure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,3 +117,47 @@ def _spreads(result: StaticPointsResult, output_unit: str) -> str:
         text.with_unit(text.number(std, 2), output_unit) for std in (result.rest_std_v, result.rotating_std_v)
     )
     return f"The samples behind a mean scatter by {rest} at rest and by {rotating} in rotation (standard deviations)."
+
+
+_CURVE_POINTS = 160
+_LINE, _SINE = "raw", "joint"
+"""The line has the colour of the raw error, the sine that of the last level."""
+
+
+def points_figure(result: StaticPointsResult, points: StaticPoints, output_unit: str) -> Figure:
+    """Means against commanded rate with line and sine through the rotating points, and what these leave in °/s."""
+    fit, rate = result.rotating, points.rate_dps
+    grid = np.linspace(rate.min(), rate.max(), _CURVE_POINTS)
+    figure = new_figure(2.7)
+    output, left = figure.subplots(1, 2)
+    output.plot(
+        grid,
+        fit.line_U0_v + fit.line_K0_v_per_dps * grid,
+        color=LEVEL_COLOURS[_LINE],
+        linestyle="--",
+        label="straight line",
+    )
+    sine = fit.U0_v + fit.K0_v_per_dps * np.sin(fit.S_rad_per_dps * grid) / fit.S_rad_per_dps
+    output.plot(grid, sine, color=LEVEL_COLOURS[_SINE], label="sine law")
+    output.plot(rate, points.mean_v, linestyle="none", marker="o", markersize=2.8, color=INK, label="means")
+    output.set(xlabel="commanded rate (°/s)", ylabel=f"output ({output_unit})")
+    output.set_title("output")
+    output.legend(loc="best")
+    for name, residual, label in (
+        (_LINE, fit.residual_line_dps, "straight line"),
+        (_SINE, fit.residual_sine_dps, "sine law"),
+    ):
+        left.plot(
+            rate,
+            residual,
+            linestyle="none",
+            marker=LEVEL_MARKERS[name],
+            markersize=3.2,
+            color=LEVEL_COLOURS[name],
+            label=label,
+        )
+    left.axhline(0.0, color=INK, linewidth=0.5)
+    left.set(xlabel="commanded rate (°/s)", ylabel="indicated less commanded rate (°/s)")
+    left.set_title("what each law leaves")
+    left.legend(loc="best")
+    return figure

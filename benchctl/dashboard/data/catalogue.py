@@ -8,17 +8,16 @@ import json
 import os
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import benchctl
 from benchctl.atomic import whole_file
-from benchctl.confined import stat_of
+from benchctl.confined import stat_of, walk
 from benchctl.dashboard.data.documents import files_of
 from benchctl.dashboard.data.entries import brief_entry_of, entry_of
-from benchctl.dashboard.data.found import campaigns_below
 from benchctl.dashboard.data.imports import import_of
 from benchctl.dashboard.data.kinds import is_open_recording, recording_in
 from benchctl.dashboard.data.places import cache_folder
@@ -26,6 +25,7 @@ from benchctl.documents import read_json
 from benchctl.limits import MOST_DESCRIPTION_BYTES
 from benchctl.recordings.campaign_manifest import MANIFEST
 from benchctl.recordings.import_open import DESCRIPTION
+from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, JOURNAL, RECORDING, STEPS, UNREADABLE
 from benchctl_instruments.errors import UsageError
 
 _ID_DIGITS = 16
@@ -171,3 +171,28 @@ def _stamp_of(path: Path) -> str:
             stat = stat_of(one)
             told.append(f"{one.name} {stat.st_size} {stat.st_mtime_ns}")
     return ", ".join(told)
+
+
+_MOST_FOLDERS = 1 << 16
+
+
+def campaigns_below(root: Path) -> Iterator[Path]:
+    """The folders and files of campaigns and recordings anywhere below a folder, itself included.
+
+    Of a campaign's folder that is the folder, and beside it any other recording there. Hidden folders are left out,
+    and so are links: what they name inside the folder is found without them, and the rest is outside.
+    """
+    for count, (here, folders, names) in enumerate(walk(root)):
+        if count == _MOST_FOLDERS:
+            return
+        begun = STEPS in folders and JOURNAL in names
+        is_campaign = begun or CAMPAIGN in names or RECORDING in names
+        inner = {STEPS, UNREADABLE} if is_campaign else set()
+        folders[:] = sorted(name for name in folders if not name.startswith(".") and name not in inner)
+        if (is_campaign and not (here / RECORDING).is_symlink()) or is_open_recording(here):
+            yield here
+        for name in sorted(names):
+            path = here / name
+            ours = name.endswith(FINISHED_SUFFIX) and name not in (CAMPAIGN, RECORDING) and not name.startswith(".")
+            if ours and path.is_file() and not path.is_symlink():
+                yield path

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Sequence
 from contextlib import suppress
@@ -10,23 +11,24 @@ from typing import Any
 
 from benchctl.bench import Bench
 from benchctl.campaign.stop_file import is_asked
-from benchctl.confined import entries_in
+from benchctl.confined import entries_in, open_file
 from benchctl.dashboard.data.bench_limits import BenchLimit, bench_of, limits_of, measured
 from benchctl.dashboard.data.contents import contents_of, known_file
 from benchctl.dashboard.data.events import in_words
-from benchctl.dashboard.data.forecast import ends_utc, left_s, step_now
-from benchctl.dashboard.data.journal_tail import JournalTail
+from benchctl.dashboard.data.forecast import ends_utc, left_s, planned_step, step_now
+from benchctl.dashboard.data.journal import Line, event_of
 from benchctl.dashboard.data.kinds import recording_in
 from benchctl.dashboard.data.readings import Readings
 from benchctl.dashboard.data.run_state import RunState
-from benchctl.dashboard.data.silence import patience_s
 from benchctl.dashboard.data.state import DIED, RUNNING, died_says, status_of
 from benchctl.dashboard.data.step_feed import StepFeed
 from benchctl.dashboard.data.trails import Trails
 from benchctl.dashboard.data.watch import Watch
 from benchctl.dashboard.data.words_of_run import SoakFollower, doing, remaining_s, soak_json
+from benchctl.limits import MOST_JOURNAL_BYTES
 from benchctl.locks import is_held
 from benchctl.recordings.schema import CAMPAIGN, JOURNAL, LOCK, STEPS
+from benchctl.recordings.step_writer import CLOSING_S_PER_SCAN
 from benchctl_instruments.errors import UsageError
 
 __all__ = ["FIRST_EVENTS", "Follower", "Watch"]
@@ -185,3 +187,70 @@ def _age_s(path: Path) -> float:
         for file in (path / JOURNAL, *(path / STEPS / name for name in entries_in(path / STEPS))):
             latest_s = max(latest_s, file.lstat().st_mtime)
     return max(0.0, time.time() - latest_s) if latest_s else 0.0
+
+
+_SILENCE_S = 10.0
+"""Where no bench says how long its instruments may be silent."""
+_BY_HAND = ("power_cycle", "mount", "ask")
+
+
+def patience_s(state: RunState, readings: Readings, bench: Bench | None) -> float | None:
+    """Wall time without a sample or a line of the journal that is nothing unusual; None while a person is waited for.
+
+    It is the bench's `silence_s`, and more where no sample can come: while the table comes to rest, spins up and
+    settles before a step is recorded, while a step's file is written once more, and while all are gathered.
+    """
+    planned = planned_step(state)
+    if state.on_hold or (planned is not None and planned.kind in _BY_HAND):
+        return None
+    silence_s = bench.limits.silence_s if bench is not None else _SILENCE_S
+    if state.ending:
+        return silence_s + state.samples * CLOSING_S_PER_SCAN
+    if state.step is None or readings.index != state.step.index or not readings.recorded:
+        spins_up_s = 4.0 * bench.limits.rate_dps / bench.limits.acceleration_dps2 if bench is not None else 0.0
+        settles_s = planned.t_end_s - planned.t_start_s - planned.streamed_s if planned and planned.streamed_s else 0.0
+        return silence_s + 10.0 + (spins_up_s + settles_s) / (bench.time_factor if bench is not None else 1.0)
+    return silence_s + readings.streamed * CLOSING_S_PER_SCAN
+
+
+class JournalTail:
+    """Reads what is new at each look; of a journal that was replaced, as when a torn line is mended, what was not read.
+
+    `lines` counts those read so far.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._path = folder / JOURNAL
+        self._file = (0, 0)
+        self._place = 0
+        self.lines = 0
+
+    def new_lines(self) -> list[Line]:
+        """The whole lines since the last look; none where there is no journal, or none that can be read."""
+        try:
+            with open_file(self._path) as file:
+                return self._read(file.fileno())
+        except OSError:
+            return []
+
+    def _read(self, descriptor: int) -> list[Line]:
+        stat = os.fstat(descriptor)
+        skipped = 0
+        if (stat.st_dev, stat.st_ino) != self._file or stat.st_size < self._place:
+            skipped = self.lines if stat.st_size >= self._place else 0
+            self._file, self._place, self.lines = (stat.st_dev, stat.st_ino), 0, 0
+        os.lseek(descriptor, self._place, os.SEEK_SET)
+        content = b""
+        while self._place + len(content) < min(stat.st_size, MOST_JOURNAL_BYTES):
+            more = os.read(descriptor, stat.st_size - self._place - len(content))
+            if not more:
+                break
+            content += more
+        whole, _, _ = content.rpartition(b"\n")
+        if not whole:
+            return []
+        self._place += len(whole) + 1
+        first = self.lines + 1
+        lines = list(enumerate(whole.split(b"\n"), first))
+        self.lines += len(lines)
+        return [(number, event_of(line)) for number, line in lines if number > skipped]

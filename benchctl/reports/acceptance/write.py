@@ -9,10 +9,12 @@ from benchctl.atomic import whole_file
 from benchctl.metrology.result import Acceptance
 from benchctl.reports.acceptance.as_json import SCHEMA, values
 from benchctl.reports.acceptance.build import report_of
+from benchctl.reports.acceptance.catalogue import catalogue
+from benchctl.reports.acceptance.document import Report
 from benchctl.reports.acceptance.junit import junit
-from benchctl.reports.acceptance.page import page
 from benchctl.reports.acceptance.pdf import pdf
 from benchctl.reports.acceptance.recording_facts import RecordingFacts
+from benchctl.reports.html import render
 from benchctl.reports.results import make_folder
 
 PAGE, PDF, JUNIT, JSON = "acceptance.html", "acceptance.pdf", "acceptance.xml", "acceptance.json"
@@ -43,3 +45,9 @@ def write_acceptance(
         with whole_file(folder / name) as temporary:
             temporary.write_bytes(content)
     return {kind: folder / name for kind, (name, _) in files.items()}
+
+
+def page(report: Report) -> str:
+    """The page as text; the same report gives the same bytes."""
+    words = catalogue(report.language)
+    return render("acceptance/acceptance.html.j2", report=report, words=words, numbers=report.numbers)

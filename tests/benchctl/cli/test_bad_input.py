@@ -3,6 +3,8 @@
 import json
 import os
 import socket
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -371,3 +373,22 @@ def test_a_recording_that_is_there_is_not_written_over(refused: Refused, tmp_pat
     assert "is there already" in refused("simulate", "static", "-o", path)
     assert "is there already" in refused("import", tmp_path, "-o", path)
     assert path.read_bytes() == before
+
+
+STOPPED_EARLY = """
+import sys
+
+class Stop:
+    def find_spec(self, name, path=None, target=None):
+        if name == "benchctl.cli.saying":
+            raise KeyboardInterrupt
+
+sys.meta_path.insert(0, Stop())
+from benchctl.cli import main
+main()
+"""
+
+
+def test_ctrl_c_while_the_program_is_being_loaded_is_one_line() -> None:
+    ended = subprocess.run([sys.executable, "-c", STOPPED_EARLY, "procedures"], capture_output=True, text=True)
+    assert (ended.returncode, ended.stderr) == (130, "benchctl: stopped\n")

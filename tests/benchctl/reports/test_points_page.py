@@ -8,8 +8,7 @@ import pytest
 from benchctl.calibration.static_points_fit import fit_static_points
 from benchctl.recordings.model import BenchFacts, Meta, Unit
 from benchctl.recordings.static_points import StaticPoints
-from benchctl.reports.points_figures import points_figure
-from benchctl.reports.points_page import static_points_page, write_static_points_report
+from benchctl.reports.points_page import points_figure, static_points_page, write_static_points_report
 from tests.benchctl.reports.page import Page
 from tests.shared import SHARED, needs_shared
 

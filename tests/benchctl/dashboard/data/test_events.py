@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from benchctl.dashboard.data.event_words import told
 from benchctl.dashboard.data.events import MOST_EVENTS, events_after
-from benchctl.dashboard.data.journal_tail import JournalTail
+from benchctl.dashboard.data.follower import JournalTail
 from benchctl.recordings.campaign_folder import CampaignWriter
 from benchctl.recordings.journal import mend_journal
 from benchctl.recordings.writer import write_recording

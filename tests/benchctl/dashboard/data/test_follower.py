@@ -17,7 +17,7 @@ import pytest
 
 from benchctl.bench import load_bench
 from benchctl.campaign.soak import SOAK_CHANNELS, one_poll
-from benchctl.dashboard.data import silence
+from benchctl.dashboard.data import follower as module
 from benchctl.dashboard.data.follower import Follower, Watch
 from benchctl.recordings.campaign_folder import CampaignWriter, StepWriter, campaign_lock
 from benchctl.recordings.recover import recover
@@ -197,7 +197,7 @@ def test_limits_are_held_against_what_is_measured(tmp_path: Path) -> None:
 def test_silence_is_told_and_waiting_for_a_person_is_none(
     writer: CampaignWriter, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(silence, "_SILENCE_S", 0.3)
+    monkeypatch.setattr(module, "_SILENCE_S", 0.3)
     writer.event("step", bench_s=0.0, index=1, number=1, name="rate +1")
     step = _begin(writer, 1)
     step.append(made.step(1, rows=10).channels)

@@ -5,11 +5,11 @@ from typing import Any
 import pytest
 
 from benchctl.bench import load_bench
+from benchctl.dashboard.data.follower import patience_s
 from benchctl.dashboard.data.forecast import ends_utc, left_s, step_now
 from benchctl.dashboard.data.plan import plan_in
 from benchctl.dashboard.data.readings import Readings
 from benchctl.dashboard.data.run_state import RunState
-from benchctl.dashboard.data.silence import patience_s
 from benchctl.dashboard.data.words_of_run import doing
 
 BENCH = load_bench("simulated")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from benchctl.reports.acceptance.catalogue import LANGUAGES
-from benchctl.reports.acceptance.lines import lines
+from benchctl.reports.accepting import lines
 from tests.benchctl.reports.acceptance.example import acceptance
 
 

@@ -11,7 +11,7 @@ from benchctl.metrology.result import Papers
 from benchctl.recordings.model import Unit
 from benchctl.reports.acceptance.build import report_of
 from benchctl.reports.acceptance.catalogue import LANGUAGES
-from benchctl.reports.acceptance.page import page
+from benchctl.reports.acceptance.write import page
 from tests.benchctl.reports.acceptance.example import DIGESTS, HOSTILE, acceptance, facts, report
 from tests.benchctl.reports.page import Page
 
