@@ -197,13 +197,14 @@ def test_limits_are_held_against_what_is_measured(tmp_path: Path) -> None:
 def test_silence_is_told_and_waiting_for_a_person_is_none(
     writer: CampaignWriter, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "_SILENCE_S", 0.3)
+    monkeypatch.setattr(module, "_SILENCE_S", 3600.0)
     writer.event("step", bench_s=0.0, index=1, number=1, name="rate +1")
     step = _begin(writer, 1)
     step.append(made.step(1, rows=10).channels)
     step.flush()
     follower = Follower(writer.folder)
     assert not follower.look()["stalled"]
+    monkeypatch.setattr(module, "_SILENCE_S", 0.0)
     time.sleep(0.5)
     silent = follower.look()
     assert silent["stalled"]
