@@ -214,7 +214,7 @@ def _limited_time() -> Iterator[None]:
         return
 
     def stop(*_: object) -> None:
-        raise TimeoutError(f"computes for more than {LONGEST_EXPANSION_S:g} s")
+        raise TimeoutError(f"computes for more than {LONGEST_EXPANSION_S:g} s; expected to yield a step, or to end")
 
     before = signal.signal(signal.SIGVTALRM, stop)
     signal.setitimer(signal.ITIMER_VIRTUAL, LONGEST_EXPANSION_S)
