@@ -19,8 +19,12 @@ from benchctl.recordings.recover import recover
 from benchctl.recordings.verify import verify
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made
+from tests.slowness import lateness
 
 ROOT = Path(__file__).resolve().parents[3]
+
+_WAITS = 3
+"""Times that a sample may wait for a busy machine's core before it is in the file: the timer, the flush, the disk."""
 
 
 @contextmanager
@@ -43,7 +47,7 @@ def _lines(process: subprocess.Popen[str], count: int | None = None) -> list[str
 def test_at_most_half_a_second_is_lost(tmp_path: Path, period_s: float) -> None:
     folder = tmp_path / "c"
     behind = []
-    with _writing(folder, "slowly", period_s) as process:
+    with lateness() as late, _writing(folder, "slowly", period_s) as process:
         printed: list[str] = []
         for _ in range(round(1.4 / period_s)):
             printed += _lines(process, 1)
@@ -52,7 +56,7 @@ def test_at_most_half_a_second_is_lost(tmp_path: Path, period_s: float) -> None:
         process.kill()
         printed += _lines(process)
     part = _part(folder)
-    assert max([*behind, float(printed[-1]) - part["time_s"][-1]]) <= 0.5
+    assert max([*behind, float(printed[-1]) - part["time_s"][-1]]) <= 0.5 + _WAITS * late.worst_s
     assert not part.info.whole
     assert part.info.samples == part["gyro_v"].size > 0
     assert np.array_equal(part["gyro_v"], part["time_s"] + 1.0)
@@ -72,7 +76,7 @@ def test_of_points_written_one_by_one_all_that_are_half_a_second_old_are_recover
     tmp_path: Path, delay_s: float
 ) -> None:
     folder = tmp_path / "c"
-    with _writing(folder, "points", 0) as process:
+    with lateness() as late, _writing(folder, "points", 0) as process:
         (began,) = _lines(process, 1)
         time.sleep(delay_s)
         killed_s = time.monotonic()
@@ -80,15 +84,16 @@ def test_of_points_written_one_by_one_all_that_are_half_a_second_old_are_recover
     with open_recording(recover(folder).recording) as recording:
         found = recording.step(1)
     assert np.array_equal(found["gyro_v"], np.arange(1.0, found.info.samples + 1))
-    assert (found["time_s"][-1] if found.info.samples else float(began)) >= killed_s - 0.5
+    assert (found["time_s"][-1] if found.info.samples else float(began)) >= killed_s - 0.5 - _WAITS * late.worst_s
     assert verify(folder) == []
 
 
 def test_points_before_a_silence_are_recovered_though_nothing_came_after_them(tmp_path: Path) -> None:
     folder = tmp_path / "c"
-    with _writing(folder, "points", 7) as process:
+    with lateness() as late, _writing(folder, "points", 7) as process:
         _lines(process, 2)
         time.sleep(0.5)
+        time.sleep(_WAITS * late.worst_s)
         process.kill()
     with open_recording(recover(folder).recording) as recording:
         assert recording.step(1)["gyro_v"].tolist() == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]
