@@ -67,6 +67,10 @@ class Problem(Protocol):
         """What the steps are, when each began and ended; a part may cut a recording's steps into pieces."""
 
     @property
+    def recorded(self) -> IntArray:
+        """In which of the joined recordings of one instrument each step is, shape (m,)."""
+
+    @property
     def usable(self) -> BoolArray:
         """Rows that may be fitted; the others are known to be spoilt."""
 

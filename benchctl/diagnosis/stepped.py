@@ -35,6 +35,11 @@ class Stepped(ABC):
         """Their kinds."""
         return tuple(info.kind for info in self.steps)
 
+    @property
+    def recorded(self) -> IntArray:
+        """One recording."""
+        return np.zeros(len(self.steps), np.int64)
+
     def spectral_residual(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
         """Nothing beside the rows."""
         return np.zeros(0)

@@ -150,7 +150,8 @@ class Untouched:
             shown = self._shown(self._made(name, scaled(math.exp(log_factor))))
             return math.log(max(shown, 1e-300) / rms)
 
-        inside = [factor for factor in np.geomspace(1.0 / _RANGE, _RANGE, 129) if _within(kind, scaled(float(factor)))]
+        factors = np.geomspace(1.0 / _RANGE, _RANGE, 129).tolist()
+        inside = [factor for factor in factors if self._possible(name, scaled(factor))]
         if not strong or not inside:
             return None
         low, high = math.log(inside[0]), math.log(inside[-1])
@@ -158,6 +159,11 @@ class Untouched:
             return None
         factor = math.exp(brentq(excess, low, high, xtol=0.01))
         return {one: _rounded(value) for one, value in scaled(factor).items()}
+
+    def _possible(self, name: str, values: Mapping[str, float]) -> bool:
+        parameters = self._problem.effects[name].parameters
+        within = all(one.low <= values[key] <= one.high for key, one in parameters.items())
+        return within and self._made(name, values).plausible
 
     def _shown(self, one: DescribedEffect) -> float:
         """Rms of what an effect adds that no change of the parameters found takes up."""
@@ -216,10 +222,6 @@ def _shaped(kind: type[DescribedEffect], rng: np.random.Generator) -> dict[str, 
         else:
             values[name] = _rounded(rng.uniform(low, high))
     return values
-
-
-def _within(kind: type[DescribedEffect], values: Mapping[str, float]) -> bool:
-    return all(one.low <= values[name] <= one.high for name, one in kind.parameters.items())
 
 
 def _rounded(value: float) -> float:

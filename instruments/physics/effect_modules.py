@@ -33,8 +33,9 @@ def effects_in(package: ModuleType, kind: type[Kind]) -> MappingProxyType[str, t
     """Every effect of a kind that a package's modules define, by its identifier, in alphabetical order."""
     found: dict[str, type[Kind]] = {}
     for module in pkgutil.iter_modules(package.__path__):
-        for one in vars(importlib.import_module(f"{package.__name__}.{module.name}")).values():
-            if inspect.isclass(one) and issubclass(one, kind) and not inspect.isabstract(one):
+        for name, one in vars(importlib.import_module(f"{package.__name__}.{module.name}")).items():
+            public = inspect.isclass(one) and not name.startswith("_")
+            if public and issubclass(one, kind) and not inspect.isabstract(one):
                 found[one.identifier] = one
     return MappingProxyType(dict(sorted(found.items())))
 

@@ -9,6 +9,7 @@ import pytest
 from benchctl.diagnosis.diagnose import diagnose
 from benchctl.diagnosis.result import Diagnosis
 from benchctl.recordings.importing import import_recording
+from benchctl.recordings.joined import join
 from benchctl.recordings.reader import open_recording
 from tests.shared import SHARED, needs_shared
 
@@ -37,3 +38,24 @@ def test_one_board_has_one_delay_and_no_low_pass_on_every_axis(name: str, tmp_pa
     assert findings["timing_offset"].parameters["offset_s"].value == pytest.approx(12.1e-3, abs=0.3e-3)
     assert not {"sensor_bandwidth", "mains_pickup"} & set(findings)
     assert diagnosis.fit.heldout_after < diagnosis.fit.heldout_before
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+@needs_shared("data/servo_mount")
+def test_a_mount_that_gives_way_has_a_delay_and_a_gain_that_rises(tmp_path: Path) -> None:
+    recordings = []
+    for number in (1, 4):
+        file = tmp_path / f"{number}.h5"
+        import_recording(SHARED / "data" / "servo_mount" / f"10_22_{number}.dat", MAPS / "servo_mount.toml", file)
+        recordings.append(open_recording(file))
+    diagnosis = diagnose(join(recordings))
+    for recording in recordings:
+        recording.close()
+    findings = {one.effect: one for one in diagnosis.findings}
+    assert set(findings) == {"timing_offset", "mount_resonance"}
+    assert findings["timing_offset"].parameters["offset_s"].value == pytest.approx(6.5e-3, abs=0.7e-3)
+    mount = findings["mount_resonance"].parameters
+    assert mount["frequency_hz"].value > 10.0  # beyond the motion, whose gain it makes rise
+    assert (mount["damping"].low, mount["damping"].high) == (0.002, 0.5)
+    assert diagnosis.fit.heldout_after < 7.0

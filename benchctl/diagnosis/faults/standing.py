@@ -80,11 +80,14 @@ class Output:
 def standing_runs(output: Output) -> Runs:
     """The runs that chance does not make, in order; none where they are most of the recording: the channel is dead."""
     runs = _runs(output)
+    surprise = _surprise(runs.stop - runs.first, output.volts.size)
+    runs = runs.where(runs.stop - runs.first >= _FEWEST)
     likely = _at_first_sight(output, runs.first, runs.stop)
     runs = runs.where(likely > output.enough)
     evidence = np.array(
         [evidence_of(output, *one) for one in zip(runs.first.tolist(), runs.stop.tolist(), strict=True)]
     )
+    evidence = np.minimum(evidence, surprise * (runs.stop - runs.first - 1))
     found = Runs(first=runs.first, stop=runs.stop, evidence=evidence)
     found = found.where(evidence > output.enough)
     dead = float((found.stop - found.first).sum()) > _DEAD * output.volts.size
@@ -115,8 +118,16 @@ def _runs(output: Output) -> Runs:
     same = (volts[1:] == volts[:-1]) & alive[1:] & alive[:-1] & ~output.broken[1:]
     edges = np.diff(np.concatenate([[0], same.astype(np.int8), [0]]))
     first, stop = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) + 1
-    long = stop - first >= _FEWEST
-    return Runs(first=first[long], stop=stop[long], evidence=np.zeros(int(long.sum())))
+    return Runs(first=first, stop=stop, evidence=np.zeros(first.size))
+
+
+def _surprise(lengths: IntArray, rows: int) -> float:
+    """How unlikely it is, as a log, that a value repeats the one before it: by how many are met just once more.
+
+    Where a moving output often does so by chance, three of a kind are no hold, whatever the model says of its noise.
+    """
+    pairs = max(int(np.count_nonzero(lengths == _FEWEST - 1)), 1)
+    return math.log(rows / pairs)
 
 
 def _at_first_sight(output: Output, first: IntArray, stop: IntArray) -> FloatArray:

@@ -71,10 +71,11 @@ def estimates_of(problem: Problem, chosen: Selection) -> Iterator[tuple[str, Des
             index = next((i for i, one in enumerate(whole.numbers) if one.effect == place and one.name == name), None)
             # of a number that the recording does not show, a rail that no output reaches, the interval is all it may be
             half = 0.0 if index is None else Z95 * float(errors[index]) or math.inf
+            half = math.inf if parameter.role == "assumed" else half
             low, high = value - half, value + half
             if parameter.logarithmic and index is not None:
                 low, high = value * math.exp(-min(half, _FREE)), value * math.exp(min(half, _FREE))
-            if index is not None and parameter.role != "phase":
+            if half and parameter.role != "phase":
                 low, high = max(low, min(parameter.low, value)), min(high, max(parameter.high, value))
             estimates[name] = Estimate(value=value, low=low, high=high, unit=parameter.unit)
         yield key, effect, estimates

@@ -236,6 +236,20 @@ def gain_of(better: Fit, worse: Fit, steps: BoolArray | None = None) -> float:
     return rows * math.log(bad / good)
 
 
+def gain_alone(better: Fit, worse: Fit, steps: BoolArray) -> float:
+    """The same on some of the fitted steps, for each model with the baseline that is best there."""
+    chosen = better.fitted & steps
+    good, bad = (_squares_alone(one, chosen) for one in (better, worse))
+    return float(better.products.rows[chosen].sum()) * math.log(bad / good)
+
+
+def _squares_alone(one: Fit, steps: BoolArray) -> float:
+    information, gradient, squares, _ = one.products.of(steps)
+    own = np.array([number.effect is None for number in one.numbers])
+    step = solve(information[np.ix_(own, own)], gradient[own])
+    return max(squares - float(step @ gradient[own]), 1e-300)
+
+
 def gain_kept(better: Fit, worse: Fit, folds: IntArray) -> float:
     """By how much twice the log likelihood is larger on steps that a model was not fitted to.
 

@@ -48,7 +48,7 @@ class Point:
             numbers += [
                 Free(name, place, parameter)
                 for name, parameter in effect.parameters.items()
-                if parameter.role != "choice"
+                if parameter.role not in ("choice", "assumed")
             ]
         return numbers
 
@@ -74,12 +74,22 @@ class Point:
 
 
 def at_bound(effect: DescribedEffect) -> bool:
-    """Whether a parameter of an effect stands at one of its bounds; a `choice` and a phase have none."""
-    return any(
-        stands_at(effect.values[name], parameter.low, parameter.high)
+    """Whether a parameter of an effect stands at a bound of what is plausible; a `choice` and a phase have none."""
+    return bool(_at_bounds(effect)) or not effect.plausible
+
+
+def _at_bounds(effect: DescribedEffect) -> list[str]:
+    return [
+        name
         for name, parameter in effect.parameters.items()
-        if parameter.role in ("size", "shape")
-    )
+        if parameter.role in ("size", "shape") and stands_at(effect.values[name], parameter.low, parameter.high)
+    ]
+
+
+def assumed(point: Point) -> Point:
+    """The model with what it does not determine of an effect assumed; the same one where that is nothing."""
+    effects = tuple(((names := _at_bounds(one)) and one.assuming(names)) or one for one in point.effects)
+    return point if effects == point.effects else replace(point, effects=effects)
 
 
 def stands_at(value: float, low: float, high: float) -> bool:

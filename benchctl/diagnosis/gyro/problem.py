@@ -44,6 +44,8 @@ _MANY, _PIECE = 3_000_000, 8
 _ROOM_C = 20.0
 """Reference temperature of a model that nobody stated."""
 _FEWEST_IN_BAND = 100
+_MOST_LEAD_S = 1.0 / (2.0 * math.pi * 25.0)
+"""A part of the acceleration that shifts the output by more than a low-pass of 25 Hz does is no strain of a coil."""
 _FEWEST_STEPS = 12
 """Of fewer steps none can be held out; they are cut into pieces."""
 
@@ -118,6 +120,13 @@ class GyroProblem(Stepped):
         return self.frame.infos
 
     @cached_property
+    def recorded(self) -> IntArray:
+        """In which of the joined recordings each step is, shape (m,)."""
+        begun_s = np.unique(self.frame.origins_s)
+        firsts = np.searchsorted(self.frame.step, np.arange(len(self.steps)))
+        return np.searchsorted(begun_s, self.frame.time_s[firsts], "right") - 1
+
+    @cached_property
     def baseline_names(self) -> tuple[str, ...]:
         """K0_v_per_dps, U0_v, k_T_1 …, k_omega_2, k_omega_4 …."""
         law = self.chain.law
@@ -155,13 +164,17 @@ class GyroProblem(Stepped):
 
         How coarse a converter has become is seen in the samples themselves (`faults`), and what is not in proportion to
         the rate only where the momentary one is known. An overload, which can stand for a fold, is told in static
-        points only.
+        points only. The processor of a digital gyro counts its fringes, if it has any.
         """
         without = {*self.without, "adc_coarse", "overload"}
+        if self.unit != "V":
+            without.add("fringe_ambiguity")
         if self.band is not None:  # motion above half the sampling rate folds back as lines
             without.add("mains_pickup")
+        most = abs(float(self.simulation["K0_v_per_dps"])) * _MOST_LEAD_S
+        plausible = {"angular_acceleration": {"v_per_dps2": (-most, most)}}
         return {
-            name: kind
+            name: kind.within(plausible[name]) if name in plausible else kind
             for name, kind in effects().items()
             if name not in without
             and not issubclass(kind, NoiseEffect)

@@ -15,6 +15,7 @@ from benchctl.diagnosis.rest.rest import Rest, imperfect, instead_of, rest_besid
 from benchctl.diagnosis.result import Unexplained
 from benchctl.diagnosis.search.select import reduced, without
 from benchctl.diagnosis.search.selection import Selection
+from benchctl_instruments.physics.effects.kinds import ClockEffect, FilterEffect
 
 _ROUNDS = 3
 _ROUNDED = 0.1
@@ -41,13 +42,15 @@ def named(
             return chosen, NOTHING, (f"{rest.says} It is little enough to be owed to the converter's steps.",)
         judged = rest if isinstance(problem, GyroProblem) else _beside_time(rest, chosen.after)
         less = {name: without(problem, chosen, *shared) for name, shared in _shared(chosen).items()}
+        agreed = _agreed(problem, chosen)
         gains = {name: _beside(judged, chosen.after, one) for name, one in less.items()} | _noises(chosen, rest)
-        instead = {
+        instead = dict.fromkeys(agreed, 0.0) | {
             name: instead_of(problem, chosen.whitener, one, rest, seed=seed)
             * gains[name]
             / max(gain_of(chosen.after, one), 1.0)
             for name, one in less.items()
-            if isinstance(problem, GyroProblem)  # a drive or a chamber moves once or twice: time follows everything
+            if name not in agreed
+            and isinstance(problem, GyroProblem)  # a drive or a chamber moves once or twice: time follows everything
         }
         forbidden = withdrawn(gains, judged, instead)
         if not forbidden:
@@ -61,6 +64,17 @@ def named(
         significant=True, share=rest.share_of(ceiling), coordinates=rest.coordinates, says=rest.says
     )
     return chosen, unexplained, ()
+
+
+def _agreed(problem: Problem, chosen: Selection) -> set[str]:
+    """Keys of delays and filters that several recordings agree on.
+
+    At one frequency a function of the acceleration does the same in their stead, and more; at several it does not.
+    """
+    if not problem.recorded.any():
+        return set()
+    effects = zip(chosen.evidence, chosen.after.point.effects, strict=True)
+    return {key for key, effect in effects if isinstance(effect, ClockEffect | FilterEffect)}
 
 
 def _shared(chosen: Selection) -> dict[str, tuple[str, ...]]:

@@ -11,11 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from benchctl.diagnosis.fitting.disturbance import deviance_beside
-from benchctl.diagnosis.fitting.fit import Fit, Point, fit, gain_kept, gain_of
+from benchctl.diagnosis.fitting.fit import Fit, Point, fit, gain_alone, gain_kept, gain_of
 from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.fitting.noise_model import NoiseModel
 from benchctl.diagnosis.fitting.occam import occam
-from benchctl.diagnosis.fitting.point import at_bound
+from benchctl.diagnosis.fitting.point import assumed, at_bound
 from benchctl.diagnosis.keys import Place, may_join, place_of
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.held_out import dealt, held_out_steps
@@ -49,7 +49,7 @@ class Tried:
 
     `evidence` is the gain less what the effect's freedom has cost: by it effects are compared. Beside a disturbance it
     is that of the fit itself, and what is promised that beside the disturbance. Both are −∞ where the effect stands at
-    a bound of what is plausible.
+    a bound of what is plausible, or one of several recordings contradicts it.
     """
 
     fit: Fit
@@ -104,7 +104,9 @@ class Models:
         )
 
     def _fit(self, start: Point | Fit) -> Fit:
-        return fit(self._problem, self._noise.whitener, start, self._fitted)
+        fitted = fit(self._problem, self._noise.whitener, start, self._fitted)
+        point = assumed(fitted.point)
+        return fitted if point is fitted.point else fit(self._problem, self._noise.whitener, point, self._fitted)
 
     def _without(self, present: Fit, *effects: DescribedEffect) -> Fit:
         gone = [place_of(effect) for effect in effects]
@@ -136,12 +138,19 @@ class Models:
 
     def _begun_with(self, present: Fit, start: Point, look_elsewhere: float) -> Tried:
         fitted = self._fit(start)
-        if at_bound(fitted.point.effects[-1]):
+        if at_bound(fitted.point.effects[-1]) or not self._agreed(fitted, present):
             return Tried(fit=fitted, promise=-math.inf, evidence=-math.inf)
         return Tried(
             fit=fitted,
             promise=self._beyond_chance(fitted, present) - look_elsewhere,
             evidence=gain_of(fitted, present) - occam(fitted, len(fitted.point.effects) - 1) - look_elsewhere,
+        )
+
+    def _agreed(self, better: Fit, worse: Fit) -> bool:
+        """Whether no recording of the same instrument contradicts what all of them together gain."""
+        recorded = self._problem.recorded
+        return not recorded.any() or all(
+            gain_alone(better, worse, recorded == one) > -self._least(worse) for one in np.unique(recorded)
         )
 
     def _gain(self, better: Fit, worse: Fit) -> float:

@@ -16,6 +16,7 @@ from benchctl.diagnosis.rest.rest import rest_of
 from benchctl.diagnosis.search.select import reduced, without
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.structures.search import Modelled, modelled
+from benchctl_instruments.physics.effects.kinds import ClockEffect, FilterEffect
 from benchctl_instruments.physics.structures import Structure
 
 _CLEARLY = 20.0
@@ -42,7 +43,7 @@ def settled(problem: GyroProblem, chosen: Selection) -> Selection:
 def _needless(problem: GyroProblem, chosen: Selection) -> str | None:
     effects = chosen.after.point.effects
     for key, effect in zip(keys_of(effects), effects, strict=True):
-        if isinstance(effect, Structure):
+        if isinstance(effect, Structure | ClockEffect | FilterEffect):
             continue
         if gain_of(chosen.after, without(problem, chosen, key)) < chosen.least:
             return key
@@ -71,8 +72,12 @@ def instead_of_names(problem: GyroProblem, chosen: Selection, *, seed: int) -> t
 
 
 def _replaceable(problem: GyroProblem, chosen: Selection) -> Iterator[tuple[tuple[str, ...], int, float]]:
-    """Keys of findings along one coordinate, their parameters and gain; and of a wandering bias, which has one."""
-    effects = dict(zip(chosen.evidence, chosen.after.point.effects, strict=True))
+    """Keys of findings along one coordinate, their parameters and gain; and of a wandering bias, which has one.
+
+    A delay and a filter are not among them: a function of the acceleration does the same at one frequency only.
+    """
+    found = zip(chosen.evidence, chosen.after.point.effects, strict=True)
+    effects = {key: effect for key, effect in found if not isinstance(effect, ClockEffect | FilterEffect)}
     for coordinate in np.unique([effect.coordinate for effect in effects.values()]).tolist():
         keys = tuple(key for key, effect in effects.items() if effect.coordinate == coordinate)
         if len(keys) > 1:

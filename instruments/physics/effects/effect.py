@@ -7,15 +7,15 @@ defaults, its circumstances (a reference temperature, a seed), which nobody fits
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, fields, replace
 from typing import ClassVar, Literal, Self
 
 from benchctl_instruments.physics.chain import Signals, Stage
 
-Role = Literal["size", "shape", "phase", "choice"]
+Role = Literal["size", "shape", "phase", "choice", "assumed"]
 """`size`: the effect grows in proportion to it; `shape`: a time constant, a cutoff; `phase`: an angle, periodic, in
-degrees; `choice`: one of `scan`, whole numbers for example."""
+degrees; `choice`: one of `scan`, whole numbers for example; `assumed`: a value that is not fitted (`assuming`)."""
 
 
 COORDINATES = (
@@ -114,6 +114,28 @@ class DescribedEffect(ABC):
     @abstractmethod
     def says(self) -> str:
         """The finding in one sentence, with its numbers."""
+
+    @classmethod
+    def within(cls, limits: Mapping[str, tuple[float, float]]) -> type[Self]:
+        """The same effect with narrower bounds of some parameters: what is plausible for an instrument or a bench."""
+        narrower = {
+            name: replace(one, low=limits[name][0], high=limits[name][1]) if name in limits else one
+            for name, one in cls.parameters.items()
+        }
+        return type(cls.__name__, (cls,), {"parameters": narrower, "__slots__": ()})
+
+    @property
+    def plausible(self) -> bool:
+        """Whether its parameters go together, each within its bounds, on anything that can be built."""
+        return True
+
+    def assuming(self, names: Collection[str]) -> Self | None:
+        """The same effect with plausible values assumed for parameters that a fit moved to their bounds.
+
+        None where an effect that stands at these bounds is another one, or none.
+        """
+        del names
+        return None
 
     @classmethod
     def make(cls, values: Mapping[str, float], circumstances: Mapping[str, float] | None = None) -> Self:

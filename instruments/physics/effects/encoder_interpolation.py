@@ -16,6 +16,9 @@ from benchctl_instruments.physics.effects.kinds import EncoderEffect
 _RAD_PER_ARCSEC = np.radians(1.0 / 3600.0)
 
 
+_MOST_OF_PITCH = 0.1
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EncoderInterpolation(EncoderEffect):
     """The encoder reads θ + amplitude·sin(lines·θ + phase) (domain facts, SDE)."""
@@ -56,6 +59,11 @@ class EncoderInterpolation(EncoderEffect):
             scan=(0.0, 90.0),
         ),
     }
+
+    @property
+    def plausible(self) -> bool:
+        """Whether the error is a small share of the way from line to line, which is what is interpolated."""
+        return self.amplitude_arcsec <= _MOST_OF_PITCH * 360.0 * 3600.0 / self.lines_per_rev
 
     def error_deg(self, angle_deg: FloatArray) -> FloatArray:
         """What it adds to true angles [deg]."""

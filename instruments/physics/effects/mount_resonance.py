@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -52,12 +52,19 @@ class MountResonance(FilterEffect):
             unit="1",
             meaning="damping ratio ζ",
             low=0.002,
-            high=2.0,
+            high=0.5,  # a loss factor of one, which hardly a rubber has: beyond it nothing rings
             role="shape",
             scan=(0.02, 0.1, 0.4),
             logarithmic=True,
         ),
     }
+
+    def assuming(self, names: Collection[str]) -> MountResonance | None:
+        """With the damping assumed: motion that stays below the resonance shows how the gain rises, and little else."""
+        if set(names) != {"damping"}:
+            return None
+        likely = min(self.parameters["damping"].scan, key=lambda one: abs(math.log(one / self.damping)))
+        return _BelowResonance(frequency_hz=self.frequency_hz, damping=likely)
 
     def transfer_function(self) -> tuple[FloatArray, FloatArray]:
         """Numerator and denominator in powers of s, highest first."""
@@ -76,4 +83,22 @@ class MountResonance(FilterEffect):
         return (
             f"The gyro's mount gives way: it rings at {self.frequency_hz:.3g} Hz with a damping ratio of"
             f" {self.damping:.2g}, which the encoder does not see."
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _BelowResonance(MountResonance):
+    """A mount whose resonance lies beyond the motion, which does not determine its damping."""
+
+    parameters: ClassVar[Mapping[str, Parameter]] = {
+        **MountResonance.parameters,
+        "damping": replace(MountResonance.parameters["damping"], role="assumed"),
+    }
+
+    def says(self) -> str:
+        """The finding in one sentence."""
+        return (
+            "The gyro's mount gives way: the gain rises with frequency, towards a resonance at"
+            f" {self.frequency_hz:.3g} Hz, which the encoder does not see. The motion stays below it: the damping ratio"
+            f" of {self.damping:.2g} is assumed, not measured."
         )

@@ -142,6 +142,7 @@ class Toy:
     baseline_bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     disturbed: bool = False
     rounding: float = 0.0
+    recorded: IntArray = field(default_factory=lambda: np.zeros(STEPS, np.int64))
 
     def starts(
         self, baseline: FloatArray, effects: Sequence[DescribedEffect]

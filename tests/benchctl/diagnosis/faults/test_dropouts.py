@@ -59,6 +59,14 @@ def test_equal_neighbours_at_a_limit_before_the_noise_are_no_dropouts(limit_v: f
         assert Made(predicted=1.001 * clean, volts=np.round(limited, 6)).faults().found == ()
 
 
+def test_a_few_equal_values_are_no_hold_where_a_moving_output_often_repeats_one() -> None:
+    step_v = STEP_V / 16
+    held = made(step_v=step_v).held([6000, 11_000, 16_000], 3)
+    assert [one.effect for one in held.faults(adc_step_v=step_v).found] == ["dropouts"]
+    often = held.held(list(range(2040, held.volts.size - 2, 150)), 1)
+    assert often.faults(adc_step_v=step_v).found == ()
+
+
 @pytest.mark.parametrize("late", [-1, 1])
 def test_a_coarse_output_that_is_late_or_early_stands_not_still(late: int) -> None:
     coarse = made(step_v=STEP_V * 32, noise_v=2e-4)

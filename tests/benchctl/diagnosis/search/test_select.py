@@ -19,6 +19,7 @@ from tests.benchctl.diagnosis.toy_problem import (
     K0,
     NOISE_V,
     ROWS,
+    STEPS,
     TOTAL,
     U0,
     Cubic,
@@ -64,6 +65,14 @@ def test_what_would_stand_at_its_bound_is_not_found() -> None:
     alone = replace(problem, effects={"cubic": Cubic})
     assert names(selected(alone)) == {"cubic"}
     assert names(selected(replace(problem, effects={"cubic": _Small}))) == set()
+
+
+def test_what_one_of_several_recordings_contradicts_is_not_found() -> None:
+    recorded = np.arange(STEPS) // (STEPS * 3 // 4)
+    in_one = toy(hypotheses=(Squared,), added_v=2.0 * SQUARED.column(toy()) * (recorded == 0)[toy().step])
+    assert names(selected(in_one)) == {"squared"}
+    assert not names(selected(replace(in_one, recorded=recorded)))
+    assert names(selected(replace(toy(SQUARED, hypotheses=(Squared,)), recorded=recorded))) == {"squared"}
 
 
 def test_what_gains_as_much_is_fitted_although_its_gain_scatters() -> None:

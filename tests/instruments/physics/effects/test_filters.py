@@ -46,3 +46,15 @@ def test_no_bandwidth_and_no_mount_change_nothing() -> None:
     signals = sampled()
     assert SensorBandwidth(cutoff_hz=math.inf).apply(signals) is signals
     assert MountResonance(frequency_hz=math.inf, damping=0.1).apply(signals) is signals
+
+
+def test_a_mount_whose_damping_the_data_do_not_determine_keeps_a_plausible_one() -> None:
+    bound = MountResonance.parameters["damping"].high
+    assert MountResonance(frequency_hz=20.0, damping=0.3).assuming(()) is None
+    assert MountResonance(frequency_hz=2000.0, damping=bound).assuming(["frequency_hz", "damping"]) is None
+    mount = MountResonance(frequency_hz=20.0, damping=bound).assuming(["damping"])
+    assert mount is not None
+    assert mount.values == {"frequency_hz": 20.0, "damping": 0.4}
+    assert mount.parameters["damping"].role == "assumed"
+    assert "assumed, not measured" in mount.says()
+    assert mount.response(np.array([7.0])) == MountResonance(frequency_hz=20.0, damping=0.4).response(np.array([7.0]))
