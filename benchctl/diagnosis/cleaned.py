@@ -19,7 +19,11 @@ from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Finding, Where
 from benchctl_instruments.physics.effects.registry import effect
 
+FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
+
+_HASTIEST = 0.05
+"""Share of the rows that count as sudden by their acceleration."""
 
 
 def cleaned(problem: Problem) -> tuple[Problem, tuple[Fault, ...]]:
@@ -55,12 +59,18 @@ def cleaned(problem: Problem) -> tuple[Problem, tuple[Fault, ...]]:
         residual=provisional.residual,
         usable=problem.usable & ~shown.standing,
         step_v=shown.step_v,
-        sudden=frame.sudden > 0.0,
+        sudden=(frame.sudden > 0.0, _hasty(frame.acceleration_dps2)),
     )
     found = tuple(one for one in (*shown.found, *spikes.found) if one.effect not in problem.without)
     if "outliers" not in problem.without:
         usable &= ~spikes.masked
     return replace(problem, usable=usable), found
+
+
+def _hasty(acceleration_dps2: FloatArray) -> BoolArray:
+    """Rows in which the rate changes fastest: there a kink of the response, a fold say, is passed in a row or two."""
+    size = np.abs(acceleration_dps2)
+    return np.asarray(size > np.quantile(size, 1.0 - _HASTIEST))
 
 
 def fault_findings(problem: Problem, faults: tuple[Fault, ...]) -> Iterator[Finding]:

@@ -91,7 +91,7 @@ def _diagnosis(
     chosen, unexplained, owed = with_structures(problem, chosen, unexplained, owed, seed=seed)
     found = (*with_sine(problem, findings_of(problem, chosen)), *fault_findings(problem, faults))
     findings = tuple(finding_in(one, problem.unit) for one in found)
-    unexplained = unexplained_in(unexplained, problem.unit)
+    unexplained = unexplained_in(unexplained, problem.unit, part)
     baseline = baseline_of(problem, chosen)
     verdict = verdict_of(problem, findings, unexplained, baseline)
     rows = chosen.heldout[problem.step]

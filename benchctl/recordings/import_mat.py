@@ -1,4 +1,4 @@
-"""Reads the variables that a map asks for from a MATLAB file, versions 5 to 7.
+"""Reads the variables that a map asks for from a MATLAB file, versions 5 to 7.3, which is HDF5.
 
 scipy believes the sizes in the file's headers, and follows cells as deep as they go: a child process with limits reads
 the variables, and writes them to its stdout as numpy does.
@@ -13,6 +13,7 @@ import zlib
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 from scipy.io import loadmat, whosmat
 from scipy.io.matlab import MatReadError, MatReadWarning, matfile_version
@@ -20,12 +21,15 @@ from scipy.io.matlab import MatReadError, MatReadWarning, matfile_version
 from benchctl.limits import cut, listed, memory_bytes, require_file
 from benchctl.own_process import limit_itself, run_limited
 from benchctl.recordings.column_map import ColumnMap
+from benchctl.recordings.hdf5_guard import attribute, check_samples, child, names_in, plain_errors
 from benchctl.recordings.model import FloatArray
 from benchctl.recordings.raw_columns import RawColumns, Wanted, wanted_columns
 from benchctl_instruments.errors import UsageError, reason
 
 _MOST_ROWS = 1 << 53
 _NUMERIC = ("double", "single", "logical", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))
+_HDF5 = 2
+"""The major version that a header says of version 7.3."""
 _REFUSED = 2
 """The child's exit status where it says why."""
 _LEAST_S, _BYTES_PER_S = 20.0, 1e6
@@ -103,10 +107,10 @@ def _variables(path: Path, names: list[str]) -> dict[str, Any]:
     file = str(path)
     try:
         version, _ = matfile_version(file, appendmat=False)
-        if version != 1:
-            raise UsageError(
-                f"{path}: a MAT file of version {'7.3' if version else '4'}; save it with MATLAB's option -v7"
-            )
+        if version == _HDF5:
+            return _hdf5_variables(path, names)
+        if version == 0:
+            raise UsageError(f"{path}: a MAT file of version 4; save it with MATLAB's option -v7")
         with warnings.catch_warnings():
             warnings.simplefilter("error", MatReadWarning)
             there = [(name, str(kind)) for name, _, kind in whosmat(file, appendmat=False)]
@@ -118,6 +122,29 @@ def _variables(path: Path, names: list[str]) -> dict[str, Any]:
     except (MatReadError, MatReadWarning, ValueError, TypeError, LookupError, EOFError, MemoryError, zlib.error) as err:
         raise UsageError(f"{path}: not a MAT file of version 5 to 7, or cut short: {cut(str(err))}") from err
     return loaded
+
+
+def _hdf5_variables(path: Path, names: list[str]) -> dict[str, Any]:
+    """Matrices of numbers from a file of version 7.3, which holds them transposed."""
+    loaded: dict[str, Any] = {}
+    try:
+        with plain_errors(), h5py.File(path, "r") as file:
+            there = [(name, _class_of(child(file, name))) for name in names_in(file) if not name.startswith("#")]
+            for name in names:
+                _check_variable(path, name, there)
+                dataset = child(file, name)
+                check_samples(dataset)
+                loaded[name] = dataset[()].T
+    except ValueError as err:
+        raise UsageError(f"{path}: not a MAT file of version 7.3, or cut short: {cut(str(err))}") from err
+    return loaded
+
+
+def _class_of(item: Any) -> str:
+    """The class that MATLAB gave a variable, or its numbers' own type where another program wrote the file."""
+    if not isinstance(item, h5py.Dataset):
+        return "struct"
+    return str(attribute(item, "MATLAB_class", "double" if item.dtype.kind in "iuf" else str(item.dtype)))
 
 
 def _check_variable(path: Path, name: str, there: list[tuple[str, str]]) -> None:

@@ -58,7 +58,7 @@ role = "fit"                        # or "verify": kept aside, no fit sees it
 """
 
 MAP_EXAMPLE_MAT = """\
-# A MATLAB file (v5 to v7). `benchctl import log.mat --map map.toml -o log.h5`
+# A MATLAB file (v5 to v7.3). `benchctl import log.mat --map map.toml -o log.h5`
 [unit]
 serial = "IMU 2"
 range_dps = 250

@@ -44,6 +44,7 @@ TIME: Mapping[str, Conversion] = {
 
 ANGLE: Mapping[str, Conversion] = {
     "deg": Conversion("degree"),
+    "°": Conversion("degree"),
     "rad": Conversion("degree", 180.0, divisor=math.pi),
     "arcsec": Conversion("degree", divisor=3600.0),
     "rev": Conversion("degree", 360.0),
@@ -51,6 +52,7 @@ ANGLE: Mapping[str, Conversion] = {
 
 RATE: Mapping[str, Conversion] = {
     "deg/s": Conversion("degree s-1"),
+    "°/s": Conversion("degree s-1"),
     "rad/s": Conversion("degree s-1", 180.0, divisor=math.pi),
     "deg/h": Conversion("degree s-1", divisor=3600.0),
     "rpm": Conversion("degree s-1", 6.0),
@@ -67,6 +69,7 @@ GYRO_OUTPUT: Mapping[str, Conversion] = {**VOLTAGE, **RATE}
 
 TEMPERATURE: Mapping[str, Conversion] = {
     "degC": Conversion("degC"),
+    "°C": Conversion("degC"),
     "K": Conversion("degC", 1.0, -273.15),
     "degF": Conversion("degC", 5.0, -160 / 9, 9.0),
 }
@@ -76,6 +79,7 @@ OTHER: Mapping[str, Conversion] = {
     for unit, cf in {
         "1": "1",
         "percent": "percent",
+        "%": "percent",
         "counts": "count",
         "s": "s",
         "V": "V",
@@ -94,6 +98,7 @@ OTHER: Mapping[str, Conversion] = {
         "T": "T",
         "Pa": "Pa",
         "degC": "degC",
+        "°C": "degC",
         "K": "K",
         "degF": "degF",
     }.items()

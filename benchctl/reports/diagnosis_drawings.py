@@ -60,10 +60,10 @@ def drawings(diagnosis: Diagnosis, unit: str) -> Mapping[str, Drawing]:
             add(
                 "traces",
                 traces_figure(diagnosis.traces, unit, changed=both),
-                f"Excerpts of steps: the output and its prediction, {before_after}, and what is left.",
+                f"Excerpts of steps: measured and predicted, {before_after}, and the residual.",
                 _excerpts(diagnosis, both)
-                + " Left: the output and what was predicted of it. Right: what is left, with "
-                "means as lines; above it its rms." + _FOLLOWED * _wanders(diagnosis),
+                + " Left: measured and predicted. Right: the residual, with means as lines; above it its rms."
+                + _FOLLOWED * _wanders(diagnosis),
             )
     return found
 

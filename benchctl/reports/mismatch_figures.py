@@ -177,7 +177,7 @@ def excerpt(
         output.plot(time_s[spoilt], measured[spoilt], **_SPOILT)
     for look, values in models:
         output.plot(time_s, values, color=look.colour, linewidth=0.9)
-    output.set_ylabel(f"output ({unit})")
+    output.set_ylabel(f"measured ({unit})")
     counted = measured if spoilt is None else np.where(spoilt, np.nan, measured)
     residuals = [(look, counted - values) for look, values in models]
     factor, shown = words.scaled(unit, float(np.nanmax(np.abs(residuals[0][1]), initial=0.0)))
@@ -190,7 +190,7 @@ def excerpt(
         left.plot(means.centre, means.mean, color=look.colour, linewidth=1.3)
     left.axhline(0.0, color=INK, linewidth=0.5)
     left.set_xlim(output.get_xlim())
-    left.set_ylabel(f"what is left ({shown})")
+    left.set_ylabel(f"residual ({shown})")
     left.locator_params(axis="y", nbins=5)
     rms = [f"{factor * float(np.sqrt(np.nanmean(residual**2))):.3g}" for _, residual in residuals]
     left.set_title(f"rms {' → '.join(rms)} {shown}")

@@ -66,7 +66,7 @@ def facts(meta: Meta, infos: Sequence[StepInfo]) -> list[tuple[str, str]]:
         ("Parameters", ", ".join(f"{name} = {_listed(value)}" for name, value in parameters(meta).items())),
         ("Duration", text.duration(max(i.t_end for i in infos) - min(i.t_start for i in infos)) if infos else ""),
         ("Samples", f"{text.count(sum(i.samples for i in infos))} in {len(recorded)} recorded steps of {len(infos)}"),
-        ("Sample rate", text.plain(sample_rate_hz(meta, infos), "Hz", 3)),
+        ("Sample rate", text.plain(sample_rate_hz(meta, infos) or None, "Hz", 3)),
         ("Encoder", _encoder(meta)),
         ("Converter", f"{bench.adc_bits} bits over ±{text.plain(bench.adc_range_v, 'V')}" if bench.adc_bits else ""),
         ("Latitude", text.plain(bench.latitude_deg, "°", 3) if bench.latitude_deg is not None else ""),

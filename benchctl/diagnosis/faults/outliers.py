@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import binary_dilation
+from scipy.special import ndtr
 from scipy.stats import binom
 
 from benchctl.diagnosis.faults.fault import Fault, Faults, bounded_gain
 from benchctl.diagnosis.faults.single_rows import HALF, SingleRows, single_rows
-from benchctl.diagnosis.faults.spike_sizes import spike_sizes
 from benchctl.diagnosis.result import Estimate
-from benchctl_instruments.physics.effects.outliers import Outliers
+from benchctl.diagnosis.signals.normal import Z95
+from benchctl_instruments.physics.effects.outliers import EXPONENTIAL, NORMAL, Outliers
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -29,19 +32,23 @@ _FEWEST = 3
 _FEWEST_ROWS = 1000
 
 
+_SCALES = np.geomspace(0.02, 20.0, 3000)
+"""Scales that are weighed, in units of the root of the mean square of what is seen."""
+
 _OWN = 1e-3
 """How often chance may bring so many of the spikes where the motion is sudden."""
 
 
-def spikes_in(*, residual: FloatArray, usable: BoolArray, step_v: float, sudden: BoolArray) -> Faults:
+def spikes_in(*, residual: FloatArray, usable: BoolArray, step_v: float, sudden: Sequence[BoolArray]) -> Faults:
     """Spikes in a residual (n,) of a provisional fit, which may miss much physics yet.
 
     Call it after `faults_in`, with rows as `usable` (n,) that have a motion and are not `standing` there; then fit
     again without the rows that are masked here. `step_v` is the converter's step as it shows in the values
     (`Faults.step_v`). Fewer than three spikes are masked only.
 
-    Spikes come at any time: where more of them than chance brings are in rows whose motion is `sudden` (n,), it is the
-    motion that stands out there, by a kink that the provisional fit does not know, and such rows are left alone.
+    Spikes come at any time: where more of them than chance brings are in rows whose motion is `sudden`, masks (n,) by
+    one meaning each, it is the motion that stands out there, by a kink that the provisional fit does not know, and such
+    rows are left alone.
     """
     masked = np.zeros(residual.size, np.bool_)
     rows = np.flatnonzero(usable)
@@ -51,9 +58,10 @@ def spikes_in(*, residual: FloatArray, usable: BoolArray, step_v: float, sudden:
     # where rows were left out the residual jumps
     searched = ~binary_dilation(np.diff(rows, prepend=rows[:1] - 1) > 1, iterations=HALF)
     spikes = single_rows(values, searched, _SEEN, floor)
-    if _is_of_motion(spikes.rows, searched, sudden[rows]):
-        searched &= ~sudden[rows]
-        spikes = single_rows(values, searched, _SEEN, floor)
+    for one in sudden:
+        if _is_of_motion(spikes.rows, searched, one[rows]):
+            searched &= ~one[rows]
+            spikes = single_rows(values, searched, _SEEN, floor)
     if spikes.rows.size < _FEWEST:
         masked[rows[spikes.rows]] = True
         return Faults(found=(), masked=masked, standing=np.zeros_like(masked), step_v=step_v)
@@ -71,17 +79,86 @@ def _outliers(spikes: SingleRows, searched: BoolArray, masked: BoolArray) -> Fau
     limits = _SEEN * np.quantile(spikes.size[searched], (np.arange(100) + 0.5) / 100.0)
     rows, noise = int(np.count_nonzero(searched)), float(np.median(spikes.size))
     found = spike_sizes(spikes.heights, limits, rows, noise)
-    effect = Outliers(fraction=found.fraction[0], scale_v=found.scale_v[0])
-    own = spikes.size[spikes.rows]
-    as_spikes = math.log(effect.fraction / effect.scale_v) - 0.5 * (spikes.heights / effect.scale_v) ** 2
-    as_noise = -0.5 * (spikes.heights / own) ** 2 - np.log(own)
+    exponent, own = found.tail_exponent, spikes.size[spikes.rows]
+    effect = Outliers(fraction=found.fraction[0], scale_v=found.scale_v[0], tail_exponent=exponent)
+    as_spikes = math.log(effect.fraction) + density(spikes.heights, effect.scale_v, exponent)
+    as_noise = density(spikes.heights, own, NORMAL)
+    intervals = {
+        "fraction": found.fraction,
+        "scale_v": found.scale_v,
+        "tail_exponent": (exponent, exponent, exponent),
+    }
     return Fault(
         effect=effect.identifier,
         parameters={
             name: Estimate(value=value, low=low, high=high, unit=effect.parameters[name].unit)
-            for name, (value, low, high) in (("fraction", found.fraction), ("scale_v", found.scale_v))
+            for name, (value, low, high) in intervals.items()
         },
         rows=masked,
         gain=bounded_gain(float(np.sum(as_spikes - as_noise))),
         says=effect.says(),
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpikeSizes:
+    """The likeliest `fraction` of the rows and `scale_v`, each as (value, low, high) with a 95 % interval."""
+
+    fraction: tuple[float, float, float]
+    scale_v: tuple[float, float, float]
+    tail_exponent: float
+
+
+def spike_sizes(heights_v: FloatArray, limits_v: FloatArray, rows: int, noise_v: float) -> SpikeSizes:
+    """How many spikes there are and how large, from the `heights_v` (m,) of those seen in so many `rows`.
+
+    `limits_v` are quantiles of the rows' limits; `noise_v` is the noise that the heights hold beside the spikes.
+
+    Spikes below a limit τ are not seen. With S(s) the share of spikes of scale s that is seen over the limits of all
+    rows, the likelihood of m heights x in n rows is f^m·Π p(x; s)·exp(−f·n·S(s)): the fraction is f = m/(n·S), and the
+    scale that which is likeliest with it (a truncated distribution). Normal and Laplace's distribution are compared.
+    """
+    root = float(np.sqrt(np.mean(heights_v**2)))
+    scales = _SCALES * root
+    laws = []
+    for exponent in (NORMAL, EXPONENTIAL):
+        seen = np.maximum(np.mean(_share_beyond(limits_v[None, :] / scales[:, None], exponent), axis=1), 1e-300)
+        # p(x; s) depends on the heights by the sum of their powers alone
+        power = float(np.sum(np.abs(heights_v / root) ** exponent))
+        likelihood = heights_v.size * (density(0.0, scales, exponent) - np.log(seen))
+        laws.append((likelihood - power / (exponent * _SCALES**exponent), seen, exponent))
+    laws.sort(key=lambda law: -float(law[0].max()))
+    least = float(laws[0][0].max()) - Z95**2 / 2.0
+    scale_v, fraction = [], []
+    for likelihood, seen, exponent in laws:  # intervals hold what the less likely law allows, too
+        inside = np.flatnonzero(likelihood >= least)
+        if inside.size == 0:
+            continue
+        for i in (int(np.argmax(likelihood)), inside[0], inside[-1]):
+            one, many = float(scales[i]), heights_v.size / (rows * float(seen[i]))
+            if exponent == NORMAL:
+                scale_v.append(math.sqrt(max(one**2 - noise_v**2, (0.1 * one) ** 2)))
+                fraction.append(many)
+            else:  # far out, noise beside Laplace's spikes makes them more, not larger
+                scale_v.append(one)
+                fraction.append(many * math.exp(-0.5 * min(noise_v / one, 1.0) ** 2))
+    # the fraction's error: chance of how many come, and what is unseen
+    chance = Z95 / math.sqrt(heights_v.size)
+    fewest, most = (math.hypot(chance, math.log(end / fraction[0])) for end in (min(fraction), max(fraction)))
+    return SpikeSizes(
+        fraction=(fraction[0], fraction[0] * math.exp(-fewest), fraction[0] * math.exp(most)),
+        scale_v=(scale_v[0], min(scale_v), max(scale_v)),
+        tail_exponent=laws[0][2],
+    )
+
+
+def density(height_v: FloatArray | float, scale_v: FloatArray | float, exponent: float) -> FloatArray:
+    """Logarithm of the density of heights of spikes of a scale."""
+    size = math.sqrt(2.0 * math.pi) if exponent == NORMAL else 2.0
+    scaled = np.abs(np.asarray(height_v) / scale_v)
+    return np.asarray(-np.log(size * np.asarray(scale_v)) - scaled**exponent / exponent)
+
+
+def _share_beyond(limits: FloatArray, exponent: float) -> FloatArray:
+    """Share of spikes of scale 1 that are larger than a limit, up or down."""
+    return np.asarray(2.0 * ndtr(-limits) if exponent == NORMAL else np.exp(-limits))

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import replace
 
-from benchctl.diagnosis.result import Estimate, Finding, NotFound, Unexplained
+from benchctl.diagnosis.result import Estimate, Finding, NotFound, Part, Unexplained
 
 _VOLTS = re.compile(r"([-+±]?)(\d[\d.]*(?:e[-+]?\d+)?) ?(mV|µV|V)\b")
 _FACTORS = {"V": 1.0, "mV": 1e-3, "µV": 1e-6}
@@ -24,8 +24,10 @@ def not_found_in(one: NotFound, unit: str) -> NotFound:
     return one if unit == "V" else replace(one, unit=unit_in(one.unit, unit))
 
 
-def unexplained_in(one: Unexplained, unit: str) -> Unexplained:
-    """The same of what is unexplained."""
+def unexplained_in(one: Unexplained, unit: str, part: Part) -> Unexplained:
+    """The same of what is unexplained; a drive or a chamber has offsets, no biases."""
+    if part != "gyro":
+        return replace(one, says=one.says.replace("a bias", "an offset"))
     if unit == "V":
         return one
     models = tuple(

@@ -19,7 +19,8 @@ from benchctl.diagnosis.signals.threads import shared_out
 
 FloatArray = npt.NDArray[np.float64]
 
-_BINS = 40
+_BINS = 41
+"""An odd number: rest, where most rows are, lies in the middle of a bin."""
 _COARSE_BINS = 10
 _RARE = 0.0005
 """Share of the rows at either end that is put into the outermost bin."""

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import uniform_filter1d
 
 from benchctl.diagnosis.gyro.frame import Frame
 from benchctl.diagnosis.signals.motion import Motion
@@ -13,6 +14,8 @@ from benchctl.diagnosis.signals.normal import QUARTILE
 
 FloatArray = npt.NDArray[np.float64]
 
+_STEADY_S, _STEADY = 0.5, 9.0
+"""A table turns steadily where the rate's variance in so many seconds is below so many times that of its noise."""
 _FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 
 
@@ -28,6 +31,23 @@ def rate_variance(frame: Frame) -> tuple[FloatArray, FloatArray]:
         whole[part] = variance * _passed(motion, motion.filters)
         step[part] = 0.5 * variance * _passed(motion, tuple(np.diff(one) for one in motion.filters))
     return whole, step
+
+
+def steadied_rate(frame: Frame) -> FloatArray:
+    """The rate by which rows are sorted (°/s), shape (n,): where the table turns steadily, its mean around the row.
+
+    What the encoder's noise adds to a row's rate is missing from the row's residual. Sorted by such a rate, or compared
+    with what a backlash makes of it, the residual of a perfect model shows a structure (errors in variables).
+    """
+    variance, _ = rate_variance(frame)
+    window = 2 * round(0.5 * _STEADY_S / frame.interval_s) + 1
+    rate = frame.rate_dps.copy()
+    for part in frame.stretches:
+        own = frame.rate_dps[part]
+        mean = uniform_filter1d(own, window)
+        spread = uniform_filter1d((own - mean) ** 2, window)
+        rate[part] = np.where(spread < _STEADY * variance[part], mean, own)
+    return rate
 
 
 def _angle_variance(angles_deg: Sequence[FloatArray]) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchctl.diagnosis.gyro.chain import GyroChain, Law
-from benchctl.diagnosis.gyro.encoder_noise import rate_variance
+from benchctl.diagnosis.gyro.encoder_noise import rate_variance, steadied_rate
 from benchctl.diagnosis.gyro.frame import Frame, frame_of
 from benchctl.diagnosis.gyro.limits import at_rest, limits_of
 from benchctl.diagnosis.gyro.model import checked_model
@@ -184,12 +184,12 @@ class GyroProblem(Stepped):
     @cached_property
     def coordinates(self) -> Mapping[str, FloatArray]:
         """Where a mismatch can live, each of shape (n,)."""
-        frame = self.frame
+        frame, rate = self.frame, steadied_rate(self.frame)
         every_row = {
             "time": frame.time_s,
-            "rate": frame.rate_dps,
-            "abs_rate": np.abs(frame.rate_dps),
-            "rate_sign": np.sign(np.where(np.abs(frame.rate_dps) < 0.5, 0.0, frame.rate_dps)),
+            "rate": rate,
+            "abs_rate": np.abs(rate),
+            "rate_sign": np.sign(np.where(np.abs(rate) < 0.5, 0.0, rate)),
             "acceleration": frame.acceleration_dps2,
             "angle": np.mod(frame.angle_deg, _TURN),
             "gyro_temp": frame.temp_c,
@@ -296,8 +296,8 @@ class GyroProblem(Stepped):
             interval_s=frame.interval_s,
         )
         left_out = (
-            f"The recording holds nothing of the Earth's rate, {self.earth_dps:.2g} °/s about the axis of a table that"
-            " stands where this one is said to: the model does without it."
+            f"The recording shows no Earth rate, though {self.earth_dps:.2g} °/s is expected at the stated latitude:"
+            " the model leaves it out."
         )
         earth = (left_out,) if self.earth_dps and not self.chain.earth_dps else ()
         limits = limits_of(frame, self.simulation, self.band, self.encoder_step_deg)

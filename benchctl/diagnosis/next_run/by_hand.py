@@ -9,26 +9,29 @@ from benchctl.diagnosis.next_run.experiment import NOTHING_OPEN
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Finding, NextExperiment, Unexplained
 
-_TOGETHER = "and diagnose both together"
+_TOGETHER = "and diagnose both recordings together"
 
 
 def next_by_hand(problem: Problem, findings: Sequence[Finding], unexplained: Unexplained) -> NextExperiment:
     """The run that parts the findings from their alternatives, or that shows more of what is unexplained."""
     open_ones = [one for one in findings if one.alternatives]
     names = tuple(dict.fromkeys(name for one in open_ones for name in (one.effect, one.alternatives[0].effect)))
-    if isinstance(problem, DriveProblem) and problem.turns_one_way and (names or unexplained.significant):
-        what = f"Open is {' or '.join(names)}" if names else "Something is unexplained"
+    if isinstance(problem, DriveProblem) and problem.turns_one_way and (findings or unexplained.significant):
+        cannot = f", which cannot separate {' from '.join(names)}" if names else ""
         return NextExperiment(
-            says=f"{what}, and the table turned one way only: run it in the other direction of rotation, {_TOGETHER}.",
+            says=f"The table turned one way only{cannot}: run it in the other direction of rotation, {_TOGETHER}.",
             separates=names,
         )
     if names:
         wanted = "; ".join(dict.fromkeys(problem.effects[name].excited_by for name in names if name in problem.effects))
-        return NextExperiment(says=f"Open is {' or '.join(names)}: record {wanted}, {_TOGETHER}.", separates=names)
-    if unexplained.significant:
-        along = " and ".join(unexplained.coordinates) or "no one coordinate"
         return NextExperiment(
-            says=f"What is unexplained lives along {along}: record it once more, over a wider range of that where there"
-            f" is one, {_TOGETHER}: what repeats belongs to the bench."
+            says=f"This recording does not separate {' from '.join(names)}: record {wanted}, {_TOGETHER}.",
+            separates=names,
+        )
+    if unexplained.significant:
+        along = " and ".join(unexplained.coordinates) or "no single coordinate"
+        return NextExperiment(
+            says=f"The unexplained part depends on {along}: record once more, over a wider range of it where possible,"
+            f" {_TOGETHER}; what repeats belongs to the bench."
         )
     return NOTHING_OPEN

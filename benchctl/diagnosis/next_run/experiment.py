@@ -33,7 +33,7 @@ ALIKE = 10.0
 SETTLED = 50.0
 """What is expected must be so much: what noise then leaves of it, 2·√50 less or more, is beyond doubt all the same."""
 _MOST_PAIRS = 3
-NOTHING_OPEN = NextExperiment(says="Nothing is open between known effects.")
+NOTHING_OPEN = NextExperiment(says="No further experiment is needed to separate the candidates.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,12 +119,12 @@ def best_of(tried: Iterable[Expected]) -> Expected | None:
 
 def _said(pairs: Sequence[OpenPair], best: Expected | None) -> NextExperiment:
     names = tuple(dict.fromkeys(name for one in pairs for name in (one.finding, one.rival)))
-    open_words = "; ".join(f"{one.finding} or {one.rival}" for one in pairs)
+    open_words = "; ".join(f"{one.finding} from {one.rival}" for one in pairs)
     if best is None or max(best.separations) < ALIKE:
         most = "" if best is None else f": {best.plan.procedure} by {two_digits(max(best.separations))} at the most"
         return NextExperiment(
-            says=f"Open is {open_words}; no installed procedure within the bench's limits is expected to tell them"
-            f" apart{most}, in twice the log likelihood.",
+            says=f"This recording does not separate {open_words}, and no installed procedure within the bench's limits"
+            f" is expected to separate them{most}, in twice the log likelihood.",
             separates=names,
         )
     apart = ", and ".join(

@@ -28,7 +28,9 @@ def repeat_along(problem: GyroProblem, coordinates: Sequence[str], *, bench: Ben
     several coordinates the first is meant, the one in which most of the mismatch lives.
     """
     if not coordinates:
-        return NextExperiment(says="What is unexplained lives in no one coordinate: repeat the recording as it was.")
+        return NextExperiment(
+            says="The unexplained part follows no single coordinate: repeat the recording; what repeats is of the unit."
+        )
     meant = coordinates[0]
     stands = bench or shown_bench(problem)
     now = _spread(problem.coordinates, meant, problem.usable.astype(np.float64))
@@ -46,10 +48,10 @@ def repeat_along(problem: GyroProblem, coordinates: Sequence[str], *, bench: Ben
         return NextExperiment(says=f"No installed procedure within the bench's limits moves {meant}.")
     power, (given, plan), hours = best
     more = power / now if now > 0.0 else 0.0
-    much = f", {two_digits(more)} times as much as in this recording" if more > 1.0 else ""
+    much = f" and varies it {two_digits(more)} times as much as this recording" if more > 1.0 else ""
     return NextExperiment(
-        says=f"What is unexplained lives along {meant}. Run {called(given, plan)}: of all runs it moves it the most"
-        f" in its time, {two_digits(hours)} h of the bench's{much}.",
+        says=f"The unexplained part depends on {meant}. Run {called(given, plan)}, which varies {meant} most per hour;"
+        f" it takes {two_digits(hours)} h of bench time{much}.",
         procedure=plan.procedure,
         parameters=given,
     )
@@ -61,12 +63,12 @@ def rest_longer(problem: GyroProblem, names: Sequence[str], *, bench: Bench | No
     rests = [(given, plan) for given, plan in candidates(stands) if plan.procedure == "static" and given]
     if not rests:
         return NextExperiment(
-            says=f"Open is {' or '.join(names)}; a long rest would tell, for which no procedure is installed.",
+            says=f"A long rest would separate {' from '.join(names)}; no procedure for one is installed.",
             separates=tuple(names),
         )
     given, plan = rests[0]
     return NextExperiment(
-        says=f"Run {called(given, plan)}: how a bias wanders, {' or '.join(names)}, shows in what it does over hours.",
+        says=f"Run {called(given, plan)}: only hours at rest separate {' from '.join(names)}.",
         procedure=plan.procedure,
         separates=tuple(names),
         parameters=given,

@@ -409,12 +409,14 @@ class _Search(Models):
         return None if weakest is None else weakest[1]
 
     def _earned(self, own: Evidence) -> float:
-        """What counts for an effect: of a drive, whose pieces of a run are few, held-out ones bear witness, too.
+        """What counts for an effect: what it gains where it was fitted, and where held-out steps bear witness.
 
-        Not of a gyro, where what a coarse converter rounds off is alike in all steps, nor beside a disturbance.
+        Of a gyro they bear witness against it alone, as what a coarse converter rounds off is alike in all steps;
+        beside a disturbance they are compared otherwise.
         """
-        few = not (self._problem.disturbed or isinstance(self._problem, GyroProblem))
-        return own.gain + own.heldout if few else own.gain
+        if self._problem.disturbed:
+            return own.gain
+        return own.gain + (min(own.heldout, 0.0) if isinstance(self._problem, GyroProblem) else own.heldout)
 
     def _one_for_two(self, present: Fit) -> Fit | None:
         """The model with one effect in place of two that it is like, where the two do no better; None if none is.

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+import numpy as np
+import numpy.typing as npt
 import scipy  # which loads special when it is first used
 
 from benchctl_instruments.physics.chain import Signals, Stage
@@ -13,16 +16,22 @@ from benchctl_instruments.physics.effects.draws import normals
 from benchctl_instruments.physics.effects.effect import Parameter
 from benchctl_instruments.physics.effects.kinds import NoiseEffect
 
+FloatArray = npt.NDArray[np.float64]
+
+NORMAL, EXPONENTIAL = 2.0, 1.0
+"""Exponents of the tails."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outliers(NoiseEffect):
-    """A fraction of the samples is off by normal errors of standard deviation scale (domain facts, SPIKE).
+    """A fraction of the samples is off by errors of a scale (domain facts, SPIKE), normal or with exponential tails.
 
     Which samples are hit is chance, each independently of the others.
     """
 
     fraction: float
     scale_v: float
+    tail_exponent: float = NORMAL
     seed: int = 1
 
     identifier: ClassVar[str] = "outliers"
@@ -31,7 +40,10 @@ class Outliers(NoiseEffect):
         "Now and then a single sample is far off, up or down: a spike on the line or a bit that was read wrongly. Its"
         " neighbours are right."
     )
-    equation: ClassVar[str] = "U → U + s·n, n ~ N(0, scale²), s = 1 for a fraction of the samples, else 0"
+    equation: ClassVar[str] = (
+        "U → U + s·x, density of x ∝ exp(−|x/scale|^p/p) with p = 2 (normal) or 1 (Laplace), s = 1 for a fraction of"
+        " the samples, else 0"
+    )
     coordinate: ClassVar[str] = "time"
     excited_by: ClassVar[str] = "nothing: they come at any time"
     look_alikes: ClassVar[tuple[str, ...]] = ("dropouts", "noise_rate_dependent")
@@ -48,12 +60,20 @@ class Outliers(NoiseEffect):
         ),
         "scale_v": Parameter(
             unit="V",
-            meaning="standard deviation of the spikes",
+            meaning="scale of the spikes: of normal ones the standard deviation, of Laplace's the mean size",
             low=0.0,
             high=100.0,
             role="size",
             scan=(1e-3,),
             zero=0.0,
+        ),
+        "tail_exponent": Parameter(
+            unit="1",
+            meaning="exponent of the tails: 2 of normal spikes, 1 of Laplace's",
+            low=EXPONENTIAL,
+            high=NORMAL,
+            role="choice",
+            scan=(NORMAL, EXPONENTIAL),
         ),
     }
 
@@ -62,12 +82,19 @@ class Outliers(NoiseEffect):
         chance = normals(self.seed, self.identifier, signals.first_index, signals.time_s.size, 2)
         hit = chance[:, 0] < scipy.special.ndtri(self.fraction)
         volts = signals.output_v.copy()
-        volts[hit] += self.scale_v * chance[hit, 1]
+        volts[hit] += self.scale_v * (chance[hit, 1] if self.tail_exponent == NORMAL else _laplace(chance[hit, 1]))
         return replace(signals, output_v=volts)
 
     def says(self) -> str:
         """The finding in one sentence."""
+        size = "standard deviation" if self.tail_exponent == NORMAL else "mean size; few are many times as large"
         return (
             f"One sample in {1.0 / self.fraction if self.fraction else float('inf'):.3g} is a spike of"
-            f" {1e3 * self.scale_v:.3g} mV (standard deviation) that has nothing to do with the gyro."
+            f" {1e3 * self.scale_v:.3g} mV ({size}) that has nothing to do with the gyro."
         )
+
+
+def _laplace(normal: FloatArray) -> FloatArray:
+    """Normal numbers, shape (n,), as those of Laplace's distribution of scale 1 that stand at the same place of it."""
+    tail: FloatArray = scipy.special.log_ndtr(-np.abs(normal)) + math.log(2.0)
+    return -np.sign(normal) * tail

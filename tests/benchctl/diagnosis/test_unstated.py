@@ -68,7 +68,7 @@ def test_a_recording_without_the_earths_rate_is_told_from_one_with_it() -> None:
     assert isinstance(other, GyroProblem)
     assert other.chain.earth_dps == 0.0
     assert chosen(other).after.point.effects == ()
-    assert "holds nothing of the Earth's rate" in " ".join(other.remarks(*[np.zeros(0)] * 3))
+    assert "shows no Earth rate" in " ".join(other.remarks(*[np.zeros(0)] * 3))
 
 
 @pytest.mark.slow

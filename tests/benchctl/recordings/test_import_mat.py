@@ -9,6 +9,7 @@ import zlib
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 from scipy.io import savemat
@@ -18,20 +19,19 @@ from benchctl.recordings.import_mat import read_mat
 from benchctl_instruments.errors import UsageError
 from tests.slowness import slowness
 
-MAP = parse_map(
-    """
-    [unit]
-    serial = "G1"
-    [time]
-    rate_hz = 10.0
-    [channels.gyro_v]
-    column = "out"
-    unit = "V"
-    """,
-    "map.toml",
-)
+MAP_TEXT = """
+[unit]
+serial = "G1"
+[time]
+rate_hz = 10.0
+[channels.gyro_v]
+column = "out"
+unit = "V"
+"""
+MAP = parse_map(MAP_TEXT, "map.toml")
 
 COLUMN = np.arange(1000.0)[:, np.newaxis]
+HEADER_73 = b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM"
 HEADER = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
 
 
@@ -137,7 +137,39 @@ def test_a_variable_that_is_there_twice_is_refused(tmp_path: Path) -> None:
 
 def test_files_of_other_versions_are_told_so(tmp_path: Path) -> None:
     assert "a MAT file of version 4" in refusal(tmp_path, saved({"out": COLUMN}, version="4"))
-    assert "a MAT file of version 7.3" in refusal(tmp_path, b"MATLAB 7.3".ljust(124) + b"\x00\x02IM" + bytes(600))
+    assert "not a MAT file of version 7.3, or cut short" in refusal(tmp_path, HEADER_73 + bytes(600))
+
+
+def hdf5_mat(path: Path, **variables: Any) -> Path:
+    """A file as MATLAB's option -v7.3 writes it: HDF5 behind a header of MATLAB's, matrices transposed."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, values in variables.items():
+            file[name] = values.T if isinstance(values, np.ndarray) else values
+    with path.open("r+b") as file:
+        file.write(HEADER_73)
+    return path
+
+
+def test_a_file_of_version_7_3_holds_the_same_columns(tmp_path: Path) -> None:
+    raw = read_mat(hdf5_mat(tmp_path / "log.mat", out=COLUMN), MAP)
+    np.testing.assert_array_equal(raw.values["gyro_v"], COLUMN[:, 0])
+
+
+def test_a_column_of_a_matrix_of_version_7_3_is_the_one_that_matlab_shows(tmp_path: Path) -> None:
+    matrix = np.arange(30.0).reshape(10, 3)
+    mapping = parse_map(MAP_TEXT + "index = 3\n", "map.toml")
+    raw = read_mat(hdf5_mat(tmp_path / "log.mat", out=matrix), mapping)
+    np.testing.assert_array_equal(raw.values["gyro_v"], matrix[:, 2])
+
+
+def test_a_variable_of_version_7_3_that_is_missing_or_elsewhere_is_refused(tmp_path: Path) -> None:
+    for variables, says in (
+        ({"other": COLUMN}, "'out' of the map is missing among"),
+        ({"out": h5py.ExternalLink("/etc/passwd", "/x")}, "external link"),
+        ({"out": "text"}, "not a column of numbers"),
+    ):
+        with pytest.raises(UsageError, match=says):
+            read_mat(hdf5_mat(tmp_path / "log.mat", **variables), MAP)
 
 
 def test_a_version_4_whose_sizes_are_below_zero_ends(tmp_path: Path) -> None:

@@ -52,7 +52,7 @@ def pair_page(pair_html):
 
 
 def test_the_head_has_the_verdict_every_finding_and_what_is_to_be_run_next(pair_page):
-    head = pair_page.words[: pair_page.words.index("1 Where model and recording part")]
+    head = pair_page.words[: pair_page.words.index("1 Where model and recording differ")]
     assert "Physics is missing" in head
     assert "The data demand physics that the model does not have: thermal lag and encoder eccentricity." in head
     for finding in pair().findings:
@@ -60,7 +60,7 @@ def test_the_head_has_the_verdict_every_finding_and_what_is_to_be_run_next(pair_
     assert pair().next_experiment.says in head
     assert "1.94 mV 3.80 × the noise" in head
     assert "516 µV 1.01 × the noise" in head
-    assert "12 steps that were held out" in head
+    assert "12 held-out steps" in head
 
 
 def test_a_finding_has_words_equation_values_place_evidence_and_alternatives(pair_page):
@@ -101,9 +101,9 @@ def test_the_models_own_parameters_say_what_they_were_and_how_far_they_moved(pai
 def test_where_nothing_is_missing_the_page_says_so_and_how_sure_that_is():
     told = Page(page_of(undrawn(nothing_missing()))).words
     assert "Consistent The model agrees with the recording to within the noise." in told
-    assert "no effect gains more than the 21.7" in told
+    assert "none gains more than 21.7" in told
     assert "Nothing is open." in told
-    assert "What is left cannot be told from noise." in told
+    assert "The residual is not distinguishable from noise." in told
 
 
 def test_unknown_structure_names_its_coordinates_and_forces_no_name():
@@ -111,8 +111,20 @@ def test_unknown_structure_names_its_coordinates_and_forces_no_name():
     assert "Unknown structure" in told
     assert "Unexplained: What is left repeats 17 times a turn" in told
     assert "angle of the table; angle of the table together with gyro's temperature" in told
-    assert "62 % of the mismatch" in told
+    assert "62 % of the initial mismatch" in told
     assert "beyond chance: angle of the table." in told
+
+
+def test_an_engineer_reads_what_to_do_where_parameters_moved_or_a_structure_has_no_name():
+    def bench(diagnosis):
+        told = Page(page_of(undrawn(diagnosis))).words
+        return told[told.index("For the bench") : told.index("1 Where model and recording differ")]
+
+    moved = bench(replace(nothing_missing(), verdict="recalibrate"))
+    assert "Fit anew and use the new coefficients: benchctl fit" in moved
+    strange = unknown_structure()
+    assert "unexplained structure" in bench(strange)
+    assert strange.next_experiment.says in bench(strange)
 
 
 def test_an_effect_that_is_not_in_the_vocabulary_is_told_from_the_finding_alone():

@@ -39,10 +39,7 @@ class Made:
 
     def spikes(self, before: Faults) -> Faults:
         """What is found in its residual."""
-        nowhere = np.zeros(self.volts.size, np.bool_)
-        return spikes_in(
-            residual=self.volts - self.predicted, usable=~before.standing, step_v=before.step_v, sudden=nowhere
-        )
+        return spikes_in(residual=self.volts - self.predicted, usable=~before.standing, step_v=before.step_v, sudden=())
 
     def held(self, places: list[int], rows: int) -> Made:
         """With so many rows from each place on that repeat the one before."""

@@ -51,6 +51,6 @@ def _found(truth: Truth) -> dict[str, Fault]:
         residual=problem.measured - columns @ provisional,
         usable=problem.usable & ~before.standing,
         step_v=before.step_v,
-        sudden=problem.frame.sudden > 0.0,
+        sudden=(problem.frame.sudden > 0.0,),
     )
     return {one.effect: one for one in (*before.found, *after.found)}

@@ -13,12 +13,12 @@ ROWS = 300_000
 
 def searched(residual: FloatArray, usable: BoolArray | None = None, sudden: BoolArray | None = None) -> Faults:
     """Where nothing is said of them, all rows are usable and none is of a sudden motion."""
-    all_rows, no_rows = np.ones(residual.size, np.bool_), np.zeros(residual.size, np.bool_)
+    all_rows = np.ones(residual.size, np.bool_)
     return spikes_in(
         residual=residual,
         usable=all_rows if usable is None else usable,
         step_v=0.0,
-        sudden=no_rows if sudden is None else sudden,
+        sudden=() if sudden is None else (sudden,),
     )
 
 
@@ -46,6 +46,26 @@ def test_fraction_and_scale_lie_in_their_intervals_though_small_spikes_are_not_s
         inside.append(estimates["fraction"].low <= fraction <= estimates["fraction"].high)
         inside.append(estimates["scale_v"].low <= scale <= estimates["scale_v"].high)
         assert estimates["fraction"].value == pytest.approx(fraction, rel=0.5)
+    assert np.mean(inside) > 0.8
+
+
+@pytest.mark.parametrize(("fraction", "scale"), [(2e-3, 20.0), (1e-3, 60.0)])
+@pytest.mark.slow
+def test_spikes_with_exponential_tails_are_known_as_such_and_their_fraction_and_scale_lie_in_the_intervals(
+    fraction: float, scale: float
+) -> None:
+    inside = []
+    for seed in range(10):
+        chance = np.random.default_rng(seed)
+        residual = chance.standard_normal(ROWS)
+        hit = chance.choice(ROWS, round(fraction * ROWS), replace=False)
+        residual[hit] += chance.laplace(0.0, scale, hit.size)
+        (fault,) = spikes(residual)
+        estimates = fault.parameters
+        assert estimates["tail_exponent"].value == 1.0
+        assert estimates["scale_v"].value == pytest.approx(scale, rel=0.2)
+        inside.append(estimates["fraction"].low <= fraction <= estimates["fraction"].high)
+        inside.append(estimates["scale_v"].low <= scale <= estimates["scale_v"].high)
     assert np.mean(inside) > 0.8
 
 
@@ -142,3 +162,13 @@ def test_spikes_of_any_time_are_seen_where_the_motion_is_sudden_too() -> None:
     (told,) = searched(residual, sudden=sudden).found
     (untold,) = searched(residual).found
     assert told.parameters == untold.parameters
+
+
+def test_kinks_that_are_passed_in_haste_are_the_motions_among_many_rows_of_another_sudden_motion() -> None:
+    residual = np.random.default_rng(12).standard_normal(ROWS)
+    often, hasty = np.zeros(ROWS, np.bool_), np.zeros(ROWS, np.bool_)
+    often[: ROWS // 2] = True
+    hasty[1000:ROWS:10_000] = True
+    residual[np.flatnonzero(hasty)[:6]] += 40.0
+    found = spikes_in(residual=residual, usable=np.ones(ROWS, np.bool_), step_v=0.0, sudden=(often, hasty))
+    assert found.found == ()

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from benchctl.diagnosis.gyro.encoder_noise import rate_variance
+from benchctl.diagnosis.gyro.encoder_noise import rate_variance, steadied_rate
 from benchctl.diagnosis.signals.motion import Motion, motion_of, rates_of
 
 FloatArray = npt.NDArray[np.float64]
@@ -32,6 +32,8 @@ def frame(*stretches: tuple[FloatArray, Motion]) -> Any:
     bounds = np.cumsum([0, *(angle.size for angle, _ in stretches)]).tolist()
     return SimpleNamespace(
         rows=bounds[-1],
+        interval_s=1.0 / RATE_HZ,
+        rate_dps=np.concatenate([motion.rate_dps for _, motion in stretches]),
         stretches=[slice(a, b) for a, b in itertools.pairwise(bounds)],
         motions=[motion for _, motion in stretches],
         encoder_deg=np.concatenate([angle for angle, _ in stretches]),
@@ -112,3 +114,15 @@ def test_a_stretch_too_short_to_see_noise_in_has_none() -> None:
     whole, step = rate_variance(frame((steady(TIME_S[:8]) + noise()[:8], short)))
     assert np.array_equal(whole, np.zeros(8))
     assert np.array_equal(step, np.zeros(8))
+
+
+def test_rows_are_sorted_by_a_rate_without_the_noise_of_the_row_where_the_table_turns_steadily() -> None:
+    angle, motion = moved(steady)
+    noise_of_row = motion.rate_dps[INSIDE] - 40.0
+    sorted_by = steadied_rate(frame((angle, motion)))[INSIDE] - 40.0
+    assert float(np.std(sorted_by)) < 0.1 * float(np.std(noise_of_row))
+
+
+def test_rows_are_sorted_by_their_own_rate_where_the_table_swings() -> None:
+    _, motion = swing = moved(lambda time_s: 10.0 * np.sin(2.0 * np.pi * 0.5 * time_s))
+    np.testing.assert_array_equal(steadied_rate(frame(swing)), motion.rate_dps)

@@ -67,7 +67,8 @@ def test_what_was_measured_is_that_of_the_same_instants(whole: GyroProblem, few:
     np.testing.assert_array_equal(few.measured, whole.measured[rows])
     np.testing.assert_array_equal(few.step, whole.step[rows])
     for name, values in few.coordinates.items():
-        np.testing.assert_array_equal(values, whole.coordinates[name][rows], err_msg=name)
+        # running means differ in the last digits, as other rows stand before them
+        np.testing.assert_allclose(values, whole.coordinates[name][rows], rtol=0.0, atol=1e-9, err_msg=name)
 
 
 @pytest.mark.parametrize("name", EFFECTS)

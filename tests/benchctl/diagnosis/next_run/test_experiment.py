@@ -164,12 +164,12 @@ def test_where_no_run_would_tell_none_is_proposed(problem: GyroProblem, pair: Op
     same = OpenPair(finding="timing_offset", rival="timing_offset", first=pair.first, second=pair.first)
     told = next_experiment(problem, NOISE, [same], bench=bench())
     assert (told.procedure, told.separation) == ("", None)
-    assert "is expected to tell them apart" in told.says
+    assert "is expected to separate them" in told.says
 
 
 def test_where_nothing_is_open_nothing_is_proposed(problem: GyroProblem) -> None:
     told = next_experiment(problem, NOISE, [])
-    assert (told.says, told.procedure) == ("Nothing is open between known effects.", "")
+    assert (told.says, told.procedure) == ("No further experiment is needed to separate the candidates.", "")
 
 
 @given(st.lists(st.tuples(st.floats(0.1, 20.0), st.floats(0.0, 500.0), st.floats(0.0, 500.0)), min_size=1, max_size=8))

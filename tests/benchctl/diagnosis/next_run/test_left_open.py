@@ -158,7 +158,10 @@ def test_for_a_part_without_procedures_of_its_own_it_is_said_what_to_record() ->
     other = toy(Cubic(size_v=5e-3))
     selection = select(other, seed=0, progress=lambda _name, _share: None)
     both = asked(other, selection, [finding("quintic", effect="cubic")], STRANGE)
-    assert both.says == "Open is cubic or quintic: record made up, and diagnose both together."
+    assert (
+        both.says
+        == "This recording does not separate cubic from quintic: record made up, and diagnose both recordings together."
+    )
     assert both.separates == ("cubic", "quintic")
-    assert "What is unexplained lives along acceleration" in asked(other, selection, [], STRANGE).says
+    assert "The unexplained part depends on acceleration" in asked(other, selection, [], STRANGE).says
     assert asked(other, selection, [], NOTHING) == NOTHING_OPEN

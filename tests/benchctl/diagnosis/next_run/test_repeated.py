@@ -25,7 +25,7 @@ def problem(tmp_path_factory: pytest.TempPathFactory) -> GyroProblem:
 
 def _proposed(problem: GyroProblem, coordinate: str) -> Plan:
     told = repeat_along(problem, (coordinate,), bench=bench())
-    assert f"lives along {coordinate}" in told.says
+    assert f"depends on {coordinate}" in told.says
     assert told.separates == ()
     plan = find_procedure(told.procedure).expand(as_texts(told.parameters))
     assert problems(plan, bench()) == []
