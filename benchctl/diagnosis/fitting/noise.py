@@ -111,6 +111,12 @@ class Whitener:
         return math.sqrt(ratio)
 
     @cached_property
+    def usual(self) -> float:
+        """The weight of a usual row, beside whose white noise the processes are seen."""
+        counted = self.weight[self._rows.counted]
+        return float(np.median(counted)) if counted.size else 1.0
+
+    @cached_property
     def log_determinant(self) -> float:
         """Logarithm of the determinant of the noise's covariance, but for the variance of the innovations."""
         jumps = sum(math.log(power) for _, _, power in self._jumps)
@@ -171,7 +177,7 @@ class Whitener:
             rows = slice(whole.start, min(whole.stop, whole.start + reach))
             response = step[: rows.stop - rows.start] * self.weight[rows]
             variance = sum(_wandered(one, missing) for one in self.slow) / self.innovation**2
-            power = 1.0 + variance * float(response @ response)
+            power = 1.0 + variance * float(response @ response) / self.usual**2
             if power > 1.0:
                 jumps.append((rows, response, power))
         return jumps

@@ -112,7 +112,7 @@ def _measured(
     return Noisy(
         effect=name,
         gain=0.0 if belied else without - best,
-        size=math.exp(middle),
+        size=math.exp(middle) / other.usual,
         log_error=math.sqrt(2.0 / curvature),
         whitener=other,
     )

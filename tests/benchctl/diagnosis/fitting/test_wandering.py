@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -66,6 +67,20 @@ def test_a_walk_is_found_with_its_size_inside_the_interval() -> None:
     inside = np.abs(logs) < 1.96 * np.array(errors)
     assert inside.sum() >= 16
     assert float(np.mean(errors)) < 0.5
+
+
+def test_a_walk_is_sized_by_the_noise_of_rows_of_weight_one_though_the_encoder_makes_all_rows_noisier() -> None:
+    problem = wanders(1, noises=BOTH[:1])
+    plain = NoiseModel.of(problem).plain
+    point, steps = Point(baseline=problem.baseline_start), np.ones(len(problem.step_names), np.bool_)
+    volts = []
+    for weight in (1.0, 0.8):
+        whitener = replace(plain, weight=weight * plain.weight)
+        one = fit(problem, whitener, point, steps)
+        (walk,) = wandering(problem, whitener, one, least_gain=0.0)
+        beside = fit(problem, walk.whitener, one, steps)
+        volts.append(walk.size * beside.deviation / walk.whitener.innovation)
+    assert volts[1] == pytest.approx(volts[0], rel=1e-3)
 
 
 @pytest.mark.slow
