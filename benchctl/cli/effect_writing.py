@@ -28,10 +28,11 @@ def refuse_other_effect_files(path: Path) -> None:
 def write_effect(path: Path, diagnosis: Diagnosis) -> str:
     """Write the largest of the structures that were modelled; what to do with the file, in a line."""
     from benchctl.atomic import whole_file
-    from benchctl.diagnosis.structures.effect_file import effect_source
+    from benchctl.diagnosis.structures.effect_file import WRITTEN, effect_source
 
-    if not diagnosis.unexplained.models:
-        return f"no structure without a name was modelled: {path} is not written"
+    models = [one for one in diagnosis.unexplained.models if one.stage in WRITTEN]
+    if not models:
+        return f"no structure without a name was modelled that an effect can stand for: {path} is not written"
     with whole_file(path) as temporary:
-        temporary.write_text(effect_source(path.stem, diagnosis.unexplained.models[0]), encoding="utf-8")
+        temporary.write_text(effect_source(path.stem, models[0]), encoding="utf-8")
     return f"effect {path.stem}: {path}; complete its words and add it to the entry points benchctl.effects"

@@ -88,7 +88,8 @@ def _diagnosis(
     problem.forget()  # what is left is found without predictions
     tried = {effect.identifier for effect in chosen.after.point.effects}
     chosen, unexplained, owed = named(problem, chosen, rounding_v2=rounding_v2, seed=seed)
-    chosen, unexplained, owed = with_structures(problem, chosen, unexplained, owed, seed=seed)
+    fallen = tried - {effect.identifier for effect in chosen.after.point.effects}
+    chosen, unexplained, owed = with_structures(problem, chosen, unexplained, owed, fallen=fallen, seed=seed)
     found = (*with_sine(problem, findings_of(problem, chosen)), *fault_findings(problem, faults))
     findings = tuple(finding_in(one, problem.unit) for one in found)
     unexplained = unexplained_in(unexplained, problem.unit, part)
@@ -155,6 +156,7 @@ def _at_bounds(problem: Problem, chosen: Selection) -> Iterator[str]:
 
 def _model(problem: Problem, chosen: Selection) -> dict[str, Any]:
     """The content of the model file."""
-    effects = (*chosen.whole.point.effects, *noise_effects(chosen))
+    unnamed = () if chosen.noise_structure is None else (chosen.noise_structure,)
+    effects = (*chosen.whole.point.effects, *noise_effects(chosen), *unnamed)
     tables = problem.model_of(chosen.whole.point.baseline, effects, chosen.white_deviation)
     return {"format": "benchctl-model/1"} | tables

@@ -15,12 +15,12 @@ from benchctl.proof.classes import CLASSES, FAINT_GAIN, ClassName, TrialClass
 from benchctl.proof.outsiders import OUTSIDERS
 from benchctl.proof.planned import Planned, planned
 from benchctl.proof.sizes import DRAWN, STATISTICAL, WANDERING, Values, drawn_size, shrunk
-from benchctl.proof.structures import drawn_structure, structure_size
+from benchctl.proof.structures import drawn_structures, structure_size
 from benchctl.proof.truth import Truth
 from benchctl.proof.unit import TrialUnit, draw_unit
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.effects.registry import effect
-from benchctl_instruments.physics.structures import structure_named
+from benchctl_instruments.physics.structures import OVER, structure_named
 
 PROCEDURE = "diagnostic"
 
@@ -59,7 +59,7 @@ def draw(seed: int, index: int, kind: ClassName) -> Truth:
     for _ in range(_TRIES):
         names = _chosen(rng, kind, wanted)
         unit = draw_unit(rng, moved=moved, lacking=_lacking(names), warm="thermal_lag" in names)
-        withheld, lives_in = _outside(names[0]) if kind == "outsider" or wanted.structure else ((), ())
+        withheld, lives_in = _outside(names) if kind == "outsider" or wanted.structure else ((), ())
         begun = Truth(
             index=index,
             kind=kind,
@@ -84,20 +84,21 @@ def plan_of(unit: TrialUnit) -> Plan:
     return find_procedure(PROCEDURE).expand(unit.parameters)
 
 
-def _outside(name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _outside(names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """What is withheld, and where that lives."""
-    if (found := structure_named(name)) is not None:
-        return (name,), (found.over,)
-    look_alikes, lives_in = OUTSIDERS[name]
-    return (name, *look_alikes), lives_in
+    found = {name: kind for name in names if (kind := structure_named(name)) is not None}
+    if found:
+        return tuple(found), tuple(OVER[kind.over].word for kind in found.values())
+    look_alikes, lives_in = OUTSIDERS[names[0]]
+    return (names[0], *look_alikes), lives_in
 
 
 def _chosen(rng: np.random.Generator, kind: ClassName, wanted: TrialClass) -> list[str]:
     """The names of what is concealed."""
     names = [str(rng.choice(WANDERING))] if wanted.wandering else []
-    names += [drawn_structure(rng)] if wanted.structure else []
-    pool = _pool(kind, wanted)
-    while len(names) < wanted.effects + wanted.wandering + wanted.structure:
+    names += drawn_structures(rng) if wanted.structure else []
+    pool, so_many = _pool(kind, wanted), len(names) + wanted.effects
+    while len(names) < so_many:
         name = pool[int(rng.integers(len(pool)))]
         if not alike(name, names):
             names.append(name)
@@ -137,9 +138,10 @@ def _sized(rng: np.random.Generator, truth: Truth, names: Sequence[str]) -> Trut
         size = full if of_structure else shrunk(name, full, reduced, truth.unit)
         alone = replace(truth, effects={name: size})
         truth = replace(truth, effects={**truth.effects, name: size})
-        if name not in STATISTICAL and share is not None and not _brought_out(run, alone, truth):
+        drawn = name in STATISTICAL or "_of_noise_" in name
+        if not drawn and share is not None and not _brought_out(run, alone, truth):
             return None
-    known = STATISTICAL.isdisjoint(names)
+    known = STATISTICAL.isdisjoint(names) and not any("_of_noise_" in name for name in names)
     return replace(
         truth, seed=int(rng.integers(2**31)), gain=_rounded(run.gain(truth.made())) if names and known else None
     )

@@ -23,7 +23,9 @@ from benchctl_instruments.interfaces import FloatArray
 from benchctl_instruments.physics.chain import STAGES, Signals, gyro_baseline, run_chain
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
 from benchctl_instruments.physics.effects.kinds import ClockEffect, EncoderEffect
+from benchctl_instruments.physics.structures import SETPOINT_WAY, Structure
 
+_ARCSEC = 3600.0
 _ROOM_C = 23.0
 _PAUSE_S = 1.5
 """Between two steps the table comes to rest or to its next rate, unrecorded."""
@@ -95,15 +97,24 @@ class Planned:
         output = run_chain(self.signals, baseline, plain, STAGES).output_v
         slope = self._slope(output)
         for effect in effects:
-            if isinstance(effect, ClockEffect):
+            if isinstance(effect, Structure) and effect.acts_on == "encoder":
+                error = effect.function_of(self.signals)[0] / _ARCSEC
+                seen = uniform_filter1d(np.gradient(error, self.signals.interval_s), self._averaged)
+                output = output - self.unit.gyro.K0_v_per_dps * seen
+            elif isinstance(effect, ClockEffect):
                 output = output + slope * (effect.gyro_time_s(self.signals.time_s) - self.signals.time_s)
             elif isinstance(effect, EncoderEffect):
                 # an encoder that reads too much by e tells a rate that is too large by e', and the gyro seems to
                 # answer less
                 error = effect.error_deg(self.signals.angle_deg)
-                seen = uniform_filter1d(self._slope(error), round(_AVERAGED_S / self.signals.interval_s))
+                seen = uniform_filter1d(self._slope(error), self._averaged)
                 output = output - self.unit.gyro.K0_v_per_dps * seen
         return output
+
+    @property
+    def _averaged(self) -> int:
+        """Samples over which a rate is made of an encoder's angles."""
+        return round(_AVERAGED_S / self.signals.interval_s)
 
     def _slope(self, values: FloatArray) -> FloatArray:
         """The derivative by time inside the steps, zero where one begins."""
@@ -138,6 +149,7 @@ def planned(plan: Plan, unit: TrialUnit) -> Planned:
         encoder_deg=angle,
         thermistor_c=housing,
         coil_rate_c_per_s=slope,
+        auxiliary={SETPOINT_WAY: _way(plan, time_s)},
     )
     starts = np.cumsum([0, *(part[0].size for part in parts[:-1])])
     return Planned(unit=unit, signals=signals, starts=tuple(starts.tolist()))
@@ -170,6 +182,13 @@ def _housing(plan: Plan, unit: TrialUnit, time_s: FloatArray) -> tuple[FloatArra
     air = _lagged(asked, unit.air_lag_s)
     housing = _lagged(air, unit.housing_lag_s)
     return np.interp(time_s, second, housing), np.interp(time_s, second, (air - housing) / unit.housing_lag_s)
+
+
+def _way(plan: Plan, time_s: FloatArray) -> FloatArray:
+    """The way in which the set point moves, shape (n,)."""
+    corners = list(_corners(plan))
+    asked = np.interp(time_s, [at for at, _ in corners], [celsius for _, celsius in corners])
+    return np.sign(np.gradient(asked, time_s).round(9))
 
 
 def _corners(plan: Plan) -> Iterator[tuple[float, float]]:

@@ -9,10 +9,11 @@ from typing import Any
 
 from benchctl.diagnosis.keys import keys_of_names
 from benchctl.proof.classes import CLASSES
+from benchctl.proof.structures import SHAPE_CLASSES
 from benchctl.proof.truth import Truth
 from benchctl_instruments.physics.effects.effect import Parameter
 from benchctl_instruments.physics.effects.registry import effect
-from benchctl_instruments.physics.structures import structure_named
+from benchctl_instruments.physics.structures import OVER, structure_named
 
 _BY_CHANCE = {("dropouts", "count")}
 """What is drawn as an expectation: how many came in a recording is chance, and that is what is stated."""
@@ -54,6 +55,8 @@ class Score:
         Whether the verdict is that of the class; None where the answer has none.
     located
         Of an outsider: whether the coordinate that is named first is one where it lives.
+    shape_right
+        Of a structure: whether it was modelled in its shape, or in the nearest that a search has.
     parameters
         Those of effects that were rightly named.
     heldout_ratio
@@ -65,6 +68,7 @@ class Score:
     made_up: tuple[str, ...]
     verdict_right: bool | None = None
     located: bool | None = None
+    shape_right: bool | None = None
     parameters: tuple[ParameterScore, ...] = ()
     heldout_ratio: float | None = None
 
@@ -87,6 +91,7 @@ def score_diagnosis(truth: Truth, said: Mapping[str, Any]) -> Score:
         made_up=made_up,
         verdict_right=verdict_right,
         located=located,
+        shape_right=_shape_right(truth, said["unexplained"]),
         parameters=tuple(
             score
             for name in truth.effects
@@ -127,7 +132,16 @@ def _modelled(truth: Truth, unexplained: Mapping[str, Any]) -> bool:
     """Whether what is unexplained is modelled at the stage and over the coordinate of the concealed structure alone."""
     said = {(one["stage"], one["coordinates"][0]) for one in _models(unexplained)}
     drawn = [found for name in truth.withheld if (found := structure_named(name)) is not None]
-    return said == {(one.acts_on, one.over) for one in drawn} and len(unexplained["coordinates"]) == 1
+    return said == {(one.acts_on, OVER[one.over].word) for one in drawn} and len(unexplained["coordinates"]) == 1
+
+
+def _shape_right(truth: Truth, unexplained: Mapping[str, Any]) -> bool | None:
+    """Whether what is unexplained is modelled in the shapes that were drawn, or in those nearest to them."""
+    drawn = {found.shape for name in truth.withheld if (found := structure_named(name)) is not None}
+    if not drawn:
+        return None
+    said = {one["shape"] for one in _models(unexplained)}
+    return {SHAPE_CLASSES.get(one, one) for one in said} == {SHAPE_CLASSES.get(one, one) for one in drawn}
 
 
 def _of_structures(truth: Truth, unexplained: Mapping[str, Any]) -> Iterator[ParameterScore]:

@@ -99,6 +99,16 @@ class ClimateChamber:
         rate *= 1.0 / self._parameters.coil_lag_s
         return GyroTemperatures(housing_c, coil_c, rate)
 
+    def air(self, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The air [°C] at instants, in increasing order, and the way of its set point: −1, 0 or 1; shape (n,) each."""
+        with self._timebase.lock:
+            seconds = np.arange(math.floor(times_s[0]), math.ceil(times_s[-1]) + 2, dtype=np.float64)
+            states = self._states(seconds.tolist())
+        ways = [(state.setpoint_c > state.profile_c) - (state.setpoint_c < state.profile_c) for state in states]
+        moving = np.array([way * state.running for way, state in zip(ways, states, strict=True)], dtype=np.float64)
+        air_c = np.interp(times_s, seconds, np.array([state.air_c for state in states]))
+        return air_c, moving[(times_s - seconds[0]).astype(np.int64)]
+
     def _now(self) -> ChamberState:
         with self._timebase.lock:
             return self._at(self._timebase.now())

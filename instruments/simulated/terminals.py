@@ -20,6 +20,7 @@ from benchctl_instruments.physics.chain import GRID_STAGES, Baseline, Effect, Si
 from benchctl_instruments.physics.effects.kinds import ClockEffect, FilterEffect
 from benchctl_instruments.physics.encoder import encoder_angle_deg, quadrature_count
 from benchctl_instruments.physics.noise import RandomWalk, WhiteNoise
+from benchctl_instruments.physics.structures import CHAMBER_C, SETPOINT_WAY, Structure
 from benchctl_instruments.physics.turn_on import warming_up_since
 from benchctl_instruments.simulated.axis import TableAxis
 from benchctl_instruments.simulated.climate import ClimateChamber
@@ -118,6 +119,8 @@ class Terminals:
         self._axis = axis
         self._climate = climate
         self._effects = tuple(effects)
+        of_air = ("chamber_temp", "setpoint")
+        self._feels_air = any(isinstance(effect, Structure) and effect.over in of_air for effect in effects)
         self._law: tuple[Installed, Baseline, Sequence[Effect]] | None = None
         clocks = [effect for effect in effects if isinstance(effect, ClockEffect)]
         self._clocks = TwoClocks(clocks) if clocks else None
@@ -231,8 +234,16 @@ class Terminals:
             output_v=straight[4],
             encoder_deg=angle,
             thermistor_c=gyro.housing_c,
+            auxiliary=self._of_air(encoder_s),
             memory=self._memory,
         )
+
+    def _of_air(self, times_s: FloatArray) -> Mapping[str, FloatArray]:
+        """The chamber's air and the way of its set point, where an effect asks for them."""
+        if not self._feels_air:
+            return {}
+        air_c, way = self._climate.air(times_s)
+        return {CHAMBER_C: air_c, SETPOINT_WAY: way}
 
     def _computed(self, first: int, last: int) -> _Stretch:
         """The grid from an instant to another, continued from what was computed before where that is near."""
@@ -288,6 +299,7 @@ class Terminals:
             output_v=np.zeros_like(times_s),
             encoder_deg=motion.angle_deg,
             thermistor_c=gyro.housing_c,
+            auxiliary=self._of_air(times_s),
             memory=self._memory,
         )
 

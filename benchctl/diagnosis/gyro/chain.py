@@ -28,12 +28,14 @@ from benchctl_instruments.physics.chain import STAGES, Signals, Stage
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
 from benchctl_instruments.physics.effects.kinds import ClockEffect, EncoderEffect, FilterEffect
 from benchctl_instruments.physics.response_gyro import scaled_v
+from benchctl_instruments.physics.structures import Structure
 
 FloatArray = npt.NDArray[np.float64]
 
 _KEPT = 2
 """So many results of each stage are kept: what others begin with, and what was asked for last."""
 
+_ARCSEC = 3600.0
 _PART = 1 << 18
 """So many rows are worth a thread of their own."""
 
@@ -84,8 +86,8 @@ class GyroChain:
         """
         asked = _Asked(
             baseline=baseline,
-            moving=tuple(effect for effect in effects if isinstance(effect, (ClockEffect, EncoderEffect))),
-            others=tuple(effect for effect in effects if not isinstance(effect, (ClockEffect, EncoderEffect))),
+            moving=tuple(effect for effect in effects if _is_of_motion(effect)),
+            others=tuple(effect for effect in effects if not _is_of_motion(effect)),
         )
         signals = self._through("sampling", self._biased(asked), asked.others)
         volts = self._laid[0].sampled(signals.output_v).view()
@@ -201,6 +203,8 @@ class GyroChain:
         for effect in effects:
             if isinstance(effect, EncoderEffect):
                 signals = self._corrected(signals, effect)
+            elif isinstance(effect, Structure):
+                signals = self._without_error(signals, self._laid[0].sampled(effect.function_of(signals)[0]) / _ARCSEC)
         for effect in effects:
             if isinstance(effect, ClockEffect):
                 signals = self._shifted(signals, effect)
@@ -213,9 +217,13 @@ class GyroChain:
             return effect.true_motion(signals)
         # finer than the filter of the rate: the error is taken off before it
         stated = frame.encoder_deg
-        error = effect.error_deg(stated - effect.error_deg(stated))
+        return self._without_error(signals, effect.error_deg(stated - effect.error_deg(stated)))
+
+    def _without_error(self, signals: Signals, error_deg: FloatArray) -> Signals:
+        """Signals without what an error of the encoder, shape (n,), has added to the rate, through its filter."""
+        frame = self.frame
         rate = signals.rate_dps.copy()
-        wrong = rates_of(frame.motions, [error[rows] for rows in frame.stretches])
+        wrong = rates_of(frame.motions, [error_deg[rows] for rows in frame.stretches])
         for part in self._laid[0].stretches:
             rate[part.rows] -= wrong[part.stretch]
         return replace(signals, rate_dps=rate, sensed_rate_dps=rate)
@@ -231,6 +239,12 @@ class GyroChain:
                 values[rows] = spline_at(values[rows], place)
             temp[rows] += signals.coil_rate_c_per_s[rows] * shift_s[rows]
         return _with(signals, {**shifted, "sensed_rate_dps": shifted["rate_dps"], "housing_c": temp, "coil_c": temp})
+
+
+def _is_of_motion(effect: PhysicalEffect) -> bool:
+    """Whether an effect changes the motion as it is known."""
+    of_encoder = isinstance(effect, Structure) and effect.acts_on == "encoder"
+    return of_encoder or isinstance(effect, (ClockEffect, EncoderEffect))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,10 +14,12 @@ from benchctl.diagnosis.gyro.taken import AIR, FILLED, NEEDED, THERMISTOR, Taken
 from benchctl.diagnosis.signals.free_band import goes_beyond, wide_motion
 from benchctl.diagnosis.signals.motion import Motion, motions_of
 from benchctl.diagnosis.signals.ripple import ripple_of
+from benchctl.diagnosis.signals.setpoint import way_of_setpoint
 from benchctl.diagnosis.signals.temperature import Pause, Readings, Thermistor, thermistor_of
 from benchctl.recordings.model import Step, StepInfo, axis_of
 from benchctl.recordings.reader import Recording
 from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.structures import CHAMBER_C, SETPOINT_WAY
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -26,6 +28,9 @@ BoolArray = npt.NDArray[np.bool_]
 _FEWEST_ROWS = 2000
 _GAP = 1.5
 """Sample intervals beyond which two rows do not belong to one stretch."""
+
+_LEAST_AIR_C = 1.0
+"""Less is noise and control: such air says nothing."""
 
 _UNEVEN, _MOST_UNEVEN = 0.1, 0.01
 """Share of an interval that a stamp may be off, and share of the stamps that may be off by more."""
@@ -103,6 +108,7 @@ def frame_of(recording: Recording, *, temperature_c: float | None = None, most: 
     motion, motions = _end_to_end(_motions(unwrapped, 1.0 / interval_s, beyond), stretches)
     name, thermistors = _thermistors(recording, taken, sorted(set(origins_s)), temperature_c)
     temperatures = [thermistors[at].at(time_s[part]) for at, part in zip(origins_s, stretches, strict=True)]
+    air_c = np.concatenate([_air(step) for step in steps])
     extras = set.intersection(*(set(step.channels) for step in steps)) - {*NEEDED, THERMISTOR, AIR, FILLED}
     return Frame(
         infos=tuple(step.info for step in steps),
@@ -117,9 +123,14 @@ def frame_of(recording: Recording, *, temperature_c: float | None = None, most: 
         volts=columns["gyro_v"],
         temp_c=np.concatenate([temp for temp, _ in temperatures]),
         temp_rate_c_per_s=np.concatenate([rate for _, rate in temperatures]),
-        chamber_c=np.concatenate([_air(step) for step in steps]),
+        chamber_c=air_c,
         auxiliary={
-            name: np.concatenate([step[name] for step in steps]) for name in sorted(extras) if axis_of(name) == "time_s"
+            **{
+                name: np.concatenate([step[name] for step in steps])
+                for name in sorted(extras)
+                if axis_of(name) == "time_s"
+            },
+            **_climate([step.info for step in steps], time_s, air_c),
         },
         thermistor=name,
         pauses=tuple(_pauses(time_s, stretches, origins_s, thermistors)),
@@ -226,6 +237,16 @@ def _pauses(
         begins = i == 0 or origins_s[i - 1] != at
         since_s = thermistors[at].begin_s if begins else float(time_s[stretches[i - 1].stop - 1])
         yield thermistors[at].pause(since_s, float(time_s[part.start]))
+
+
+def _climate(infos: Sequence[StepInfo], time_s: FloatArray, air_c: FloatArray) -> dict[str, FloatArray]:
+    """The chamber's air without its noise, and the way of its set point, at the rows; what is known of them."""
+    known = np.isfinite(air_c)
+    if not known.any() or float(np.ptp(air_c[known])) < _LEAST_AIR_C:
+        return {}
+    smooth, _ = thermistor_of([Readings(time_s[known], air_c[known])]).at(time_s)
+    way = way_of_setpoint(infos, time_s, air_c)
+    return {CHAMBER_C: smooth} | ({} if way is None else {SETPOINT_WAY: way})
 
 
 def _air(step: Step) -> FloatArray:

@@ -33,6 +33,7 @@ from benchctl_instruments.physics.effects.effect import DescribedEffect
 from benchctl_instruments.physics.effects.kinds import NoiseEffect
 from benchctl_instruments.physics.effects.registry import effects
 from benchctl_instruments.physics.gyro import earth_rate_dps
+from benchctl_instruments.physics.structures import SETPOINT_WAY
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -198,6 +199,8 @@ class GyroProblem(Stepped):
             "output": frame.volts,
             "step": frame.step.astype(np.float64),
         }
+        if SETPOINT_WAY in frame.auxiliary:
+            every_row["setpoint"] = frame.auxiliary[SETPOINT_WAY]
         return {name: self._kept(values) for name, values in every_row.items()}
 
     def predict(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:

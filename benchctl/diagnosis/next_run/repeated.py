@@ -17,7 +17,13 @@ from benchctl.diagnosis.result import NextExperiment
 
 FloatArray = npt.NDArray[np.float64]
 
-_MOVED_BY = {"output": "rate", "rate_sign": "rate", "frequency": "acceleration", "step": "time"}
+_MOVED_BY = {
+    "output": "rate",
+    "rate_sign": "rate",
+    "frequency": "acceleration",
+    "step": "time",
+    "setpoint": "gyro_temp_rate",
+}
 """Coordinates that have no value before a run, or none to be spread, and what stands for them."""
 
 
@@ -25,7 +31,8 @@ def repeat_along(problem: GyroProblem, coordinates: Sequence[str], *, bench: Ben
     """The run that, in its time, moves the coordinate of an unknown structure the most.
 
     What counts is Σ(x − mean)² over the samples: by it the information on anything that is linear in x grows. Of
-    several coordinates the first is meant, the one in which most of the mismatch lives.
+    several coordinates, which the recording does not separate, the first is meant as far as it does not follow the
+    others.
     """
     if not coordinates:
         return NextExperiment(
@@ -33,7 +40,8 @@ def repeat_along(problem: GyroProblem, coordinates: Sequence[str], *, bench: Ben
         )
     meant = coordinates[0]
     stands = bench or shown_bench(problem)
-    now = _spread(problem.coordinates, meant, problem.usable.astype(np.float64))
+    others = coordinates[1:]
+    now = _spread(problem.coordinates, meant, problem.usable.astype(np.float64), others)
     best = None
     for given, plan in candidates(stands):
         hours = bench_time_s(plan, stands) / 3600.0
@@ -41,7 +49,7 @@ def repeat_along(problem: GyroProblem, coordinates: Sequence[str], *, bench: Ben
             continue
         rows = planned(plan, stands, tuple(problem.frame.auxiliary))
         there = replace(problem, frame=rows.frame, band=None)
-        power = _spread(there.coordinates, meant, rows.stands_for)
+        power = _spread(there.coordinates, meant, rows.stands_for, others)
         if best is None or power / hours > best[0] / best[2]:
             best = power, (given, plan), hours
     if best is None or best[0] <= 0.0:
@@ -49,10 +57,12 @@ def repeat_along(problem: GyroProblem, coordinates: Sequence[str], *, bench: Ben
     power, (given, plan), hours = best
     more = power / now if now > 0.0 else 0.0
     much = f" and varies it {two_digits(more)} times as much as this recording" if more > 1.0 else ""
+    apart = f" apart from {' and '.join(others)}" if others else ""
     return NextExperiment(
-        says=f"The unexplained part depends on {meant}. Run {called(given, plan)}, which varies {meant} most per hour;"
-        f" it takes {two_digits(hours)} h of bench time{much}.",
+        says=f"The unexplained part depends on {meant}. Run {called(given, plan)}, which varies {meant}{apart} most per"
+        f" hour; it takes {two_digits(hours)} h of bench time{much}.",
         procedure=plan.procedure,
+        separates=tuple(coordinates) if others else (),
         parameters=given,
     )
 
@@ -75,8 +85,11 @@ def rest_longer(problem: GyroProblem, names: Sequence[str], *, bench: Bench | No
     )
 
 
-def _spread(known: Mapping[str, FloatArray], coordinate: str, samples: FloatArray) -> float:
-    """Σ(x − mean)² over samples, of an angle in turns of the unit circle; of two coordinates that of their product."""
+def _spread(known: Mapping[str, FloatArray], coordinate: str, samples: FloatArray, others: Sequence[str] = ()) -> float:
+    """Σ(x − mean)² over samples, of an angle in turns of the unit circle; of two coordinates that of their product.
+
+    What of it is linear in the coordinates `others` does not count.
+    """
     product = np.ones(samples.size)
     for name in coordinate.split("*"):
         values = known[_MOVED_BY.get(name, name)]
@@ -87,4 +100,9 @@ def _spread(known: Mapping[str, FloatArray], coordinate: str, samples: FloatArra
             product = product * (values - np.average(values, weights=samples))
     if not np.isfinite(product).all():
         return 0.0
+    for name in others if "angle" not in coordinate else ():
+        along = known.get(_MOVED_BY.get(name, name))
+        if along is not None and np.isfinite(along).all():
+            along = along - np.average(along, weights=samples)
+            product = product - float(samples @ (product * along)) / max(float(samples @ along**2), 1e-300) * along
     return float(samples @ np.abs(product) ** 2)

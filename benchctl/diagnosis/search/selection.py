@@ -12,6 +12,7 @@ from benchctl.diagnosis.fitting.fit import Fit, Point
 from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.fitting.noise_model import NoiseModel
 from benchctl.diagnosis.search.screen import Screening
+from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -53,6 +54,8 @@ class Selection:
     least: float
     named: Fit | None = None
     """`after` without the structures that have no name; None where there are none."""
+    noise_structure: DescribedEffect | None = None
+    """How the noise depends on something, where it does in a way that has no name; the whitener knows of it."""
 
     @property
     def whitener(self) -> Whitener:

@@ -6,6 +6,8 @@ from benchctl.diagnosis.result import StructureModel
 from benchctl_instruments.physics.effects.effect import Parameter
 from benchctl_instruments.physics.structures import structure_named
 
+WRITTEN = ("scale", "bias", "sampling")
+"""Stages of structures that can be written so; of the encoder and of the noise a model file tells."""
 _ROOM = 3.0
 """How far the bounds of a size or a width lie from what was found, as a factor."""
 
@@ -17,7 +19,7 @@ def effect_source(identifier: str, found: StructureModel) -> str:
     `ValueError` where the identifier is no name, or what was found no structure.
     """
     kind = structure_named(found.identifier)
-    if kind is None or not identifier.isidentifier():
+    if kind is None or kind.acts_on not in WRITTEN or not identifier.isidentifier():
         raise ValueError(f"no effect {identifier!r} can be made of {found.identifier!r}")
     values = {name: estimate.value for name, estimate in found.parameters.items()}
     name = "".join(part.capitalize() for part in identifier.split("_"))
@@ -31,6 +33,9 @@ def effect_source(identifier: str, found: StructureModel) -> str:
         fields="\n".join(f"    {one}: float" for one in values),
         stage=kind.stage,
         coordinate=kind.coordinate,
+        pointwise=kind.pointwise,
+        timeless=kind.timeless,
+        momentary=kind.momentary,
         equation=kind.equation,
         excited_by=kind.excited_by,
         hints="; ".join(found.hints) or "none known",
@@ -43,6 +48,8 @@ def _about(parameter: Parameter, value: float) -> dict[str, object]:
     """Bounds, scan and the rest of a parameter, about a value."""
     wide = _ROOM * max(abs(value), 1e-12)
     low, high = (value / _ROOM, value * _ROOM) if parameter.logarithmic else (-wide, wide)
+    if parameter.role == "assumed":
+        low, high = value - 1e-6 * max(abs(value), 1.0), value + 1e-6 * max(abs(value), 1.0)
     scan = (1e-3 * abs(value),) if parameter.role == "size" else (value,)
     return {
         "unit": parameter.unit,
@@ -95,7 +102,9 @@ class {name}(PhysicalEffect):
 
     identifier: ClassVar[str] = "{identifier}"
     stage: ClassVar[Stage] = "{stage}"
-    pointwise: ClassVar[bool] = True
+    pointwise: ClassVar[bool] = {pointwise}
+    timeless: ClassVar[bool] = {timeless}
+    momentary: ClassVar[bool] = {momentary}
     words: ClassVar[str] = "{says}"
     equation: ClassVar[str] = "{equation}"
     coordinate: ClassVar[str] = "{coordinate}"

@@ -1,34 +1,81 @@
-"""Where the search for a shape over a coordinate begins: all places of all shapes at once, by the residual's pull.
+"""Where the search for a structure begins: all places of all shapes over all coordinates, by the residual's pull.
 
-A structure is a function of one coordinate, times the volts of the rate where it acts on the scale factor. So the pull
-of the residual is summed over narrow bins of the coordinate once, and what any function would gain is a product of
-sums.
+A structure is a function of one coordinate, times a factor of its stage: the volts of the rate for the scale factor,
+the acceleration for a delay. So the pull of the residual is summed over narrow bins of the coordinate once, and what
+any function would gain is a product of sums.
 """
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+import scipy.signal
+from scipy.signal import oaconvolve
 
 from benchctl.diagnosis.fitting.fit import inverse
 from benchctl.diagnosis.gyro.problem import GyroProblem
-from benchctl.diagnosis.search.pull import Pull
+from benchctl.diagnosis.search.pull import Pull, peaks
 from benchctl.diagnosis.signals.bins import bin_of
-from benchctl_instruments.physics.structures import SHAPES, Span, Structure, StructureStage, structure
+from benchctl.diagnosis.signals.threads import shared_out
+from benchctl_instruments.physics.structures import (
+    CHAMBER_C,
+    OVER,
+    Span,
+    Structure,
+    StructureStage,
+    last_sign,
+    structure,
+)
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 
 _BINS = 1000
-_PLACES, _EDGES = 60, 40
+_EDGES, _STEPS = 60, 160
+_APART = 1e-3
+"""Share of the power of two steps that must not be common."""
 _UNSEEN, _RARE = 1e-7, 1e-9
 """Shares of its own power, and of that at its largest everywhere, that a shape must have beside what was fitted."""
-_WIDTHS = (0.01, 0.03, 0.1)
-_BUMPS = (0.01, 0.025, 0.06, 0.15)
-_PERIODS = np.geomspace(0.03, 2.0, 80)
+_STEP_WIDTHS = (0.003, 0.03, 0.1)
+_BUMPS = (0.004, 0.01, 0.025, 0.06, 0.15)
+_PERIODS = np.geomspace(0.02, 2.0, 110)
 _SETTLING = np.geomspace(0.01, 1.0, 12)
+_MEMORIES_S = np.geomspace(2.0, 2000.0, 13)
+_BURST_PERIODS, _NEAR = 400, 21
+_FEWEST_BURSTS = 3
+_PHASES = 48
+_SIGNS = ("negative", "positive", "either")
+_ALONG = (
+    "step",
+    "step_below",
+    "plateau",
+    "kink",
+    "kink_below",
+    "bend",
+    "bump",
+    "wave",
+    "line",
+    "parabola",
+    "cubic",
+    "spline6",
+    "spline12",
+)
+_REMEMBERED = ("abs_rate", "rate", "gyro_temp", "gyro_temp_rate", "setpoint")
+_OF_STAGE: Mapping[StructureStage, tuple[str, ...]] = {
+    "scale": ("gyro_temp", "gyro_temp_rate", "time", "angle", "chamber_temp", "setpoint", "abs_rate", "last_sign"),
+    "bias": tuple(OVER),
+    "sampling": ("gyro_temp", "gyro_temp_rate", "time", "abs_rate"),
+}
+"""Over which coordinates structures of a stage are looked for."""
+_MOST_JUMPS = 6
+_LEAST_JUMP = 60.0
+_STANDS_OUT = 4.0
+"""A jump of the encoder gains so much, and so many times what the largest place does that is none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,24 +87,80 @@ class Begun:
     places: int
 
 
-def places_along(problem: GyroProblem, pull: Pull, stage: StructureStage, over: str) -> Iterator[Begun]:
-    """The best place of each shape over a coordinate; of those that promise anything."""
-    along = _Along.of(problem, pull, stage, over)
-    if along is None:
+def begun_everywhere(problem: GyroProblem, pull: Pull) -> list[Begun]:
+    """The best place of each shape at each stage over each coordinate; of those that promise anything."""
+    coordinates = coordinates_of(problem)
+    factors = _factors(problem, pull)
+    known = [pull.of_known(i) for i in range(len(pull.fitted.numbers))]
+    places = [(stage, over) for stage, all_of_it in _OF_STAGE.items() for over in all_of_it if over in coordinates]
+    if problem.band is not None:
+        places = [(stage, over) for stage, over in places if not structure(stage, over, "line").momentary]
+
+    def begun(place: tuple[StructureStage, str]) -> list[Begun]:
+        stage, over = place
+        return list(_places_along(problem, pull, known, stage, over, coordinates[over], factors[stage]))
+
+    return list(itertools.chain.from_iterable(shared_out(begun, places)))
+
+
+def coordinates_of(problem: GyroProblem) -> dict[str, FloatArray]:
+    """Every coordinate that varies in a recording, as structures know it; arrays of shape (n,)."""
+    frame, band = problem.frame, problem.band
+    values = {name: one for name, one in problem.coordinates.items() if name in OVER}
+    values["time"] = clock_s(problem)
+    made = {"last_sign": last_sign(frame.rate_dps)}
+    made["chamber_temp"] = frame.auxiliary.get(CHAMBER_C, np.zeros(frame.rows))
+    values |= {name: one if band is None else one[band.rows] for name, one in made.items()}
+    rows = problem.usable
+    return {name: one for name, one in values.items() if np.isfinite(one[rows]).all() and np.ptp(one[rows]) > 0.0}
+
+
+def clock_s(problem: GyroProblem) -> FloatArray:
+    """Time as effects count it: from the beginning of the recording that a stretch belongs to, shape (n,)."""
+    clock = problem.time_s.copy()
+    for part, origin_s in zip(problem.stretches, problem.frame.origins_s, strict=True):
+        clock[part] -= origin_s
+    return clock
+
+
+def _factors(problem: GyroProblem, pull: Pull) -> Mapping[StructureStage, FloatArray]:
+    """What a stage multiplies its function with, in the output; arrays of shape (n,)."""
+    fitted = pull.fitted
+    K0, U0 = fitted.point.baseline[:2].tolist()
+    return {
+        "scale": fitted.predicted - U0,
+        "bias": np.ones_like(fitted.predicted),
+        "sampling": -K0 * problem.coordinates["acceleration"],
+    }
+
+
+def _places_along(
+    problem: GyroProblem,
+    pull: Pull,
+    known: list[FloatArray],
+    stage: StructureStage,
+    over: str,
+    values: FloatArray,
+    factor: FloatArray,
+) -> Iterator[Begun]:
+    """The best place of each shape over a coordinate."""
+    rows = pull.rows
+    span = float(values[rows].min()), float(values[rows].max())
+    if not span[0] < span[1]:
         return
-    for shape in SHAPES:
-        kind = structure(stage, over, shape, along.span)
-        sizes = [name for name, parameter in kind.parameters.items() if parameter.role == "size"]
-        best, count = None, 0
-        for place in _grid(over, shape, along.span):
-            count += 1
-            unit = dict.fromkeys(sizes, 0.0) | dict(place)
-            columns = np.stack([kind.make({**unit, name: 1.0}).value_at(along.middle) for name in sizes])
-            gain, weights = along.gain(columns)
-            if best is None or gain > best[0]:
-                best = gain, {**unit, **dict(zip(sizes, weights.tolist(), strict=True))}
-        if best is not None and best[0] > 0.0:
-            yield Begun(effect=kind.make(best[1]), gain=best[0], places=count)
+    along = _Along.of(pull, known, values, factor, span)
+    if OVER[over].ways is not None:
+        for shape in _SIGNS:
+            yield from along.best(stage, over, shape, iter([{}]))
+    else:
+        for shape in (*_ALONG, *(("exponential",) if over == "time" else ())):
+            yield from along.best(stage, over, shape, _grid(over, shape, span))
+    if over in ("time", "gyro_temp"):
+        yield from along.two_steps(stage, over)
+    if over == "time":
+        yield from along.bursts(stage, over)
+    if over in _REMEMBERED and stage != "sampling":
+        yield from _remembered(problem, pull, known, stage, over, values, factor)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,63 +178,170 @@ class _Along:
     span: Span
 
     @classmethod
-    def of(cls, problem: GyroProblem, pull: Pull, stage: StructureStage, over: str) -> _Along | None:
-        values = _clock_s(problem) if over == "time" else problem.coordinates[over]
-        rows = pull.rows
-        span = float(values[rows].min()), float(values[rows].max())
-        if not span[0] < span[1]:
-            return None
-        fitted = pull.fitted
-        factor = fitted.predicted - fitted.point.baseline[1] if stage == "scale" else np.ones_like(values)
+    def of(cls, pull: Pull, known: list[FloatArray], values: FloatArray, factor: FloatArray, span: Span) -> _Along:
         edges = np.linspace(*span, _BINS + 1)
         bins = bin_of(np.clip(values, *span), edges)
 
         def summed(of: FloatArray) -> FloatArray:
-            return np.asarray(np.bincount(bins, of, minlength=_BINS))
+            return np.asarray(np.bincount(bins, of, minlength=_BINS), dtype=np.float64)
 
         return cls(
             middle=0.5 * (edges[:-1] + edges[1:]),
             pull=summed(pull.pull * factor),
             information=summed(pull.information * factor**2),
-            known=np.stack([summed(pull.of_known(i) * factor) for i in range(len(fitted.numbers))], axis=1),
-            covariance=fitted.inverse_information,
+            known=np.stack([summed(one * factor) for one in known], axis=1),
+            covariance=pull.fitted.inverse_information,
             span=span,
         )
 
-    def gain(self, columns: FloatArray) -> tuple[float, FloatArray]:
-        """What functions of the coordinate (k, b) promise together, and how much of each is best, shape (k,)."""
+    def best(
+        self, stage: StructureStage, over: str, shape: str, grid: Iterator[Mapping[str, float]]
+    ) -> Iterator[Begun]:
+        """The best of some places of a shape, where it promises anything."""
+        kind = structure(stage, over, shape, self.span)
+        sizes = [name for name, parameter in kind.parameters.items() if parameter.role == "size"]
+        places = list(grid)
+        if not places:
+            return
+        unit = dict.fromkeys(sizes, 0.0) | {
+            name: parameter.scan[0] for name, parameter in kind.parameters.items() if parameter.role == "assumed"
+        }
+        columns = np.array(
+            [[kind.make({**unit, **place, name: 1.0}).value_at(self.middle) for name in sizes] for place in places]
+        )
+        gain, weights = self.gains(columns)
+        first = int(np.argmax(gain))
+        if gain[first] > 0.0:
+            values = {**unit, **places[first], **dict(zip(sizes, weights[first].tolist(), strict=True))}
+            yield Begun(effect=kind.make(values), gain=float(gain[first]), places=len(places))
+
+    def gains(self, columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """What functions of the coordinate (m, k, b) promise together at each place, and how much of each is best."""
         known = columns @ self.known
-        power = (columns * self.information) @ columns.T
-        own = power - known @ self.covariance @ known.T
-        largest = np.abs(columns).max(axis=1) ** 2 * float(self.information.sum())
-        if (np.diag(own) <= np.maximum(_UNSEEN * np.diag(power), _RARE * largest)).any():
-            return 0.0, np.zeros(len(columns))
+        power = np.einsum("mkb,b,mlb->mkl", columns, self.information, columns, optimize=True)
+        own = power - np.einsum("mkp,pq,mlq->mkl", known, self.covariance, known, optimize=True)
         score = columns @ self.pull
-        weights = inverse(own) @ score
-        return float(weights @ score), weights
+        largest = np.abs(columns).max(axis=(1, 2)) ** 2 * float(self.information.sum())
+        diagonal = np.einsum("mkk->mk", own)
+        least = np.maximum(_UNSEEN * np.einsum("mkk->mk", power), _RARE * largest[:, None])
+        seen = (diagonal > least).all(axis=1)
+        weights = np.zeros(score.shape)
+        for place in np.flatnonzero(seen).tolist() if columns.shape[1] > 1 else ():
+            weights[place] = inverse(own[place]) @ score[place]
+        if columns.shape[1] == 1:
+            weights[seen, 0] = score[seen, 0] / own[seen, 0, 0]
+        return np.einsum("mk,mk->m", weights, score), weights
+
+    def two_steps(self, stage: StructureStage, over: str) -> Iterator[Begun]:
+        """The two places at which steps explain most together."""
+        low, wide = self.span[0], self.span[1] - self.span[0]
+        ats = low + wide * np.linspace(0.0, 1.0, _STEPS + 2)[1:-1]
+        steps = (self.middle > ats[:, None]).astype(np.float64)
+        known, score = steps @ self.known, steps @ self.pull
+        own = (steps * self.information) @ steps.T - known @ self.covariance @ known.T
+        alone = np.diag(own)
+        left = np.outer(alone, alone) - own**2
+        seen = left > _APART * np.outer(alone, alone)
+        seen &= np.triu(np.ones_like(seen), 1) > 0.0
+        seen &= np.minimum.outer(alone, alone) > _RARE * float(self.information.sum())
+        gain = np.outer(score**2, alone) + np.outer(alone, score**2) - 2.0 * np.outer(score, score) * own
+        gain = np.divide(gain, left, out=np.zeros_like(gain), where=seen)
+        first, then = np.unravel_index(int(np.argmax(gain)), gain.shape)
+        if gain[first, then] > 0.0:
+            both = [int(first), int(then)]
+            changes = np.linalg.solve(own[np.ix_(both, both)], score[both]).tolist()
+            places = dict(zip(("at", "at_2"), ats[both].tolist(), strict=True))
+            values = {"change": changes[0], "change_2": changes[1], **places, "width": 0.5 * wide / _STEPS}
+            kind = structure(stage, over, "steps", self.span)
+            yield Begun(effect=kind.make(values), gain=float(gain[first, then]), places=_STEPS**2 // 2)
+
+    def bursts(self, stage: StructureStage, over: str) -> Iterator[Begun]:
+        """Bursts of one length that come again and again: of each period its bins are folded."""
+        wide = self.span[1] - self.span[0]
+        often = np.linspace(_FEWEST_BURSTS / wide, _BINS / (20.0 * wide), _BURST_PERIODS)
+        best = max((self._folded(1.0 / one) for one in often.tolist()), key=lambda one: one[0])
+        near = 1.0 / best[1]["period"] + (often[1] - often[0]) * np.linspace(-1.0, 1.0, _NEAR)
+        best = max((self._folded(1.0 / one) for one in near.tolist()), key=lambda one: one[0])
+        kind = structure(stage, over, "bursts", self.span)
+        gain, weights = self.gains(kind.make({**best[1], "change": 1.0}).value_at(self.middle)[None, None])
+        if gain[0] > 0.0:
+            effect = kind.make({**best[1], "change": float(weights[0, 0])})
+            yield Begun(effect=effect, gain=float(gain[0]), places=_BURST_PERIODS * _PHASES)
+
+    def _folded(self, period: float) -> tuple[float, dict[str, float]]:
+        """What bursts of a period promise beside a constant, and when the best of them begin and how long they are."""
+        low = self.span[0]
+        phase = (np.mod(self.middle - low, period) / period * _PHASES).astype(np.int64)
+        folded = (np.bincount(phase, one, minlength=_PHASES)[:_PHASES] for one in (self.pull, self.information))
+        pulls, powers = (np.concatenate([[0.0], np.cumsum(np.tile(one, 2))]) for one in folded)
+        whole = float(self.information.sum())
+        best = -1.0, 0, 2
+        for length in range(2, _PHASES // 2):
+            inside, own = (one[length : length + _PHASES] - one[:_PHASES] for one in (pulls, powers))
+            own = own * (1.0 - own / max(whole, 1e-300))
+            gain = np.divide(inside**2, own, out=np.zeros_like(own), where=own > 1e-12 * whole)
+            place = int(np.argmax(gain))
+            best = max(best, (float(gain[place]), place, length))
+        gained, place, length = best
+        return gained, {
+            "at": low + place / _PHASES * period,
+            "period": period,
+            "length": length / _PHASES * period,
+        }
 
 
-def _clock_s(problem: GyroProblem) -> FloatArray:
-    """Time as effects count it: from the beginning of the recording that a stretch belongs to, shape (n,)."""
-    clock = problem.time_s.copy()
-    for part, origin_s in zip(problem.stretches, problem.frame.origins_s, strict=True):
-        clock[part] -= origin_s
-    return clock
+def _remembered(
+    problem: GyroProblem,
+    pull: Pull,
+    known: list[FloatArray],
+    stage: StructureStage,
+    over: str,
+    values: FloatArray,
+    factor: FloatArray,
+) -> Iterator[Begun]:
+    """What follows a coordinate through a first-order lag, with the best time constant."""
+    kind = structure(stage, over, "memory")
+    best: tuple[float, float, float] | None = None
+    longest = float(np.ptp(problem.time_s))
+    taus = [tau for tau in _MEMORIES_S.tolist() if tau < 0.5 * longest]
+    for tau in taus:
+        share = -math.expm1(-problem.interval_s / tau)
+        column = np.asarray(
+            scipy.signal.lfilter([share], [1.0, share - 1.0], values, zi=[(1.0 - share) * values[0]])[0]
+        )
+        column = column * factor
+        score = float(column @ pull.pull)
+        power = float(np.sum(column**2 * pull.information))
+        crossed = np.array([float(column @ one) for one in known])
+        own = power - float(crossed @ pull.fitted.inverse_information @ crossed)
+        if own > _UNSEEN * power > 0.0 and (best is None or score**2 / own > best[0]):
+            best = score**2 / own, score / own, tau
+    if best is not None:
+        yield Begun(effect=kind.make({"c1": best[1], "tau": best[2]}), gain=best[0], places=len(taus))
 
 
-def _grid(over: str, shape: str, span: Span) -> Iterator[Mapping[str, float]]:
-    """Places that cover the range of a coordinate."""
+def _grid(over: str, shape: str, span: Span) -> Iterator[dict[str, float]]:
+    """Places that cover the range of a coordinate; where zero changes nothing, steps and kinks lead away from it."""
     low, wide = span[0], span[1] - span[0]
+    signed = OVER[over].signed and span[0] < 0.0 < span[1]
 
-    def ats(count: int) -> list[float]:
-        return [low + wide * (i + 1) / (count + 1) for i in range(count)]
+    def ats(count: int, below: bool | None = None) -> list[float]:
+        places = [low + wide * (i + 1) / (count + 1) for i in range(count)]
+        return [at for at in places if not signed or below is None or (at < 0.0) == below]
 
-    if shape == "step":
-        yield from ({"at": at, "width": width * wide} for at in ats(_PLACES) for width in _WIDTHS)
-    elif shape in ("kink", "kink_below", "bend"):
-        yield from ({"at": at} for at in ats(_PLACES))
+    if shape in ("step", "step_below"):
+        if shape == "step" or signed:
+            below = shape == "step_below"
+            for width in _STEP_WIDTHS:
+                count = min(round(2.0 / width), _BINS // 2)
+                yield from ({"at": at, "width": width * wide} for at in ats(count, below))
+    elif shape in ("kink", "kink_below"):
+        yield from ({"at": at} for at in ats(120, shape == "kink_below"))
+    elif shape == "bend":
+        yield from ({"at": at} for at in ats(60))
     elif shape == "bump":
-        yield from ({"at": at, "width": width * wide} for at in ats(_PLACES) for width in _BUMPS)
+        for width in _BUMPS:
+            yield from ({"at": at, "width": width * wide} for at in ats(min(round(2.0 / width), _BINS // 2)))
     elif shape == "plateau":
         edges = ats(_EDGES)
         yield from ({"at": at, "length": until - at} for at in edges for until in edges if until > at)
@@ -139,7 +349,51 @@ def _grid(over: str, shape: str, span: Span) -> Iterator[Mapping[str, float]]:
         turns = [360.0 / order for order in range(1, 25)]
         yield from ({"period": period} for period in (turns if over == "angle" else (wide * _PERIODS).tolist()))
     elif shape == "exponential":
-        if over == "time":
-            yield from ({"tau": share * wide} for share in _SETTLING.tolist())
+        yield from ({"tau": share * wide} for share in _SETTLING.tolist())
     else:
         yield {}
+
+
+def encoder_jumps(problem: GyroProblem, pull: Pull) -> list[Structure]:
+    """Instants at which the angle that the encoder states jumps for good, the largest first.
+
+    The rate that the filters make of a jump is their response to a step. Of few such places each stands out of all
+    others, and leaves noise: what is wrong with the response to motion shows wherever the table starts and stops.
+    """
+    motion = problem.frame.motions[0]
+    if problem.band is not None:
+        return []
+    responses = [np.cumsum(kernel) for kernel in motion.filters]
+    longest = max(one.size for one in responses)
+    narrow, wide = (np.pad(one, (longest - one.size) // 2) for one in responses)
+    K0 = float(pull.fitted.point.baseline[0])
+    sudden = problem.frame.sudden
+    calm = 1.0 - sudden
+
+    def met(values: FloatArray, response: FloatArray) -> FloatArray:
+        return np.asarray(oaconvolve(values, response[::-1], mode="same"))
+
+    score = -K0 * (met(calm * pull.pull, narrow) + met(sudden * pull.pull, wide))
+    power = K0**2 * (
+        met(calm**2 * pull.information, narrow**2)
+        + met(sudden**2 * pull.information, wide**2)
+        + 2.0 * met(calm * sudden * pull.information, narrow * wide)
+    )
+    power = np.maximum(power, 1e-3 * float(np.median(power)))
+    gain = score**2 / power
+    reach = longest // 2
+    places = peaks(gain, _MOST_JUMPS + 1, 2 * reach)
+    gains = [float(gain[place]) for place in places]
+    count = max(
+        (i + 1 for i in range(min(len(places) - 1, _MOST_JUMPS)) if gains[i] > _STANDS_OUT * gains[i + 1]), default=0
+    )
+    if not count or gains[count - 1] < _LEAST_JUMP:
+        return []
+    clock = clock_s(problem)
+    rows = pull.rows
+    kind = structure("encoder", "time", "jump", (float(clock[rows].min()), float(clock[rows].max())))
+    found = []
+    for place in places[:count]:
+        at = 0.5 * float(clock[max(place - 1, 0)] + clock[place])
+        found.append(kind.make({"change": 3600.0 * float(score[place] / power[place]), "at": at}))
+    return found

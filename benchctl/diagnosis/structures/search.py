@@ -1,15 +1,15 @@
 """Models for what has no name: of the residual's coordinates the simplest shape that explains it.
 
-What a fit leaves was located model-free (`rest`), which also sets the ceiling. Here shapes over those coordinates are
-fitted like effects, jointly with the baseline and the findings, and compared by evidence, which pays for every
-parameter (Schwarz, Annals of Statistics 6, 1978) and every place that was looked at; steps that nothing was fitted to
-decide.
+What a fit leaves was found model-free (`rest`), which also sets the ceiling. Here shapes over all coordinates are
+fitted like effects, jointly with the baseline and the findings, and compared by evidence, which pays for each parameter
+(Schwarz, Annals of Statistics 6, 1978) and every place that was looked at; steps that nothing was fitted to decide.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,22 +25,30 @@ from benchctl.diagnosis.search.pull import pull_of
 from benchctl.diagnosis.search.scatter import scatter
 from benchctl.diagnosis.search.selection import Evidence, Selection
 from benchctl.diagnosis.signals.blocks import block_starts
-from benchctl.diagnosis.structures.scan import Begun, places_along
+from benchctl.diagnosis.structures.scan import Begun, begun_everywhere, clock_s, encoder_jumps
 from benchctl_instruments.physics.effects.effect import DescribedEffect
-from benchctl_instruments.physics.structures import COORDINATES, Structure, StructureStage, structure
+from benchctl_instruments.physics.structures import OVER, Structure, unmoved
 
 FloatArray = npt.NDArray[np.float64]
 
 _NEAR_THE_BEST = 0.4
-"""Share of the best coordinate's promise below which another one is not modelled."""
-_MOST_COORDINATES, _FITTED = 4, 6
+"""Share of the best promise below which a shape is not fitted."""
+_FITTED, _OF_ONE_PLACE, _MOST_PLACES = 8, 3, 4
+"""So many shapes are fitted, of one coordinate at one stage so many, over so many of these."""
+_SIZED = 3
+_SHARPER = (0.2, 0.2)
+_NOTHING = 1e-3
+"""A loss on held-out steps in which a structure does not show."""
 _KINDS = {
     "gyro_temp": "temperature",
     "gyro_temp_rate": "temperature",
     "chamber_temp": "temperature",
+    "setpoint": "temperature",
     "angle": "angle",
     "time": "time",
 }
+_NEARLY = 0.97
+"""Share of the best gain that a simpler shape over the same coordinate must reach."""
 _TIE = 10.0
 """In twice the log likelihood: two coordinates whose models differ by less are not told apart."""
 
@@ -58,6 +66,7 @@ class Modelled:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Candidate:
     fit: Fit
+    gain: float
     evidence: float
 
     @property
@@ -73,35 +82,99 @@ def modelled(
     rest: Rest,
     *,
     apart_from: Sequence[DescribedEffect] = (),
-    most: int = 2,
+    most: int = 3,
+    smooth: bool = False,
+    worth: float = 0.0,
     seed: int,
 ) -> Modelled | None:
     """The selection with what is left modelled by at most so many structures; None where no shape explains it.
 
-    Shapes over coordinates along which one of the effects `apart_from` acts are not tried.
+    Shapes over coordinates along which one of the effects `apart_from` acts are not tried, and smooth curves only where
+    they are asked for. The first must gain what it is `worth`.
     """
     taken = {_kind(word) for effect in apart_from for word in _own(effect.coordinate)}
     found: list[Structure] = []
     ties: tuple[str, ...] = ()
     while len(found) < most and rest.significant:
-        candidates = _candidates(problem, chosen, rest, taken)
-        if not candidates:
+        candidates = _candidates(problem, chosen, taken, smooth)
+        if not candidates or (not found and max(one.gain for one in candidates) < worth):
             break
         best = max(candidates, key=lambda one: one.evidence)
+        most_evidence = best.evidence
         if best.structure.over == "output":  # which is nearly the rate, of which more is a function
             rates = [one for one in candidates if one.structure.over == "rate"]
             nearest = max(rates, key=lambda one: one.evidence, default=best)
             best = nearest if nearest.evidence > best.evidence - _TIE else best
+        best = _sharpened(problem, chosen, _simplest(best, candidates))
         if not found:
-            near = [one for one in candidates if one.evidence > best.evidence - _TIE]
-            words = dict.fromkeys(one.structure.coordinate for one in near)
-            ties = tuple(word for word in words if word != best.structure.coordinate)
+            near = [one for one in candidates if one.evidence > most_evidence - _TIE]
+            words = dict.fromkeys(OVER[one.structure.over].word for one in near)
+            ties = tuple(word for word in words if word != OVER[best.structure.over].word)
         found.append(best.structure)
         chosen = _with(problem, chosen, best.fit)
         rest = rest_of(problem, chosen.whitener, chosen.after, seed=seed)
     if not found:
         return None
     return Modelled(chosen=chosen, structures=tuple(found), ties=ties, left=rest)
+
+
+def _simplest(best: _Candidate, candidates: Sequence[_Candidate]) -> _Candidate:
+    """The shape of fewest numbers that explains nearly as much as the best, at its stage over its coordinate."""
+    stage, over = best.structure.acts_on, best.structure.over
+    alike = [one for one in candidates if (one.structure.acts_on, one.structure.over) == (stage, over)]
+    most = max(one.gain for one in alike)
+    return min(
+        (one for one in alike if one.gain > _NEARLY * most),
+        key=lambda one: (len(one.structure.parameters), -one.evidence),
+    )
+
+
+def _sharpened(problem: GyroProblem, chosen: Selection, best: _Candidate) -> _Candidate:
+    """A step with a narrower width where that is better: a fit does not see edges that lie between its rows."""
+    for share in _SHARPER if "width" in best.structure.values and best.structure.is_stepped else ():
+        values = best.structure.values
+        begun = type(best.structure).make({**values, "width": share * values["width"]})
+        one = _fitted(problem, chosen, begun, 0.0)
+        if one is None or one.gain <= best.gain:
+            break
+        best = replace(one, evidence=best.evidence + one.gain - best.gain)
+    return best
+
+
+def with_jumps(problem: GyroProblem, chosen: Selection) -> tuple[Selection, tuple[Structure, ...]]:
+    """The selection with the jumps of the encoder that the data demand, and these; a rest need not show them.
+
+    No other step foretells a jump: one in a step that was held out is looked for, and fitted, there.
+    """
+    found: list[Structure] = []
+    looked = 2.0 * math.log(chosen.after.rows)
+    clock = clock_s(problem)
+    for begun in encoder_jumps(problem, pull_of(problem, chosen.whitener, chosen.whole)):
+        step = int(problem.step[min(int(np.searchsorted(clock, begun.values["at"])), clock.size - 1)])
+        if chosen.heldout[step]:
+            held = _with_jump_held_out(problem, chosen, begun, looked)
+            if held is not None:
+                chosen = held
+                found.append(begun)
+            continue
+        one = _fitted(problem, chosen, begun, looked)
+        if one is not None:
+            chosen = _with(problem, chosen, one.fit)
+            found.append(one.structure)
+    return chosen, tuple(found)
+
+
+def _with_jump_held_out(problem: GyroProblem, chosen: Selection, begun: Structure, looked: float) -> Selection | None:
+    everything = chosen.whole
+    point = replace(everything.point, effects=(*everything.point.effects, begun))
+    whole = fit(problem, chosen.whitener, point, everything.fitted)
+    if gain_of(whole, everything) - looked < chosen.least or at_bound(whole.point.effects[-1]):
+        return None
+    added = whole.point.effects[-1]
+    assert isinstance(added, Structure)  # noqa: S101  # it was fitted as one
+    point = replace(chosen.after.point, effects=(*chosen.after.point.effects, unmoved(added)))
+    after = fit(problem, chosen.whitener, point, chosen.after.fitted)
+    return replace(_with(problem, chosen, after), whole=whole)
 
 
 def _with(problem: GyroProblem, chosen: Selection, after: Fit) -> Selection:
@@ -133,26 +206,39 @@ def _own(coordinate: str) -> list[str]:
     return [word for word in words if word != "rate"] or words
 
 
-def _candidates(problem: GyroProblem, chosen: Selection, rest: Rest, taken: set[str]) -> list[_Candidate]:
+def _candidates(problem: GyroProblem, chosen: Selection, taken: set[str], smooth: bool) -> list[_Candidate]:
     """Models with one structure more that hold on steps which they were not fitted to."""
-    pull = pull_of(problem, chosen.whitener, chosen.after)
-    known = {effect.identifier for effect in chosen.after.point.effects}
-    begun: list[Begun] = []
-    for stage, over in _places_of(problem, rest):
-        if _kind(over) in taken:
-            continue
-        begun += places_along(problem, pull, stage, over)
+    begun = begun_everywhere(problem, pull_of(problem, chosen.whitener, chosen.after))
+    begun = [one for one in begun if _kind(one.effect.over) not in taken and one.effect.is_smooth <= smooth]
     looked = 2.0 * math.log(max(sum(one.places for one in begun), 1.0))
-    begun = [one for one in begun if one.effect.identifier not in known]
-    ranked = sorted(begun, key=lambda one: one.gain - len(one.effect.parameters) * math.log(chosen.after.rows))
-    fitted = (_fitted(problem, chosen, one.effect, looked) for one in ranked[: -_FITTED - 1 : -1])
+    price = math.log(chosen.after.rows)
+    ranked = sorted(begun, key=lambda one: -(one.gain - len(one.effect.parameters) * price))
+    fitted = (_fitted(problem, chosen, one.effect, looked) for one in _few_of_each(ranked))
     return [one for one in fitted if one is not None]
+
+
+def _few_of_each(ranked: Sequence[Begun]) -> Iterator[Begun]:
+    """The most promising, of one coordinate at one stage only some; none that promises far less than the best."""
+    counts: Counter[tuple[str, str]] = Counter()
+    for one in ranked:
+        place = one.effect.acts_on, one.effect.over
+        if one.gain < _NEAR_THE_BEST * ranked[0].gain or counts.total() == _FITTED:
+            return
+        if counts[place] == _OF_ONE_PLACE or (place not in counts and len(counts) == _MOST_PLACES):
+            continue
+        counts[place] += 1
+        yield one
 
 
 def _fitted(problem: GyroProblem, chosen: Selection, begun: Structure, looked: float) -> _Candidate | None:
     """The model with a structure; None where it does not pass, also on steps that were held out."""
     present = chosen.after
-    one = fit(problem, chosen.whitener, replace(present.point, effects=(*present.point.effects, begun)), present.fitted)
+    # sizes and everything beside them first: a place found among all is better than one that follows them there
+    there = replace(present.point, effects=(*present.point.effects, unmoved(begun, ("shape",))))
+    sized = fit(problem, chosen.whitener, there, present.fitted, rounds=_SIZED).point
+    begun = type(begun).make(sized.effects[-1].values)
+    start = replace(sized, effects=(*sized.effects[:-1], begun))
+    one = fit(problem, chosen.whitener, start, present.fitted)
     added = one.point.effects[-1]
     if at_bound(added) and not (isinstance(added, Structure) and added.is_sharp):
         return None
@@ -165,25 +251,6 @@ def _fitted(problem: GyroProblem, chosen: Selection, begun: Structure, looked: f
     held = chosen.heldout
     if held.any():
         rows = held[problem.step]
-        if gain_of(one, present, held) < max(least_gain(one.white[rows], present.white[rows]), 0.0):
+        if gain_of(one, present, held) < least_gain(one.white[rows], present.white[rows]) - _NOTHING:
             return None
-    return _Candidate(fit=one, evidence=evidence) if evidence > 0.0 else None
-
-
-def _places_of(problem: GyroProblem, rest: Rest) -> list[tuple[StructureStage, str]]:
-    """The stages and coordinates of which what is left may be a function, the most promising first."""
-    # time and step follow everything, whichever coordinate it is a function of
-    tied = [one.promise for one in rest.looked if {"time", "step"}.isdisjoint(one.words[0].split("*"))]
-    most = max(tied, default=0.0)
-    found: dict[tuple[StructureStage, str], None] = {}
-    for one in rest.looked:
-        if one.promise < _NEAR_THE_BEST * most or len(one.words) != 1:
-            continue
-        words = ["time" if word == "step" else word for word in one.words[0].split("*")]
-        others = [word for word in words if word != "rate"]
-        over = others[0] if others else "rate"
-        stage: StructureStage = "scale" if len(words) > len(others) and others else "bias"
-        if over in COORDINATES and len(others) <= 1:
-            found[stage, over] = None
-    allowed = [place for place in found if problem.band is None or not structure(place[0], place[1], "step").momentary]
-    return allowed[:_MOST_COORDINATES]
+    return _Candidate(fit=one, gain=gain, evidence=evidence) if evidence > 0.0 else None

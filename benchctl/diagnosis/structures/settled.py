@@ -22,6 +22,9 @@ from benchctl_instruments.physics.structures import Structure
 _CLEARLY = 20.0
 """In twice the log likelihood, beyond what its parameters cost: by that much a structure must be better than names."""
 
+_STEPS, _BEGUN = 3, 0.3
+"""So many structures may take the place of a process, where the first of them gains such a share of what it does."""
+
 _NEARLY_ALL = 0.98
 """A process follows anything slow: a structure that explains nearly as much takes its place."""
 
@@ -58,13 +61,16 @@ def instead_of_names(problem: GyroProblem, chosen: Selection, *, seed: int) -> t
     """
     for keys, parameters, gain in _replaceable(problem, chosen):
         less = reduced(problem, chosen, keys)
-        found = modelled(problem, less, rest_of(problem, less.whitener, less.after, seed=seed), most=1, seed=seed)
+        rest = rest_of(problem, less.whitener, less.after, seed=seed)
+        process = keys[0] in PROCESSES
+        found = modelled(problem, less, rest, most=_STEPS if process else 1, worth=_BEGUN * gain, seed=seed)
         if found is None:
             continue
-        fewer = parameters - len(found.structures[0].parameters)
+        numbers = sum(len(one.parameters) for one in found.structures)
+        fewer = parameters - numbers
         gained = gain_of(found.chosen.after, less.after)
-        if keys[0] in PROCESSES:
-            if gained > _NEARLY_ALL * gain:
+        if process:
+            if gained - numbers * math.log(less.after.rows) > _NEARLY_ALL * gain:
                 return less, found
         elif fewer > 0 and gained - gain + fewer * math.log(chosen.after.rows) > _CLEARLY:
             return less, found

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from benchctl.diagnosis.findings.findings import estimates_of
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.rest.rest import Rest, rest_of
-from benchctl.diagnosis.result import StructureModel, Unexplained
+from benchctl.diagnosis.result import Estimate, StructureModel, Unexplained
+from benchctl.diagnosis.search.select import select
 from benchctl.diagnosis.search.selection import Selection
-from benchctl.diagnosis.structures.search import Modelled, modelled
+from benchctl.diagnosis.structures.noise import NoiseFound, noise_structure, with_noise
+from benchctl.diagnosis.structures.search import Modelled, modelled, with_jumps
 from benchctl.diagnosis.structures.settled import instead_of_names, settled
-from benchctl_instruments.physics.structures import FORMULAS, PHRASES, Structure
+from benchctl_instruments.physics.structures import ACTS, FORMULAS, OVER, PHRASES, Structure
 
 _HINTS: Mapping[tuple[str, str], tuple[str, ...]] = {
     ("scale", "gyro_temp"): ("a mode hop of the source", "a change of range", "a polariser or glue at its transition"),
@@ -33,41 +36,106 @@ _HINTS: Mapping[tuple[str, str], tuple[str, ...]] = {
 }
 _MOST_OF_IT = 0.8
 """A model that explains less of what is left, in power, is none."""
+_OF_STAGE: Mapping[str, tuple[str, ...]] = {
+    "encoder": ("a slipping coupling", "lost counts", "a new index of the encoder"),
+    "noise": ("a connection that is about to fail", "a source that loses light", "interference"),
+    "sampling": ("a clock that drifts", "a filter whose delay changes", "processing whose time depends on load"),
+}
+_BY_SETPOINT = ("the chamber's compressor or heater, which runs while the set point moves", "a supply that it loads")
 _AT_INSTANTS = ("a device that is switched", "a slipping coupling", "a knock")
 _PERIODIC = ("a controller that cycles", "a compressor", "interference")
 
 
 def with_structures(
-    problem: Problem, chosen: Selection, unexplained: Unexplained, owed: tuple[str, ...], *, seed: int
+    problem: Problem,
+    chosen: Selection,
+    unexplained: Unexplained,
+    owed: tuple[str, ...],
+    *,
+    fallen: Collection[str] = (),
+    seed: int,
 ) -> tuple[Selection, Unexplained, tuple[str, ...]]:
     """The selection with what is unexplained modelled, and what is then said of it; as it is where no shapes fit.
 
+    Names that had `fallen`, because of what was left beside them, are tried again beside the structures.
+
     What is little enough to be `owed` to the model of a finding is a structure all the same where a shape explains it
-    over another coordinate than those along which findings act.
+    over another coordinate than those along which findings act. Jumps of the encoder, and noise that is not of one
+    size, need not show in what is left: they are looked for always.
     """
     if not isinstance(problem, GyroProblem):
         return chosen, unexplained, owed
-    if (better := instead_of_names(problem, chosen, seed=seed)) is not None:
-        less, instead = better
-        return *_taken(problem, less, instead, _share(less, instead), seed), ()
-    if not (unexplained.significant or owed):
+    chosen, stated, owed = _of_prediction(problem, chosen, unexplained, owed, fallen, seed)
+    noisy = noise_structure(problem, chosen)
+    if noisy is None:
+        return chosen, stated, owed
+    return with_noise(problem, chosen, noisy), _of_noise(noisy, stated), owed
+
+
+def _of_prediction(
+    problem: GyroProblem,
+    chosen: Selection,
+    unexplained: Unexplained,
+    owed: tuple[str, ...],
+    fallen: Collection[str],
+    seed: int,
+) -> tuple[Selection, Unexplained, tuple[str, ...]]:
+    """The same of what changes the prediction."""
+    bare = chosen
+    chosen, jumps = with_jumps(problem, chosen)
+    found = _modelled(problem, chosen, unexplained, owed, seed)
+    if found is None and not jumps:
         return chosen, unexplained, owed
+    if found is None:
+        rest = rest_of(problem, chosen.whitener, chosen.after, seed=seed)
+        by_shapes = Modelled(chosen=chosen, structures=(), ties=(), left=rest)
+    else:
+        bare, by_shapes, owed = (found[0] if not jumps else bare), found[1], ()
+    if fallen or by_shapes.left.significant:
+        by_shapes = _named_again(problem, by_shapes, seed)
+    by_shapes = replace(
+        by_shapes, chosen=settled(problem, by_shapes.chosen), structures=(*jumps, *by_shapes.structures)
+    )
+    share = unexplained.share if unexplained.significant else _share(bare, by_shapes)
+    rest = rest_of(problem, bare.whitener, bare.after, seed=seed)
+    return by_shapes.chosen, _stated(problem, by_shapes, rest, share), owed
+
+
+def _modelled(
+    problem: GyroProblem, chosen: Selection, unexplained: Unexplained, owed: tuple[str, ...], seed: int
+) -> tuple[Selection, Modelled] | None:
+    """The selection beside which something was modelled, and the model of it."""
+    better = instead_of_names(problem, chosen, seed=seed)
+    if better is not None:
+        return better
+    if not (unexplained.significant or owed):
+        return None
     rest = rest_of(problem, chosen.whitener, chosen.after, seed=seed)
     findings = () if unexplained.significant else chosen.after.point.effects
-    found = modelled(problem, chosen, rest, apart_from=findings, seed=seed)
-    if found is None or _explained(rest, found.left) < _MOST_OF_IT:
-        return chosen, unexplained, owed
-    share = unexplained.share if unexplained.significant else _share(chosen, found)
-    return *_taken(problem, chosen, found, share, seed), ()
+    named = tuple(one for one in findings if not isinstance(one, Structure))
+    for smooth in (False, True):
+        found = modelled(problem, chosen, rest, apart_from=named, smooth=smooth, seed=seed)
+        if found is not None and _explained(rest, found.left) >= _MOST_OF_IT:
+            return chosen, found
+    return None
 
 
-def _taken(
-    problem: GyroProblem, bare: Selection, found: Modelled, share: float, seed: int
-) -> tuple[Selection, Unexplained]:
-    """The selection with what was modelled beside a `bare` one, and what is said of it."""
-    found = replace(found, chosen=settled(problem, found.chosen))
-    rest = rest_of(problem, bare.whitener, bare.after, seed=seed)
-    return found.chosen, _stated(problem, found, rest, share)
+def _named_again(problem: GyroProblem, found: Modelled, seed: int) -> Modelled:
+    """What was found with names in the place of structures, and beside them, where these do as well."""
+    structures = [one for one in found.chosen.after.point.effects if isinstance(one, Structure)]
+    kinds = {one.identifier for one in structures}
+    if not structures or len(kinds) < len(structures):  # a search does not know two of a kind apart
+        return found
+    again = select(problem, seed=seed, progress=lambda _name, _share: None, chosen=found.chosen)
+    kept = tuple(one for one in found.structures if one.identifier in {e.identifier for e in again.after.point.effects})
+    numbers = len(again.after.numbers) - len(found.chosen.after.numbers)
+    lost = found.chosen.after.rows * math.log(again.after.squares / found.chosen.after.squares)
+    if not kept or again.noise.found.keys() != found.chosen.noise.found.keys():
+        return found
+    if lost + numbers * math.log(again.after.rows) > 0.0:
+        return found
+    left = rest_of(problem, again.whitener, again.after, seed=seed)
+    return Modelled(chosen=again, structures=kept, ties=found.ties, left=left)
 
 
 def _share(chosen: Selection, found: Modelled) -> float:
@@ -78,15 +146,41 @@ def _share(chosen: Selection, found: Modelled) -> float:
 
 def _stated(problem: Problem, found: Modelled, rest: Rest, share: float) -> Unexplained:
     models = tuple(_models(problem, found.chosen, found.structures, _explained(rest, found.left)))
-    coordinates = (found.structures[0].coordinate, *found.ties)
+    coordinates = (OVER[found.structures[0].over].word, *found.ties)
     says = " ".join(one.says for one in models)
     if found.ties:
-        others = " or ".join(PHRASES.get(word.split("*")[0], word) for word in found.ties)
-        says += f" This recording does not tell it from a dependence on {others}."
+        others = " or ".join(PHRASES.get(word, word) for word in found.ties)
+        says += f" This recording does not separate it from a dependence on {others}."
     says += " No known effect accounts for it."
     if found.left.significant:
-        says += f" Beside it something is left. {found.left.says}"
+        says += f" A residual remains beside it. {found.left.says}"
     return Unexplained(significant=True, share=share, coordinates=coordinates, says=says, models=models)
+
+
+def _of_noise(noisy: NoiseFound, unexplained: Unexplained) -> Unexplained:
+    """What is unexplained with noise that depends on something as its last model."""
+    effect = noisy.structure
+    model = StructureModel(
+        identifier=effect.identifier,
+        stage=effect.acts_on,
+        coordinates=(OVER[effect.over].word,),
+        shape=effect.shape,
+        formula=_formula(effect),
+        parameters=noisy.estimates,
+        explains=noisy.explains,
+        says=effect.says(),
+        hints=_hints(effect),
+    )
+    if not unexplained.significant:
+        return Unexplained(
+            significant=True,
+            share=noisy.explains,
+            coordinates=model.coordinates,
+            says=f"{effect.says()} No known effect accounts for it.",
+            models=(model,),
+        )
+    says = f"{unexplained.says} {effect.says()}"
+    return replace(unexplained, says=says, models=(*unexplained.models, model) if unexplained.models else ())
 
 
 def _explained(before: Rest, after: Rest) -> float:
@@ -98,30 +192,46 @@ def _explained(before: Rest, after: Rest) -> float:
 def _models(
     problem: Problem, chosen: Selection, structures: Sequence[Structure], explains: float
 ) -> Iterator[StructureModel]:
-    identifiers = {one.identifier for one in structures}
-    for key, effect, parameters in estimates_of(problem, chosen):
-        if not isinstance(effect, Structure) or effect.identifier not in identifiers:
-            continue
+    """The structures of a selection, those that were found first before others."""
+    kinds = list(dict.fromkeys(one.identifier for one in structures))
+    models = [
+        (kinds.index(effect.identifier), key, effect, parameters)
+        for key, effect, parameters in estimates_of(problem, chosen)
+        if isinstance(effect, Structure) and effect.identifier in kinds
+    ]
+    for _, key, effect, parameters in sorted(models, key=lambda one: one[0]):
         yield StructureModel(
             identifier=key,
             stage=effect.acts_on,
-            coordinates=(effect.over,),
+            coordinates=(OVER[effect.over].word,),
             shape=effect.shape,
             formula=_formula(effect),
-            parameters=parameters,
+            parameters=_with_edges(effect, parameters),
             explains=explains,
             says=effect.says(),
             hints=_hints(effect),
         )
 
 
+def _with_edges(effect: Structure, parameters: Mapping[str, Estimate]) -> Mapping[str, Estimate]:
+    """Estimates in which a place is not known better than half the width of the change there."""
+    half = 0.5 * effect.values["width"] if effect.is_stepped else 0.0
+    return {
+        name: replace(one, low=one.low - half, high=one.high + half) if name in ("at", "at_2") else one
+        for name, one in parameters.items()
+    }
+
+
 def _formula(effect: Structure) -> str:
-    f = FORMULAS[effect.shape].format(x=effect.over)
-    return f"K = K0·(1 + {f})" if effect.acts_on == "scale" else f"U = U0 + {f}"
+    return ACTS[effect.acts_on].formula.format(f=FORMULAS[effect.shape].format(x=effect.over))
 
 
 def _hints(effect: Structure) -> tuple[str, ...]:
-    known = _HINTS.get((effect.acts_on, effect.over), ())
+    if effect.acts_on in _OF_STAGE:
+        return _OF_STAGE[effect.acts_on]
+    if effect.over == "setpoint":
+        return _BY_SETPOINT
+    known = _HINTS.get((effect.acts_on, OVER[effect.over].word), ())
     if effect.over == "time" and effect.shape in ("step", "plateau"):
         return (*_AT_INSTANTS, *known)
-    return (*_PERIODIC, *known) if effect.over == "time" and effect.shape == "wave" else known
+    return (*_PERIODIC, *known) if effect.over == "time" and effect.shape in ("wave", "bursts") else known

@@ -54,7 +54,7 @@ def sparse(baseline: FloatArray, columns: FloatArray, rows: Rows) -> Sparse:
     UsageError
         Where pysindy is not installed.
     """
-    fold = _folds(rows.step)
+    fold = folds_of(rows.step)
     table = np.column_stack([baseline, columns, rows.residual_v / rows.noise_v])
     factors = [_triangle(table[fold == k]) for k in range(FOLDS)]
     counts = np.array([np.count_nonzero(fold == k) for k in range(FOLDS)])
@@ -96,7 +96,7 @@ class _Fit:
         return np.concatenate([np.linalg.solve(self._top[:, : self._split], right), chosen])
 
 
-def _folds(step: IntArray) -> IntArray:
+def folds_of(step: IntArray) -> IntArray:
     """The fold of each row: whole steps, dealt out from the longest to the shortest, so that folds are alike."""
     lengths = np.bincount(step)
     fold = np.empty(lengths.size, np.int64)

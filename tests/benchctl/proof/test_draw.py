@@ -22,7 +22,8 @@ def test_a_trial_conceals_what_its_class_says(kind: ClassName) -> None:
     wanted = CLASSES[kind]
     for index in range(2):
         truth = draw(11, index, kind)
-        assert len(truth.effects) == wanted.effects + wanted.wandering + wanted.structure
+        so_many = len(truth.effects) - wanted.effects - wanted.wandering
+        assert so_many in ((1, 2) if wanted.structure else (0,))
         assert bool(set(truth.effects) & set(WANDERING)) >= wanted.wandering
         assert truth.verdict == wanted.verdict
         if wanted.share is None:

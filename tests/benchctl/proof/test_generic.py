@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from benchctl.proof.generic.arm import available, regress
+from benchctl.proof.generic.boosted import boosted
 from benchctl.proof.generic.library import TERMS, baseline, library
 from benchctl.proof.generic.rows import Rows, rows_of
 from benchctl.proof.generic.sparse import sparse
@@ -93,3 +94,9 @@ def test_a_recording_without_a_model_is_refused(tmp_path: Path) -> None:
         pytest.raises(UsageError, match="its lab states no model"),
     ):
         rows_of(recording)
+
+
+@needs_pysindy
+def test_a_boosted_tree_follows_a_step_over_the_temperature_that_no_term_of_the_library_has(rows: Rows) -> None:
+    stepped = replace(rows, residual_v=rows.residual_v + 20.0 * rows.noise_v * (rows.warmer_c > 10.0))
+    assert boosted(baseline(rows), stepped) < 0.3 * float(np.std(stepped.residual_v) / rows.noise_v)

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +13,20 @@ from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.chain import Signals
 from benchctl_instruments.physics.effects.making import make_effects
 from benchctl_instruments.physics.structures import COORDINATES, SHAPES, STAGES, structure, structure_named
+
+ARRAYS = (
+    "time_s",
+    "angle_deg",
+    "rate_dps",
+    "acceleration_dps2",
+    "housing_c",
+    "coil_c",
+    "sensed_rate_dps",
+    "output_v",
+    "encoder_deg",
+    "thermistor_c",
+    "coil_rate_c_per_s",
+)
 
 
 def signals(coil_c: list[float], output_v: float = 2.0) -> Signals:
@@ -43,15 +61,45 @@ def test_a_step_of_the_bias_adds_the_same_voltage_at_any_rate() -> None:
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize("stage", STAGES)
-@pytest.mark.parametrize("over", COORDINATES)
-def test_the_name_of_a_structure_says_all_of_it(shape: str, stage: str, over: str) -> None:
-    kind = structure_named(f"{shape}_of_{stage}_over_{over}")
-    assert kind is not None
-    assert (kind.shape, kind.acts_on, kind.over) == (shape, stage, over)
-    made = kind.make({name: 1e-3 if one.role == "size" else 5.0 for name, one in kind.parameters.items()})
-    assert np.isfinite(made.apply(signals([20.0, 60.0])).output_v).all()
-    assert made.says().endswith(".")
+def test_the_name_of_a_structure_says_all_of_it(shape: str) -> None:
+    for stage, over in itertools.product(STAGES, COORDINATES):
+        kind = structure_named(f"{shape}_of_{stage}_over_{over}")
+        assert kind is not None
+        assert (kind.shape, kind.acts_on, kind.over) == (shape, stage, over)
+        made = kind.make(
+            {name: 1e-3 if one.role == "size" else 5.0 + (name == "high") for name, one in kind.parameters.items()}
+        )
+        assert np.isfinite(made.apply(signals([20.0, 60.0])).output_v).all()
+        assert made.says().endswith(".")
+
+
+def test_a_jump_of_the_encoder_stays_in_the_angle_that_it_states() -> None:
+    (jump,) = make_effects({"jump_of_encoder_over_time_2": {"at": 0.01, "change": 360.0}})
+    assert jump.apply(signals([20.0, 20.0, 20.0])).encoder_deg.tolist() == pytest.approx([0.0, 0.1, 0.1])
+    assert jump.says() == (
+        "From 0.01 s of the time since the recording began on the angle that the encoder states is 360 ″ higher."
+    )
+
+
+def test_noise_grows_above_a_temperature_by_what_is_missing_to_it() -> None:
+    (noise,) = make_effects(
+        {"kink_of_noise_over_gyro_temp": {"at": 30.0, "above": 0.1}}, {"noise_v_rms": 1e-3, "seed": 4.0}
+    )
+    quiet, loud = (noise.apply(signals([celsius] * 20_000, output_v=0.0)).output_v for celsius in (20.0, 50.0))
+    assert not quiet.any()
+    assert loud.std() == pytest.approx(1e-3 * math.sqrt(3.0**2 - 1.0), rel=0.02)
+
+
+def test_what_remembers_does_not_depend_on_how_a_run_is_cut() -> None:
+    (memory,) = make_effects({"memory_of_bias_over_gyro_temp": {"c1": 1e-3, "tau": 0.05}})
+    whole = signals(np.linspace(20.0, 40.0, 60).tolist(), output_v=0.0)
+    first, then = (
+        replace(whole, **{name: getattr(whole, name)[part] for name in ARRAYS}, first_index=part.start)
+        for part in (slice(0, 25), slice(25, 60))
+    )
+    begun = memory.apply(first)
+    parts = [begun.output_v, memory.apply(replace(then, memory=begun.memory)).output_v]
+    np.testing.assert_allclose(np.concatenate(parts), memory.apply(whole).output_v, rtol=1e-12)
 
 
 def test_a_name_of_no_structure_is_refused() -> None:

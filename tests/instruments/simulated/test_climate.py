@@ -115,3 +115,17 @@ def test_the_coils_derivative_is_that_of_its_temperature(coil_is_housing: bool) 
     central = (gyro.coil_c[2] - gyro.coil_c[0]) / 2.0
     assert central > 1e-3
     assert gyro.coil_rate_c_per_s[1] == pytest.approx(central, rel=1e-4)
+
+
+def test_the_set_point_has_a_way_while_the_chamber_ramps_to_it_and_none_once_it_is_there() -> None:
+    clock, timebase, climate = chamber()
+    timebase.held_since_s = 0.0
+    climate.run(True)
+    climate.set_setpoint(40.0)
+    clock.sleep(1000.0)
+    climate.set_setpoint(30.0)
+    clock.sleep(100.0)
+    # 20 °C at 2 °C/min, then back
+    air_c, way = climate.air(np.array([10.0, 590.0, 620.0, 990.0, 1050.0]))
+    assert way.tolist() == [1.0, 1.0, 0.0, 0.0, -1.0]
+    assert air_c[3] == pytest.approx(40.0, abs=0.1)

@@ -13,7 +13,7 @@ from benchctl.diagnosis.structures.effect_file import effect_source
 from benchctl_instruments.physics.effect_contract import check_effect
 from benchctl_instruments.physics.structures import SHAPES, structure_named
 
-PLACES = {"at": 27.7, "width": 2.0, "length": 8.0, "period": 30.0, "tau": 400.0}
+PLACES = {"at": 27.7, "at_2": 40.0, "width": 2.0, "length": 8.0, "period": 30.0, "tau": 400.0, "low": 5.0, "high": 55.0}
 
 
 def loaded(source: str, name: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
@@ -24,14 +24,15 @@ def loaded(source: str, name: str, folder: Path, monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.parametrize("shape", [shape for shape in SHAPES if shape != "exponential"])
 def test_it_keeps_the_contract_of_effects(shape: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    identifier = f"{shape}_of_scale_over_gyro_temp"
+    over = "gyro_temp_rate" if shape in ("negative", "positive", "either") else "gyro_temp"
+    identifier = f"{shape}_of_scale_over_{over}"
     kind = structure_named(identifier)
     assert kind is not None
     values = {name: PLACES.get(name, 2e-5) for name in kind.parameters}
     found = StructureModel(
         identifier=identifier,
         stage="scale",
-        coordinates=("gyro_temp",),
+        coordinates=(over,),
         shape=shape,
         formula="",
         parameters={name: Estimate(value=one, low=one, high=one, unit="1") for name, one in values.items()},

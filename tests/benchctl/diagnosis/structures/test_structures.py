@@ -51,12 +51,43 @@ def test_a_mode_hop_is_a_step_of_the_scale_factor_that_takes_hardly_any_temperat
     assert model["parameters"]["at"]["value"] == pytest.approx(34.589, abs=0.05)
     assert model["parameters"]["change"]["value"] == pytest.approx(-0.0096963, rel=0.01)
     assert model["parameters"]["width"]["value"] < 0.2
-    assert told.unexplained.coordinates == ("gyro_temp*rate",)
+    assert told.unexplained.coordinates == ("gyro_temp",)
     assert told.fit.heldout_after < 1.05 * told.fit.noise
     with open_recording(tmp_path / "imported.h5") as opened:
         page = diagnosis_page(told, opened.meta, opened.infos, digest="", unit="V")
     assert "K = K0·(1 + change·clip((gyro_temp − at)/width + ½, 0, 1))" in page
     assert "a mode hop of the source" in page
+
+
+@needs_shared("recordings/unnamed/slip")
+def test_a_coupling_that_slips_is_a_jump_of_the_encoder_at_each_instant(tmp_path: Path) -> None:
+    told = diagnosed("unnamed/slip", tmp_path)
+    models = told.unexplained.models
+    assert {(one.stage, one.coordinates, one.shape) for one in models} == {("encoder", ("time",), "jump")}
+    jumps = sorted((one.parameters["at"].value, one.parameters["change"].value) for one in models)
+    assert jumps == [
+        (pytest.approx(989.69, abs=0.05), pytest.approx(282.9, rel=0.03)),
+        (pytest.approx(1968.01, abs=0.05), pytest.approx(282.9, rel=0.03)),
+    ]
+    assert told.findings == ()
+    assert told.unexplained.coordinates == ("time",)
+    assert told.fit.heldout_after < 1.05 * told.fit.noise
+    assert set(told.model["effects"]) == {
+        "jump_of_encoder_over_time",
+        "jump_of_encoder_over_time_2",
+    }
+
+
+@needs_shared("recordings/unnamed/compressor")
+def test_a_bias_that_shifts_while_the_set_point_falls_is_found_beside_a_delay(tmp_path: Path) -> None:
+    told = diagnosed("unnamed/compressor", tmp_path)
+    model = model_in(told)
+    assert (model["stage"], model["coordinates"], model["shape"]) == ("bias", ["setpoint"], "negative")
+    assert model["parameters"]["change"]["value"] == pytest.approx(-0.0019631, rel=0.02)
+    assert [one.effect for one in told.findings] == ["timing_offset"]
+    assert told.unexplained.coordinates == ("setpoint",)
+    assert told.fit.heldout_after < 1.05 * told.fit.noise
+    assert "While the chamber's set point falls the bias is 1.96 mV lower." in told.unexplained.says
 
 
 def _is_written_and_read_back(told: Diagnosis, folder: Path) -> None:
