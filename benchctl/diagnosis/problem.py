@@ -105,6 +105,9 @@ class Problem(Protocol):
         Models are fitted to `measured` itself, and each competes beside the disturbance that it needs.
         """
 
+    def memory_s(self, baseline: FloatArray, effects: Sequence[Any]) -> float:
+        """How long, by a model, the measured quantity remembers what has disturbed it, s; of a `disturbed` one."""
+
     @property
     def rounding(self) -> float:
         """Deviation of what the steps of `measured` round off; 0 where they are far below the noise."""

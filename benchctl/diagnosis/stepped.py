@@ -59,6 +59,10 @@ class Stepped(ABC):
         """Not: noise is white until more is found."""
         return False
 
+    def memory_s(self, baseline: FloatArray, effects: Sequence[Any]) -> float:
+        """None: noise is felt at once."""
+        return 0.0
+
     @property
     def rounding(self) -> float:
         """Far below the noise."""

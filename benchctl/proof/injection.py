@@ -2,7 +2,8 @@
 
 An effect is drawn from the vocabulary of the recording's part, without those that the untouched recording already shows
 and without their look-alikes. Its fair size is a share of what the diagnosis of the untouched recording leaves: so much
-rms of it that no change of the parameters found there takes up.
+rms of it that no change of the parameters found there takes up. Where what is left wanders, as a chamber's air does,
+both are measured as innovations: what wanders slowly hides what is slow.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -19,6 +20,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq
 
+from benchctl.diagnosis.fitting.disturbance import disturbance_of
+from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.gyro.laid import laid_out
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.parts import problem_of
@@ -37,13 +40,15 @@ FAIR = (0.5, 2.0)
 
 _CHANNELS: Mapping[Part, tuple[str, ...]] = {
     "gyro": ("gyro_v", "point_mean_v"),
-    "drive": ("torque_nm",),
+    "drive": ("torque_nm", "drive_load"),
     "chamber": ("chamber_temp_c", "poll_chamber_temp_c"),
 }
 """What an effect of a part changes: the first of these that a step has."""
 _TRIES = 60
 _RANGE = 1e8
 _NUDGE = 1e-4
+_ROUNDING, _OF_A_STEP = 1e-9, 0.02
+"""Share of the values that is the arithmetic's, and of a converter's step by which multiples of it may be off."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,7 +105,7 @@ class Untouched:
         names = [one for one in self._problem.effects if not alike(one, self.found)]
         for name in rng.permutation(names * _TRIES)[:_TRIES].tolist() if names else ():
             wanted = math.exp(rng.uniform(math.log(FAIR[0]), math.log(FAIR[1])))
-            values = self._of_size(name, _shaped(self._problem.effects[name], rng), wanted * self._said["fit"]["after"])
+            values = self._of_size(name, _shaped(self._problem.effects[name], rng), wanted * self._left)
             if values is not None:
                 return Injection(index=index, effect=name, parameters=values, share=_rounded(wanted), nonce=nonce)
         raise UsageError(
@@ -121,7 +126,7 @@ class Untouched:
                 yield step
                 continue
             added = np.interp(step[axis_of(name)], problem.time_s, change)
-            yield Step(step.info, {**step.channels, name: step[name] + added})
+            yield Step(step.info, {**step.channels, name: _in_steps_of(step[name], step[name] + added)})
 
     def _made(self, name: str, values: Mapping[str, float]) -> DescribedEffect:
         return self._problem.effects[name].make(values, self._problem.circumstances)
@@ -168,11 +173,35 @@ class Untouched:
     def _shown(self, one: DescribedEffect) -> float:
         """Rms of what an effect adds that no change of the parameters found takes up."""
         rows = self._problem.usable
-        added = self._change(self._problem, one)[rows]
-        if not np.isfinite(added).all():
+        change = self._change(self._problem, one)
+        if not np.isfinite(change[rows]).all():
             return 0.0
+        added = self._whitened(change)[rows]
         left = added - self._absorbing[rows] @ np.linalg.lstsq(self._absorbing[rows], added, rcond=None)[0]
         return math.sqrt(float(left @ left) / max(left.size, 1))
+
+    @cached_property
+    def _left(self) -> float:
+        """Rms of what the untouched recording's diagnosis leaves, as innovations where that wanders."""
+        if not self._problem.disturbed:
+            return float(self._said["fit"]["after"])
+        left = self._whitened(self._residual)[self._problem.usable]
+        return math.sqrt(float(left @ left) / max(left.size, 1))
+
+    @cached_property
+    def _residual(self) -> FloatArray:
+        return self._problem.measured - self._problem.predict(self._baseline, self._own)
+
+    @cached_property
+    def _whitened(self) -> Callable[[FloatArray], FloatArray]:
+        """Makes what is left of a disturbed quantity white, shape (n,); anything else it leaves as it is."""
+        if not self._problem.disturbed:
+            return lambda values: values
+        every = self._problem.usable
+        longest_s = self._problem.memory_s(self._baseline, self._own)
+        slow = disturbance_of(self._problem, self._residual, every, longest_s).slow
+        weight = every.astype(np.float64)
+        return Whitener(interval_s=self._problem.interval_s, weight=weight, time_s=self._problem.time_s).beside(slow)
 
     @cached_property
     def _absorbing(self) -> FloatArray:
@@ -191,8 +220,19 @@ class Untouched:
                 own = list(self._own)
                 own[place] = self._made(one.identifier, {**one.values, name: value + _NUDGE * (value or 1.0)})
                 columns.append(self._problem.predict(self._baseline, own) - here)
-        table = np.stack(columns, axis=1)
+        table = np.stack([self._whitened(column) for column in columns], axis=1)
         return np.asarray(table / np.maximum(np.sqrt(np.mean(table**2, axis=0)), 1e-300))
+
+
+def _in_steps_of(measured: FloatArray, changed: FloatArray) -> FloatArray:
+    """Changed values in the steps of the converter that measured them, where those show; shape (n,) each."""
+    moved = np.abs(np.diff(measured))
+    moved = moved[moved > _ROUNDING * np.abs(measured).max()]
+    steps = moved / moved.min() if moved.size else moved
+    if not moved.size or np.abs(steps - np.round(steps)).max() > _OF_A_STEP:
+        return changed
+    step = float(moved.min())
+    return np.asarray(measured[0] + np.round((changed - measured[0]) / step) * step)
 
 
 def _acts_on_samples(one: PhysicalEffect) -> bool:

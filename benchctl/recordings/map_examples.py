@@ -135,8 +135,8 @@ column = "run"
 
 MAP_EXAMPLE_DRIVE = """\
 # A table's drive, for `benchctl diagnose --part drive`: an angle (or velocity_rad_s, or table_rate_dps) and a torque_nm
-# (or current_a). A chamber, for `--part chamber`: chamber_temp_c with heater_percent (or heater_w, current_a,
-# chamber_setpoint_c) and, where it was measured, ambient_temp_c.
+# (or current_a, or drive_load in any unit, counts for example). A chamber, for `--part chamber`: chamber_temp_c with
+# heater_percent (or heater_w, current_a, chamber_setpoint_c) and, where it was measured, ambient_temp_c.
 [unit]
 serial = "table 1"
 

@@ -10,6 +10,7 @@ import pytest
 from benchctl.diagnosis.diagnose import diagnose
 from benchctl.diagnosis.result import Diagnosis, Finding
 from benchctl.recordings.importing import import_recording
+from benchctl.recordings.joined import join
 from benchctl.recordings.reader import open_recording
 from tests.shared import SHARED, needs_shared
 
@@ -49,4 +50,26 @@ def test_the_spikes_of_an_oven_are_faults_of_its_data_and_its_door_opens_at_the_
 def test_a_cold_finger_shares_its_heat_with_another_body(name: str, effect: str, tmp_path: Path) -> None:
     told, found = _diagnosis(f"{name}.csv", "cold_finger", tmp_path)
     assert effect in found
+    assert told.fit.heldout_after <= 0.25
+
+
+def test_both_runs_of_a_cold_finger_together_tell_its_exchange_from_its_store_of_heat(tmp_path: Path) -> None:
+    recordings = []
+    for name in ("cooldown_20130419_13.24.44", "warmup_20130419_13.58.50"):
+        import_recording(DATA / f"{name}.csv", MAPS / "cold_finger.toml", tmp_path / f"{name}.h5")
+        recordings.append(open_recording(tmp_path / f"{name}.h5"))
+    told = diagnose(join(recordings), part="chamber")
+    for one in recordings:
+        one.close()
+    found = {one.effect: one for one in told.findings}
+    assert set(found) == {"exchange", "heat_store"}
+    assert found["exchange"].parameters["rate_per_s"].low > 0.0
+    assert found["heat_store"].parameters["capacity"].low > 0.0
+    assert told.fit.heldout_after <= 0.25
+
+
+def test_a_transistor_heats_through_a_second_lag(tmp_path: Path) -> None:
+    told, found = _diagnosis("tclab_step.csv", "tclab", tmp_path)
+    assert set(found) == {"second_lag"}
+    assert 25.0 <= found["second_lag"].parameters["tau_s"].value <= 32.0
     assert told.fit.heldout_after <= 0.25

@@ -77,6 +77,10 @@ def test_a_pendulum_is_pulled_by_gravity_and_rubs(tmp_path: Path) -> None:
     named = {one.effect: one for one in found.findings}
     assert "gravity" in named
     assert abs((named["gravity"].parameters["hangs_at_deg"].value + 180.0) % 360.0 - 180.0) < 3.0
+    assert "gear_friction" in named  # lifting takes more than lowering gives back, and rests hold all between
+    assert found.fit.unit == "count"
+    assert named["gravity"].parameters["moment_nm"].unit == "count"
+    assert "N·m" not in "".join(one.says for one in found.findings)
     assert found.baseline["viscous_nm_s"].low > 0.0
     assert found.fit.after < 70.0
     assert found.fit.heldout_after < 70.0 < found.fit.heldout_before

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from benchctl.diagnosis.chamber.rows import ChamberRows
 from benchctl_instruments.physics.chamber_effects.effect import ChamberEffect
-from benchctl_instruments.physics.effects.effect import DescribedEffect, Parameter
+from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 FloatArray = npt.NDArray[np.float64]
 Bounds = Mapping[str, tuple[float, float]]
@@ -21,6 +20,8 @@ _ROOM_C = (5.0, 40.0)
 """Where laboratory equipment is rated to work (IEC 61010-1, 1.4.1)."""
 _HEAT = 2.0
 """The gain may be by so much larger than heats the air by its span at the longest time constant."""
+_FASTEST_DRIFT = 60.0
+"""K/h; what changes faster stores heat, and does not drift."""
 _OFFSET_SHARE, _LEAST_OFFSET_K = 0.5, 10.0
 _START_K, _START_STEPS = 2.0, 10.0
 
@@ -58,23 +59,18 @@ def first_air_c(rows: ChamberRows) -> float:
 def bounded_kinds(rows: ChamberRows, kinds: Mapping[str, type[ChamberEffect]]) -> dict[str, type[DescribedEffect]]:
     """The effects with bounds, and places to begin, that a recording of this length can show."""
     lasts_s = lasting_s(rows)
-    span = float(np.ptp(rows.temperature_c[rows.usable]))
     limits: Mapping[tuple[str, str], tuple[float, float]] = {
         ("dead_time", "delay_s"): (0.0, lasts_s / 4.0),
         ("second_lag", "tau_s"): (rows.interval_s, lasts_s),
-        ("heat_store", "tau_s"): (2.0 * rows.interval_s, LENGTHS * lasts_s),
-        ("heat_store", "coupling"): (0.0, 100.0),
-        ("ambient_drift", "c_per_hour"): (-span * 3600.0 / lasts_s, span * 3600.0 / lasts_s),
+        ("heat_store", "tau_s"): (2.0 * rows.interval_s, lasts_s),
+        ("exchange", "rate_per_s"): (0.0, 1.0 / rows.interval_s),
+        ("ambient_drift", "c_per_hour"): (-_FASTEST_DRIFT, _FASTEST_DRIFT),
     }
 
-    def bounded(kind: type[ChamberEffect]) -> type[DescribedEffect]:
-        parameters = {
-            name: _within(one, limits.get((kind.identifier, name), (one.low, one.high)))
-            for name, one in kind.parameters.items()
-        }
-        return type(kind.__name__, (kind,), {"parameters": parameters, "__slots__": ()})
-
-    return {name: bounded(kind) for name, kind in kinds.items()}
+    return {
+        name: kind.within({one: limits[name, one] for one in kind.parameters if (name, one) in limits})
+        for name, kind in kinds.items()
+    }
 
 
 def fair_sizes(rows: ChamberRows) -> Mapping[str, tuple[Mapping[str, float], ...]]:
@@ -86,17 +82,11 @@ def fair_sizes(rows: ChamberRows) -> Mapping[str, tuple[Mapping[str, float], ...
     return {
         "second_lag": ({"tau_s": 0.03 * lasts_s},),
         "dead_time": ({"delay_s": 0.02 * lasts_s},),
-        "heat_store": ({"coupling": 0.5, "tau_s": 0.1 * lasts_s}, {"coupling": 1.0, "tau_s": 0.5 * lasts_s}),
-        "exchange": ({"coupling": 1.0},),
+        "heat_store": ({"capacity": 0.3, "tau_s": 0.1 * lasts_s}, {"capacity": 1.0, "tau_s": 0.3 * lasts_s}),
+        "exchange": ({"rate_per_s": 10.0 / lasts_s},),
         "radiation": ({"share": 0.5},),
         "heater_nonlinearity": ({"curvature": 0.3},),
         "loss_step": tuple(
             {"fraction": fraction, "moment": place / 40} for place in range(2, 39) for fraction in (-0.8, -0.5, 1.0)
         ),
     }
-
-
-def _within(parameter: Parameter, limits: tuple[float, float]) -> Parameter:
-    low, high = max(limits[0], parameter.low), min(limits[1], parameter.high)
-    scan = tuple(place for place in parameter.scan if low <= place <= high)
-    return replace(parameter, low=low, high=high, scan=scan or ((low * high) ** 0.5,))

@@ -15,11 +15,12 @@ import scipy.optimize
 from benchctl.diagnosis.chamber.plausible import baseline_bounds, bounded_kinds, fair_sizes, first_air_c, lasting_s
 from benchctl.diagnosis.chamber.rows import DRIVES, ChamberRows, chamber_rows_of
 from benchctl.diagnosis.faults.fault import Fault
+from benchctl.diagnosis.fitting.point import stands_at
 from benchctl.diagnosis.keys import tables_of
 from benchctl.diagnosis.stepped import MadeOfRows, MadeRows
 from benchctl.part_models import EFFECTS, numbers_of
 from benchctl.recordings.reader import Recording
-from benchctl_instruments.physics.chamber_effects.air import air_c
+from benchctl_instruments.physics.chamber_effects.air import air_c, slowest_s
 from benchctl_instruments.physics.chamber_effects.effect import ChamberEffect, ChamberSignals
 from benchctl_instruments.physics.chamber_effects.registry import chamber_effects
 from benchctl_instruments.physics.effects.effect import DescribedEffect
@@ -109,7 +110,7 @@ class ChamberProblem(MadeOfRows):
             signals = self._signals(run, told)
             for effect in ordered:
                 if effect.stage == "transport" and signals.before is None:
-                    signals = replace(signals, before=self._before(signals, start_c, gain))
+                    signals = replace(signals, before=self._before(signals, start_c, gain, told["tau_s"]))
                 signals = effect.apply(signals)
             air[run] = air_c(signals, start_c, gain, told["tau_s"])
         return air
@@ -148,10 +149,16 @@ class ChamberProblem(MadeOfRows):
     ) -> Iterator[tuple[FloatArray, DescribedEffect]]:
         """Each effect more that a model has not, of a fair size, with a baseline to begin with, shape (p,).
 
-        Of an effect of many such sizes those that miss least. Where the loss is another one before some moment, gain
+        A room that stands at a bound, for what the effect does, begins anew. Of an effect of many sizes those are
+        given that miss least. Where the loss is another one before some moment, gain
         and time constant go with it, so that until then all stays as it was.
         """
         present = {effect.identifier for effect in effects}
+        if "ambient_c" in self.baseline_names:
+            place = self.baseline_names.index("ambient_c")
+            if stands_at(float(baseline[place]), *self.bounds["ambient_c"]):
+                baseline = baseline.copy()
+                baseline[place] = sum(self.bounds["ambient_c"]) / 2.0
         for name, sizes in fair_sizes(self.rows).items():
             if name not in self.effects or name in present:
                 continue
@@ -176,6 +183,15 @@ class ChamberProblem(MadeOfRows):
         missed = (self.predict(baseline, effects) - self.measured)[self.usable]
         return float(missed @ missed)
 
+    def memory_s(self, baseline: FloatArray, effects: Sequence[Any]) -> float:
+        """The longest time constant [s] with which the air of a model returns: it is felt for so long."""
+        told = dict(zip(self.baseline_names, baseline.tolist(), strict=True))
+        signals = self._signals(self.rows.runs[0], told)
+        for effect in effects:
+            if effect.stage == "loss":
+                signals = effect.apply(signals)
+        return slowest_s(signals, told["tau_s"])
+
     @property
     def rounding(self) -> float:
         """Deviation [K] of what the thermometer's steps round off."""
@@ -199,11 +215,11 @@ class ChamberProblem(MadeOfRows):
             second_c=rows.second_c[run] if self.has_second else None,
         )
 
-    def _before(self, signals: ChamberSignals, start_c: float, gain: float) -> float:
+    def _before(self, signals: ChamberSignals, start_c: float, gain: float, tau_s: float) -> float:
         """The drive that held the air at its first temperature, as far as the heater can: before, it was at rest."""
         loss = float(signals.loss[0]) * (start_c - float(signals.room_c[0]))
         if signals.second_c is not None:
-            loss += signals.exchange * (start_c - float(signals.second_c[0]))
+            loss += signals.exchange * tau_s * (start_c - float(signals.second_c[0]))
         if self.rows.kind == "setpoint":
             return loss
         least, most = min(float(signals.drive.min()), 0.0), max(float(signals.drive.max()), 0.0)

@@ -9,13 +9,17 @@ import numpy.typing as npt
 
 from benchctl.diagnosis.faults.fault import Fault, bounded_gain
 from benchctl.diagnosis.result import Estimate
-from benchctl.diagnosis.signals.normal import QUARTILE
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
 _AROUND = 4
 """Readings on either side that a reading is held against: a spike is shorter than so many."""
+_USUAL, _NORMAL_USUAL = 0.9, 1.64485
+"""Share of the readings that are taken to be no spikes, and the deviations within which so many are by chance.
+
+Of a thermometer with coarse steps most readings are just what those around them are, and their median says nothing.
+"""
 _BEYOND = 12.0
 """A spike is off by more than so many usual deviations, steps of the thermometer, and moves from reading to reading."""
 
@@ -59,7 +63,7 @@ def spikes_in(
             away[rows] = read_c[rows] - np.median(around, axis=1)
             # where the air itself turns quickly, all of its neighbours move as much
             moves[rows] = np.median(np.abs(np.diff(around, axis=1)), axis=1)
-    usual = float(np.median(np.abs(away[~known]))) / QUARTILE if (~known).any() else 0.0
+    usual = float(np.quantile(np.abs(away[~known]), _USUAL)) / _NORMAL_USUAL if (~known).any() else 0.0
     rows = np.abs(away) > _BEYOND * np.maximum(moves, max(usual, step_c))
     if not rows.any():
         return None, rows

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from benchctl.diagnosis.drive.rows import BLOCK, DriveRows, drive_rows_of
+from benchctl.diagnosis.drive.rows import BLOCK, THIRD_DIFFERENCE, DriveRows, drive_rows_of
 from benchctl.diagnosis.keys import tables_of
 from benchctl.diagnosis.stepped import MadeOfRows, MadeRows
 from benchctl.part_models import EFFECTS, numbers_of
@@ -27,12 +28,26 @@ NAMES = ("inertia_kg_m2", "viscous_nm_s")
 UNITS = ("kg m2", "N m s rad-1")
 CONSTANT = "torque_constant_nm_per_a"
 
+_STAGES = ("friction", "transmission", "measurement")
+_CREEPING_RAD_S = 1e-9
+"""Friction has its sign, and no size of its own, at such a rate."""
+_BEYOND_NOISE = 4.0
+"""Deviations of its noise by which a torque is beyond what friction holds at rest."""
+_SLOWEST_DELAY_S = 0.1
+"""A torque that is older than this belongs to another motion: converters, buses and filters are faster."""
+_TIMES_LARGEST = 3.0
+"""Parts of the torque may cancel, but are hardly larger than so many times the largest torque."""
+_SHORTEST_LAG, _LONGEST_LAG = 0.02, 5.0
+"""Shares of the longest run between which a time constant shows."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class DriveProblem(MadeOfRows):
     """A `benchctl.diagnosis.problem.Problem`: τ = J·dω/dt + b·ω, row by row.
 
-    `believed` says whether the start is a lab's model, or was estimated from the recording itself.
+    At rest the torque is compared with what would set the table in motion, either way: friction holds all between.
+    `believed` says whether the start is a lab's model, or was estimated from the recording itself. `noise` is the
+    deviation of a row's torque, seen in neighbouring rows.
     """
 
     rows: DriveRows
@@ -42,10 +57,24 @@ class DriveProblem(MadeOfRows):
     torque_constant_nm_per_a: float | None
     full_scale: float
     coordinates: Mapping[str, FloatArray]
-    unit: str = "N m"
+    noise: float
     noises: frozenset[str] = frozenset()
     baseline_names: tuple[str, ...] = NAMES
-    baseline_units: tuple[str, ...] = UNITS
+
+    @property
+    def unit(self) -> str:
+        """The unit of the torque, or of what stands for it."""
+        return self.rows.unit
+
+    @property
+    def baseline_units(self) -> tuple[str, ...]:
+        """The units of inertia and viscous friction."""
+        return UNITS if self.unit == "N m" else (f"{self.unit} s2 rad-1", f"{self.unit} s rad-1")
+
+    @property
+    def baseline_bounds(self) -> Mapping[str, tuple[float, float]]:
+        """No mass is negative, and no lubricant drives."""
+        return dict.fromkeys(NAMES, (0.0, math.inf))
 
     @property
     def made(self) -> MadeRows:
@@ -79,16 +108,62 @@ class DriveProblem(MadeOfRows):
         return bool(rate.min() > 0.0 or rate.max() < 0.0)
 
     def predict(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
-        """The torque [N·m] that the motion takes, shape (m,)."""
+        """The torque that the motion takes, shape (m,)."""
+        return self._torque(baseline, effects, self.rows.rate_rad_s, self.rows.acceleration_rad_s2)
+
+    def _torque(
+        self, baseline: FloatArray, effects: Sequence[Any], rate_rad_s: FloatArray, acceleration_rad_s2: FloatArray
+    ) -> FloatArray:
         rows = self.rows
         inertia, viscous = baseline.tolist()
-        torque = inertia * rows.acceleration_rad_s2 + viscous * rows.rate_rad_s
-        ordered: list[DriveEffect] = sorted(effects, key=lambda one: one.stage == "measurement")
-        if ordered:
-            for run in rows.runs:
-                for effect in ordered:
-                    torque[run] = effect.apply(self._signals(run, torque[run], inertia, viscous))
+        torque = inertia * acceleration_rad_s2 + viscous * rate_rad_s
+        ordered: list[DriveEffect] = sorted(effects, key=lambda one: _STAGES.index(one.stage))
+        for run in rows.runs if ordered else ():
+            signals = DriveSignals(
+                time_s=rows.run_s[run],
+                interval_s=rows.sample_interval_s,
+                angle_deg=rows.angle_deg[run],
+                rate_rad_s=rate_rad_s[run],
+                acceleration_rad_s2=acceleration_rad_s2[run],
+                torque_nm=torque[run],
+                inertia_kg_m2=inertia,
+                viscous_nm_s=viscous,
+            )
+            for effect in ordered:
+                signals = replace(signals, torque_nm=effect.apply(signals))
+            torque[run] = signals.torque_nm
         return rows.means(torque)
+
+    def spectral_residual(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
+        """By how much the torque of each rest is most beyond what friction holds, forwards and backwards."""
+        rows = self.rows
+        if not rows.rests:
+            return np.zeros(0)
+        still = np.zeros_like(rows.rate_rad_s)
+        least, most = (self._torque(baseline, effects, still + sign * _CREEPING_RAD_S, still) for sign in (-1.0, 1.0))
+        margin = _BEYOND_NOISE * self.noise
+        ahead, behind = rows.torque_nm - most - margin, rows.torque_nm - least + margin
+        return np.array([[max(ahead[one].max(), 0.0), min(behind[one].min(), 0.0)] for one in rows.rests]).ravel()
+
+    @property
+    def spectral_step(self) -> IntArray:
+        """Which step each rest begins in."""
+        return np.repeat(self.step[[one.start for one in self.rows.rests]], 2)
+
+    def starts(
+        self, baseline: FloatArray, effects: Sequence[DescribedEffect]
+    ) -> Iterator[tuple[FloatArray, DescribedEffect]]:
+        """Friction as large as rests show it: no row in motion proposes it for what it does at rest."""
+        beyond = np.abs(self.spectral_residual(baseline, effects))
+        if not beyond.any():
+            return
+        missed = float(np.median(beyond[beyond > 0.0]))
+        for name, values in (
+            ("coulomb_friction", {"coulomb_nm": missed}),
+            ("gear_friction", {"share": min(missed / self.full_scale, 0.5)}),
+        ):
+            if name in self.effects and not any(one.identifier == name for one in effects):
+                yield baseline, self.effects[name].make(values)
 
     def matters(self, name: str, change: float) -> float:
         """A change of the lab's parameter, as a share of the largest torque; none where there was no lab's model."""
@@ -123,19 +198,6 @@ class DriveProblem(MadeOfRows):
             )
         return tuple(said)
 
-    def _signals(self, run: slice, torque_nm: FloatArray, inertia: float, viscous: float) -> DriveSignals:
-        rows = self.rows
-        return DriveSignals(
-            time_s=rows.run_s[run],
-            interval_s=rows.sample_interval_s,
-            angle_deg=rows.angle_deg[run],
-            rate_rad_s=rows.rate_rad_s[run],
-            acceleration_rad_s2=rows.acceleration_rad_s2[run],
-            torque_nm=torque_nm,
-            inertia_kg_m2=inertia,
-            viscous_nm_s=viscous,
-        )
-
 
 def drive_problem(
     recording: Recording, *, model: Mapping[str, Any] | None = None, without: Collection[str] = ()
@@ -158,6 +220,7 @@ def drive_problem(
     else:
         columns = np.stack([acceleration, rate], axis=1)[rows.moving]
         start = np.linalg.lstsq(columns, rows.torque_nm[rows.moving], rcond=None)[0]
+        start = np.maximum(start, 0.0)
     full_scale = float(np.abs(rows.torque_nm[rows.moving]).max())
     if full_scale == 0.0:
         raise UsageError(
@@ -165,11 +228,12 @@ def drive_problem(
         )
     return DriveProblem(
         rows=rows,
-        effects={name: kind for name, kind in drive_effects().items() if name not in without},
+        effects={name: kind for name, kind in _bounded_kinds(rows) if name not in without},
         baseline_start=start,
         believed=believed,
         torque_constant_nm_per_a=constant,
         full_scale=full_scale,
+        noise=float(np.median(np.abs(np.diff(rows.torque_nm, 3)))) / THIRD_DIFFERENCE,
         coordinates={
             "time": rows.time_s,
             "rate": np.degrees(rate),
@@ -181,3 +245,21 @@ def drive_problem(
             "step": rows.infos_of_rows.step.astype(np.float64),
         },
     )
+
+
+def _bounded_kinds(rows: DriveRows) -> Iterator[tuple[str, type[DescribedEffect]]]:
+    """The effects within bounds, and from places to begin, that such a recording can show."""
+    largest = _TIMES_LARGEST * float(np.abs(rows.torque_nm).max())
+    lasts_s = float(rows.run_s.max())
+    turned = max(float(np.ptp(rows.angle_deg[run])) for run in rows.runs)
+    limits = {
+        "tau_s": (_SHORTEST_LAG * lasts_s, _LONGEST_LAG * lasts_s),
+        "velocity_rad_s": (0.0, float(np.abs(rows.rate_rad_s).max()) / 2.0),
+        "delay_s": (-_SLOWEST_DELAY_S, _SLOWEST_DELAY_S),
+        "order": (720.0 / turned, 360.0),  # what is turned through once only does not repeat
+        **dict.fromkeys(("coulomb_nm", "breakaway_nm", "moment_nm", "amplitude_nm", "offset_nm"), (-largest, largest)),
+    }
+    for name, kind in drive_effects().items():
+        orders = kind.parameters["order"].scan if "order" in kind.parameters else ()
+        if not orders or max(orders) >= limits["order"][0]:
+            yield name, kind.within(limits)

@@ -32,22 +32,27 @@ _FEWEST_ROWS = 60
 _RESTING_DEVIATIONS = 5.0
 _RESTING_SHARE = 0.002
 """A rate below so many deviations of its noise, or below this share of the largest, is rest: the table may stick."""
-_THIRD_DIFFERENCE = 0.6745 * math.sqrt(20.0)
+THIRD_DIFFERENCE = 0.6745 * math.sqrt(20.0)
 """Median of the absolute third difference of white noise, in its standard deviations."""
 
 _ROUNDING = 1e-9
 """Share of the angle's range below which a difference of two angles is the arithmetic's."""
 
 ANGLES = ("encoder_deg", "velocity_rad_s", "table_rate_dps")
-TORQUES = ("torque_nm", "current_a")
+TORQUES = ("torque_nm", "current_a", "drive_load")
+"""The torque, a current with its constant, or what stands for the torque in a unit of its own (counts of a PWM)."""
+
+_FEWEST_AT_REST = 5
+"""Rows of a rest: a table that only reverses is slow for less."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveRows:
     """Samples of shape (n,) within `runs`; rows of shape (m,) made of `BLOCK` samples each, within `stretches`.
 
-    `time_s` is that of the rows, `run_s` that of the samples since their run began. `torque_nm` (m,) is measured.
-    `moving` are rows in which the table turns, within whole windows of angles: at rest friction takes up any torque.
+    `time_s` is that of the rows, `run_s` that of the samples since their run began. `torque_nm` (m,) is measured, in
+    `unit`. `moving` are rows in which the table turns, within whole windows of angles. At rest friction takes up any
+    torque that it can hold: `rests` are rows without motion, several in a row.
     """
 
     infos_of_rows: Pieces
@@ -60,7 +65,9 @@ class DriveRows:
     stretches: tuple[slice, ...]
     time_s: FloatArray
     torque_nm: FloatArray
+    unit: str
     moving: BoolArray
+    rests: tuple[slice, ...]
 
     def means(self, samples: FloatArray) -> FloatArray:
         """Values of the samples (n,) as rows (m,)."""
@@ -88,13 +95,16 @@ def drive_rows_of(recording: Recording, torque_constant_nm_per_a: float | None =
     angles = [block_mean(_angle(series, run), factor) for run in runs]
     angles = [angle[: angle.size // BLOCK * BLOCK] for angle in angles]
     motions = [motion_of(angle, 1.0 / interval_s) for angle in angles]
-    constant = 1.0 if "torque_nm" in series.columns else float(torque_constant_nm_per_a or 0.0)
-    source = "torque_nm" if "torque_nm" in series.columns else "current_a"
+    source = next(name for name in TORQUES if name in series.columns)
+    constant = float(torque_constant_nm_per_a or 0.0) if source == "current_a" else 1.0
+    units = recording.meta.extra.get("channel_units", {})
     whole = factor * BLOCK
     rate = np.concatenate([np.radians(motion.rate_dps) for motion in motions])
-    moving = np.concatenate(
-        [_moving(angle, np.radians(motion.rate_dps), interval_s) for angle, motion in zip(angles, motions, strict=True)]
+    turning = np.concatenate(
+        [_turning(angle, motion.rate_dps, interval_s) for angle, motion in zip(angles, motions, strict=True)]
     )
+    half = half_of(1.0 / interval_s)
+    whole_windows = np.concatenate([_inner(angle.size, half) for angle in angles])
     samples = consecutive([angle.size for angle in angles])
     time_s = np.concatenate([block_mean(series.time_s[run], whole) for run in runs])
     step = np.concatenate([series.step[run][: (run.stop - run.start) // whole * whole : whole] for run in runs])
@@ -109,7 +119,9 @@ def drive_rows_of(recording: Recording, torque_constant_nm_per_a: float | None =
         stretches=consecutive([angle.size // BLOCK for angle in angles]),
         time_s=time_s,
         torque_nm=constant * np.concatenate([block_mean(series.columns[source][run], whole) for run in runs]),
-        moving=np.concatenate([moving[part].reshape(-1, BLOCK).all(axis=1) for part in samples]),
+        unit=str(units.get(source, "1")) if source == "drive_load" else "N m",
+        moving=(turning & whole_windows).reshape(-1, BLOCK).all(axis=1),
+        rests=_rests((~turning & whole_windows).reshape(-1, BLOCK).all(axis=1)),
     )
     if int(rows.moving.sum()) < _FEWEST_ROWS:
         raise UsageError(
@@ -143,18 +155,28 @@ def _angle(series: Series, run: slice) -> FloatArray:
     return np.concatenate([[0.0], turned])
 
 
-def _moving(angle_deg: FloatArray, rate_rad_s: FloatArray, interval_s: float) -> BoolArray:
-    """Samples whose rate is beyond the noise that the encoder brings into it, and made of whole windows."""
-    angle = np.radians(angle_deg)
+def _turning(angle_deg: FloatArray, rate_dps: FloatArray, interval_s: float) -> BoolArray:
+    """Samples whose rate is beyond the noise that the encoder brings into it."""
+    angle, rate_rad_s = np.radians(angle_deg), np.radians(rate_dps)
     steps = np.abs(np.diff(angle))
     counts = steps[steps > _ROUNDING * float(np.ptp(angle))]
     # an encoder that stands still shows no noise, but the motion within one of its counts is not known either
     resolution = float(counts.min()) / math.sqrt(12.0) if counts.size else 0.0
-    noise = max(float(np.median(np.abs(np.diff(angle, 3)))) / _THIRD_DIFFERENCE, resolution)
+    noise = max(float(np.median(np.abs(np.diff(angle, 3)))) / THIRD_DIFFERENCE, resolution)
     band_hz = 0.1 / interval_s
     floor = noise * 2 * math.pi * band_hz * math.sqrt(2.0 * band_hz * interval_s / 3.0)
     slowest = max(_RESTING_DEVIATIONS * floor, _RESTING_SHARE * float(np.abs(rate_rad_s).max()))
-    moving = np.abs(rate_rad_s) > slowest
-    half = half_of(1.0 / interval_s)
-    moving[:half] = moving[-half:] = False
-    return moving
+    return np.abs(rate_rad_s) > slowest
+
+
+def _inner(size: int, half: int) -> BoolArray:
+    """Samples of a run with whole windows of angles around them, shape (size,)."""
+    inner = np.zeros(size, np.bool_)
+    inner[half:-half] = True
+    return inner
+
+
+def _rests(still: BoolArray) -> tuple[slice, ...]:
+    """The parts of rows, shape (m,), in which the table stands still long enough."""
+    edges = np.flatnonzero(np.diff(still.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
+    return tuple(slice(first, last) for first, last in edges.tolist() if last - first >= _FEWEST_AT_REST)

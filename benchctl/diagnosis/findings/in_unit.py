@@ -1,4 +1,7 @@
-"""What effects say in volts, in the unit of a gyro whose output has another: a digital one states its rate."""
+"""What effects say in volts or newton metres, in the unit of what was measured instead.
+
+A digital gyro states its rate, a servo its load in counts of its PWM.
+"""
 
 from __future__ import annotations
 
@@ -10,25 +13,27 @@ from benchctl.diagnosis.result import Estimate, Finding, NotFound, Part, Unexpla
 
 _VOLTS = re.compile(r"([-+±]?)(\d[\d.]*(?:e[-+]?\d+)?) ?(mV|µV|V)\b")
 _FACTORS = {"V": 1.0, "mV": 1e-3, "µV": 1e-6}
+_OWN = ("V", "N m", "K")
+"""Units in which effects speak."""
 
 
 def finding_in(one: Finding, unit: str) -> Finding:
-    """A finding whose sentence and parameters are in `unit` where they were in volts of the output."""
-    if unit == "V":
+    """A finding in `unit` where its sentence and parameters were in volts of the output, or in those of a torque."""
+    if unit in _OWN:
         return one
     return replace(one, says=text_in(one.says, unit), parameters=estimates_in(one.parameters, unit))
 
 
 def not_found_in(one: NotFound, unit: str) -> NotFound:
     """The same of what was not found."""
-    return one if unit == "V" else replace(one, unit=unit_in(one.unit, unit))
+    return one if unit in _OWN else replace(one, unit=unit_in(one.unit, unit))
 
 
 def unexplained_in(one: Unexplained, unit: str, part: Part) -> Unexplained:
     """The same of what is unexplained; a drive or a chamber has offsets, no biases."""
     if part != "gyro":
-        return replace(one, says=one.says.replace("a bias", "an offset"))
-    if unit == "V":
+        one = replace(one, says=one.says.replace("a bias", "an offset"))
+    if unit in _OWN:
         return one
     models = tuple(
         replace(model, says=text_in(model.says, unit), parameters=estimates_in(model.parameters, unit))
@@ -43,10 +48,12 @@ def estimates_in(estimates: Mapping[str, Estimate], unit: str) -> Mapping[str, E
 
 
 def text_in(said: str, unit: str) -> str:
-    """A sentence with its voltages in another unit, to three digits."""
-    return _VOLTS.sub(lambda found: f"{found[1]}{float(found[2]) * _FACTORS[found[3]]:.3g} {unit}", said)
+    """A sentence with its voltages in another unit, to three digits, and with its torques."""
+    said = _VOLTS.sub(lambda found: f"{found[1]}{float(found[2]) * _FACTORS[found[3]]:.3g} {unit}", said)
+    return said.replace("N·m", unit)
 
 
 def unit_in(stated: str, unit: str) -> str:
-    """The unit of a parameter: of one that begins with volts, the output's in their place; a supply's volts stay."""
-    return unit + stated[1:] if stated == "V" or stated.startswith("V ") else stated
+    """The unit of a parameter: of one that begins with volts or a torque, the measured one; a supply's volts stay."""
+    own = next((one for one in _OWN if f"{stated} ".startswith(f"{one} ")), None)
+    return stated if own is None else unit + stated.removeprefix(own)

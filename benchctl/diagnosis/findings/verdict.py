@@ -20,10 +20,11 @@ _MOVED_SHARE = 1e-4
 def baseline_of(problem: Problem, chosen: Selection) -> dict[str, Estimate]:
     """The parameters of the lab's model, refitted; `was` where a lab believed in other values.
 
-    Of what the recording does not show at all the interval has no ends.
+    An interval ends where what is plausible does; of what the recording does not show at all it has no other ends.
     """
     errors = (Z95 * np.sqrt(np.diag(chosen.whole.robust_covariance(problem.step)))).tolist()
     errors = [error if error > 0.0 else math.inf for error in errors]
+    bounds = problem.baseline_bounds
     columns = zip(
         problem.baseline_names,
         problem.baseline_units,
@@ -32,12 +33,17 @@ def baseline_of(problem: Problem, chosen: Selection) -> dict[str, Estimate]:
         problem.baseline_start.tolist(),
         strict=False,
     )
-    return {
-        name: Estimate(
-            value=value, low=value - error, high=value + error, unit=unit, was=was if problem.believed else None
+    estimates = {}
+    for name, unit, value, error, was in columns:
+        least, most = bounds.get(name, (-math.inf, math.inf))
+        estimates[name] = Estimate(
+            value=value,
+            low=max(value - error, min(least, value)),
+            high=min(value + error, max(most, value)),
+            unit=unit,
+            was=was if problem.believed else None,
         )
-        for name, unit, value, error, was in columns
-    }
+    return estimates
 
 
 def verdict_of(

@@ -1,8 +1,8 @@
 """What disturbs a slow quantity beside its drive: a process with a memory of its own, and white noise of the readings.
 
 A draught is felt as long as a chamber's air remembers it, so what a free simulation leaves is correlated from row to
-row even where nothing is missing from the model; and a process with a long memory follows anything that is missing. It
-is the hypothesis that every finding competes with; the fit itself is one of the temperature.
+row even where nothing is missing from the model. It is the hypothesis that every finding competes with; the fit itself
+is one of the temperature. A process with a longer memory than the model's air would follow anything that is missing.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ BoolArray = npt.NDArray[np.bool_]
 _MEMORIES, _RATIOS = 5, 6
 _LEAST_RATIO, _MOST_RATIO = 1e-4, 1e4
 _DRAWS = 400
-_REFITTED = 4
+_REFITTED, _ALTERNATED, _SETTLED = 4, 5, 0.5
+"""Rounds of a fit beside a disturbance, and how often each follows the other until the likelihood hardly gains."""
 _SHORTEST = 2.0
 """Intervals; a shorter memory is not told from white noise."""
 
@@ -39,13 +40,12 @@ class Disturbance:
     white: float
 
 
-def disturbance_of(problem: Problem, residual: FloatArray, counted: BoolArray) -> Disturbance:
+def disturbance_of(problem: Problem, residual: FloatArray, counted: BoolArray, longest_s: float) -> Disturbance:
     """The likeliest disturbance of residuals, shape (n,), in the unit of the problem.
 
     Rows that are not `counted` (n,) tell nothing of it. White noise is no smaller than the rounding; the memory no
-    longer than the recording.
+    longer than `longest_s`, or the recording.
     """
-    lasts_s = float(problem.time_s[-1] - problem.time_s[0])
     bare = Whitener(interval_s=problem.interval_s, weight=problem.usable.astype(np.float64), time_s=problem.time_s)
     rows = problem.usable & counted
     count = float(np.count_nonzero(rows))
@@ -64,7 +64,8 @@ def disturbance_of(problem: Problem, residual: FloatArray, counted: BoolArray) -
         ratio = math.exp(min(max(float(place[1]), math.log(_LEAST_RATIO)), math.log(_MOST_RATIO)))
         return tried((Slow(remembers=math.exp(-1.0 / memory), drive=ratio),))
 
-    most = max(lasts_s / problem.interval_s, 2.0 * _SHORTEST)
+    lasts_s = float(problem.time_s[-1] - problem.time_s[0])
+    most = max(min(longest_s, lasts_s) / problem.interval_s, 2.0 * _SHORTEST)
     grid = [
         np.array([math.log(memory), math.log(ratio)])
         for memory in np.geomspace(_SHORTEST, most, _MEMORIES)
@@ -80,16 +81,21 @@ def disturbance_of(problem: Problem, residual: FloatArray, counted: BoolArray) -
 
 
 def disturbance_beside(problem: Problem, fitted: Fit) -> Disturbance:
-    """The likeliest disturbance, of any memory, beside a fit, on the steps that it was fitted to."""
-    return disturbance_of(problem, fitted.residual, fitted.fitted[problem.step])
+    """The likeliest disturbance beside a fit, on the steps that it was fitted to."""
+    longest_s = problem.memory_s(fitted.point.baseline, fitted.point.effects)
+    return disturbance_of(problem, fitted.residual, fitted.fitted[problem.step], longest_s)
 
 
 def deviance_beside(problem: Problem, fitted: Fit) -> float:
     """Minus twice the log likelihood of a fitted model beside its likeliest disturbance, refitted beside that."""
-    first = disturbance_beside(problem, fitted)
-    whitener = fitted.whitener.beside(first.slow)
-    again = disturbance_beside(problem, fit(problem, whitener, fitted, fitted.fitted, rounds=_REFITTED))
-    return min(first.deviance, again.deviance)
+    best = disturbance_beside(problem, fitted)
+    for _ in range(_ALTERNATED):
+        fitted = fit(problem, fitted.whitener.beside(best.slow), fitted, fitted.fitted, rounds=_REFITTED)
+        again = disturbance_beside(problem, fitted)
+        if again.deviance > best.deviance - _SETTLED:
+            return min(again.deviance, best.deviance)
+        best = again
+    return best.deviance
 
 
 def with_disturbance(problem: Problem, fitted: Fit) -> Fit:

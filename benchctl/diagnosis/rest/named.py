@@ -45,12 +45,11 @@ def named(
         agreed = _agreed(problem, chosen)
         gains = {name: _beside(judged, chosen.after, one) for name, one in less.items()} | _noises(chosen, rest)
         instead = dict.fromkeys(agreed, 0.0) | {
-            name: instead_of(problem, chosen.whitener, one, rest, seed=seed)
+            name: instead_of(problem, chosen.whitener, one, judged, seed=seed)
             * gains[name]
             / max(gain_of(chosen.after, one), 1.0)
             for name, one in less.items()
             if name not in agreed
-            and isinstance(problem, GyroProblem)  # a drive or a chamber moves once or twice: time follows everything
         }
         forbidden = withdrawn(gains, judged, instead)
         if not forbidden:
@@ -112,9 +111,10 @@ def _beside_time(rest: Rest, fitted: Fit) -> Rest:
     They move once or twice in a recording: time and step follow anything that is left, and speak against no name.
     """
     others = [one for one in rest.looked if not {"time", "step"} & {*"*".join(one.words).split("*")}]
-    gain = max(others, key=lambda one: one.promise).gain if others else 0.0
+    best = max(others, key=lambda one: one.promise, default=None)
+    gain, words = (0.0, ()) if best is None else (best.gain, best.words)
     power = fitted.squares / max(fitted.rows, 1.0) * -math.expm1(-gain / max(fitted.rows, 1.0))
-    return replace(rest, gain=gain, power=power)
+    return replace(rest, gain=gain, power=power, coordinates=words)
 
 
 def _noises(chosen: Selection, rest: Rest) -> dict[str, float]:

@@ -138,8 +138,12 @@ class Models:
 
     def _begun_with(self, present: Fit, start: Point, look_elsewhere: float) -> Tried:
         fitted = self._fit(start)
-        if at_bound(fitted.point.effects[-1]) or not self._agreed(fitted, present):
+        added = fitted.point.effects[-1]
+        if at_bound(added) or not self._agreed(fitted, present):
             return Tried(fit=fitted, promise=-math.inf, evidence=-math.inf)
+        if self._problem.disturbed:  # no chance was drawn beside a disturbance that is fitted at each of the places
+            shapes = [one.scan for one in added.parameters.values() if one.role == "shape"]
+            look_elsewhere += 2.0 * math.log(math.prod(len(scan) for scan in shapes))
         return Tried(
             fit=fitted,
             promise=self._beyond_chance(fitted, present) - look_elsewhere,

@@ -25,6 +25,7 @@ from benchctl.diagnosis.search.pairs import pairs_of
 from benchctl.diagnosis.search.screen import Scored, Screening
 from benchctl.diagnosis.search.selection import Evidence, Selection
 from benchctl.diagnosis.signals.blocks import step_starts
+from benchctl.diagnosis.signals.normal import Z95
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 Better = Callable[[Problem, Fit, Whitener], Problem | None]
@@ -129,10 +130,22 @@ def _places(present: Fit) -> list[Place]:
     return [place_of(effect) for effect in present.point.effects]
 
 
-def _worse_held_out(present: Fit, evidence: Mapping[str, Evidence]) -> DescribedEffect | None:
-    """The effect that makes held-out steps worst, or one with a parameter at its bound; None where there is none."""
-    effects = enumerate(zip(present.point.effects, evidence.values(), strict=True))
-    worse = [(it.heldout, place) for place, (one, it) in effects if it.heldout < it.heldout_least or at_bound(one)]
+def _not_to_state(problem: Problem, present: Fit, evidence: Mapping[str, Evidence]) -> DescribedEffect | None:
+    """The effect that makes held-out steps worst, stands at a bound, or may be as small as nothing; None if none is."""
+    errors = np.sqrt(np.diag(with_disturbance(problem, present).robust_covariance(problem.step)))
+    sizes = {
+        place: [
+            abs(effect.values[one.name]) <= Z95 * error
+            for one, error in zip(present.numbers, errors.tolist(), strict=True)
+            if one.effect == place and one.parameter is not None and one.parameter.role == "size"
+        ]
+        for place, effect in enumerate(present.point.effects)
+    }
+    worse = [
+        (it.heldout, place)
+        for place, (one, it) in enumerate(zip(present.point.effects, evidence.values(), strict=True))
+        if it.heldout < it.heldout_least or at_bound(one) or (sizes[place] and all(sizes[place]))
+    ]
     return present.point.effects[min(worse)[1]] if worse else None
 
 
@@ -181,7 +194,7 @@ class _Search(Models):
         looked = _places(present)
         present = self._remeasured(present, self._least(present))
         present, evidence = self._settled(present)
-        while (worse := _worse_held_out(present, evidence)) is not None:
+        while (worse := _not_to_state(self._problem, present, evidence)) is not None:
             self._refused.add(place_of(worse))
             present = self._without(present, worse)
             if len(self._refused) < _MOST_REFUSED:  # what it stood for may be another effect
@@ -319,20 +332,27 @@ class _Search(Models):
         noise = self._noise.level * self._noise.whitener.innovation
         beyond_noise = 1.0 - min(noise / present.deviation, 1.0) ** 2
         chosen_from = 2.0 * math.log(max(len(hidden), 1))
-        best: Tried | None = None
+        begun: list[tuple[Point, float]] = []
         for pair in pairs_of(self._problem, self._noise.whitener, present, hidden)[:_PAIRS]:
-            if pair.promise <= self._least(present) + chosen_from:
-                break
-            if pair.explains < _MOST_OF_IT * beyond_noise:
-                continue
-            both = self._fit(replace(present.point, effects=(*present.point.effects, *pair.effects)))
-            look_elsewhere = chosen_from + 2.0 * math.log(pair.places)
-            if not all(self._needed(both, effect, look_elsewhere) for effect in both.point.effects[-2:]):
+            if pair.promise > self._least(present) + chosen_from and pair.explains >= _MOST_OF_IT * beyond_noise:
+                begun.append((replace(present.point, effects=(*present.point.effects, *pair.effects)), pair.places))
+        for scored in hidden[:_PAIRS]:  # and beside one of them what a problem itself begins with
+            one = self._with(present, scored).fit.point
+            for baseline, effect in self._problem.starts(one.baseline, one.effects):
+                begun.append((Point(baseline=baseline, effects=(*one.effects, effect)), scored.probe.places))
+        best: Tried | None = None
+        for start, places in begun:
+            both = self._fit(start)
+            look_elsewhere = chosen_from + 2.0 * math.log(places)
+            promise = self._beyond_chance(both, present) - look_elsewhere
+            if promise <= self._least(present) or not all(
+                self._needed(both, effect, look_elsewhere) for effect in both.point.effects[-2:]
+            ):
                 continue
             cost = sum(occam(both, place) for place in range(len(present.point.effects), len(both.point.effects)))
             evidence = gain_of(both, present) - cost - look_elsewhere
             if best is None or evidence > best.evidence + ALIKE:
-                best = Tried(fit=both, promise=pair.promise, evidence=evidence)
+                best = Tried(fit=both, promise=promise, evidence=evidence)
         return best
 
     def _hidden(self, present: Fit, screening: Screening) -> list[Scored]:
@@ -348,7 +368,7 @@ class _Search(Models):
     def _needed(self, present: Fit, effect: DescribedEffect, look_elsewhere: float) -> bool:
         """Whether one of a model's effects passes beside the others, also on steps that it was not fitted to."""
         less = self._without(present, effect)
-        promise = gain_of(present, less) / self._scatter(present, less) - look_elsewhere
+        promise = self._beyond_chance(present, less) - look_elsewhere
         return promise > self._least(less) and gain_kept(present, less, self._folds) > 0.0
 
     def _pruned(self, present: Fit, effects: Sequence[DescribedEffect]) -> Fit:

@@ -22,7 +22,7 @@ from benchctl_instruments.errors import UsageError
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-_PIECES = 12
+_PIECES = 36
 _FEWEST_IN_A_PIECE = 8
 _GAP = 10.0
 """Median intervals between two samples beyond which they belong to different runs."""

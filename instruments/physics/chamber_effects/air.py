@@ -28,11 +28,11 @@ def air_c(signals: ChamberSignals, start_c: float, gain: float, tau_s: float) ->
     room = signals.room_c.tolist()
     heating = (gain * signals.drive).tolist()
     losses = signals.loss.tolist()
-    exchange = signals.exchange
+    exchange, stores = signals.exchange * tau_s, _stores(signals, tau_s)
     second = (signals.room_c if signals.second_c is None else signals.second_c).tolist()
     radiation = signals.radiation * _PER_KELVIN
-    couplings = [coupling for coupling, _ in signals.stores]
-    shares = [-math.expm1(-signals.interval_s / store_tau_s) for _, store_tau_s in signals.stores]
+    couplings = [coupling for coupling, _ in stores]
+    shares = [-math.expm1(-signals.interval_s / store_tau_s) for _, store_tau_s in stores]
     temperature, stored = start_c, [start_c] * len(couplings)
     air = []
     for heat, outside, loss, beside in zip(heating, room, losses, second, strict=True):
@@ -55,20 +55,38 @@ def air_c(signals: ChamberSignals, start_c: float, gain: float, tau_s: float) ->
     return np.array(air)
 
 
+def slowest_s(signals: ChamberSignals, tau_s: float) -> float:
+    """The longest time constant [s] with which the air returns to where its drive holds it, radiation left out."""
+    stores = np.array(_stores(signals, tau_s)).reshape(-1, 2)
+    back = np.zeros((1 + len(stores), 1 + len(stores)))
+    back[0, 0] = (float(signals.loss.min()) + stores[:, 0].sum()) / tau_s + signals.exchange
+    back[0, 1:] = -stores[:, 0] / tau_s
+    back[1:, 0] = -1.0 / stores[:, 1]
+    back[1:, 1:] = np.diag(1.0 / stores[:, 1])
+    slowest = float(np.linalg.eigvals(back).real.min())
+    return 1.0 / slowest if slowest > 0.0 else math.inf
+
+
+def _stores(signals: ChamberSignals, tau_s: float) -> list[tuple[float, float]]:
+    """The stores, each with the heat that it exchanges relative to the loss of a baseline, and its time constant."""
+    return [(capacity * tau_s / store_tau_s, store_tau_s) for capacity, store_tau_s in signals.stores]
+
+
 def _linear(signals: ChamberSignals, start_c: float, gain: float, tau_s: float) -> FloatArray:
     """The same without radiation: between changes of the loss a linear recursion, each of its modes a filter."""
     steps = signals.interval_s / max(tau_s, signals.interval_s)
-    couplings = np.array([coupling for coupling, _ in signals.stores])
-    shares = np.array([-math.expm1(-signals.interval_s / store_tau_s) for _, store_tau_s in signals.stores])
+    exchange, stores = signals.exchange * tau_s, _stores(signals, tau_s)
+    couplings = np.array([coupling for coupling, _ in stores])
+    shares = np.array([-math.expm1(-signals.interval_s / store_tau_s) for _, store_tau_s in stores])
     heat = gain * signals.drive
     if signals.second_c is not None:
-        heat = heat + signals.exchange * signals.second_c
+        heat = heat + exchange * signals.second_c
     state = np.full(1 + couplings.size, start_c)
     air = np.empty_like(heat)
     changes = [0, *(np.flatnonzero(np.diff(signals.loss)) + 1).tolist(), heat.size]
     for first, last in itertools.pairwise(changes):
         loss = float(signals.loss[first])
-        slope = loss + signals.exchange + float(couplings.sum())
+        slope = loss + exchange + float(couplings.sum())
         share = -math.expm1(-slope * steps) / slope if slope else steps
         # the air a sample later by air and stores now; a store then follows the mean of the air over that time
         onward = np.concatenate([[1.0 - slope * share], share * couplings])

@@ -24,8 +24,9 @@ class ChamberSignals:
 
     `time_s` counts from the start of the run. `drive` is the heater's power in its own unit, or the set point [°C];
     `room_c` where the heat goes to. The air loses `loss` · (T − room) + `radiation` · (T⁴ − room⁴)/(4·300³), K each,
-    with T and room there in kelvin; to each of `stores` (coupling, time constant [s]), `coupling` · (T − T_store); and
-    `exchange` · (T − `second_c`) to a second body whose temperature was measured (n,). `before` is the drive before the
+    with T and room there in kelvin. It cools by `capacity`/τ_store · (T − T_store) [K/s] for each of `stores` (capacity
+    relative to its own, τ_store [s]), and by `exchange` [1/s] · (T − `second_c`) for a second body whose temperature
+    was measured (n,). `before` is the drive before the
     start; None: it had long been what it is at the start.
     """
 

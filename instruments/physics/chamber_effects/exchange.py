@@ -14,7 +14,7 @@ from benchctl_instruments.physics.effects.effect import Parameter
 class Exchange(ChamberEffect):
     """Heat flows between the air and a body of a measured temperature of its own."""
 
-    coupling: float
+    rate_per_s: float
 
     identifier: ClassVar[str] = "exchange"
     stage: ClassVar[ChamberStage] = "loss"
@@ -23,29 +23,29 @@ class Exchange(ChamberEffect):
         "Heat flows between the air and a second body whose temperature was measured, a load, a heat sink or the"
         " neighbouring zone: in proportion to the difference of the two temperatures."
     )
-    equation: ClassVar[str] = "τ·dT/dt = … − coupling·(T − T_second)"
+    equation: ClassVar[str] = "dT/dt = … − rate·(T − T_second)"
     coordinate: ClassVar[str] = "time"
     excited_by: ClassVar[str] = "a second temperature that moves apart from the air"
     look_alikes: ClassVar[tuple[str, ...]] = ("heat_store", "ambient_drift", "loss_step")
     parameters: ClassVar[Mapping[str, Parameter]] = {
-        "coupling": Parameter(
-            unit="1",
-            meaning="heat that it exchanges, relative to what the air loses to the room",
+        "rate_per_s": Parameter(
+            unit="s-1",
+            meaning="share of the difference that is made up for in a second",
             low=0.0,
-            high=1e3,
+            high=10.0,
             role="size",
-            scan=(1e-2,),
+            scan=(1e-5,),
             zero=0.0,
         ),
     }
 
     def apply(self, signals: ChamberSignals) -> ChamberSignals:
         """The run with the second body; as it is where its temperature was not measured."""
-        return signals if signals.second_c is None else replace(signals, exchange=signals.exchange + self.coupling)
+        return signals if signals.second_c is None else replace(signals, exchange=signals.exchange + self.rate_per_s)
 
     def says(self) -> str:
         """The finding in one sentence."""
         return (
-            f"Heat is exchanged with the second body, {self.coupling:.3g} times as much for each kelvin as with the"
-            " room."
+            "Heat is exchanged with the second body: by it alone the air would follow with a time constant of"
+            f" {1.0 / max(self.rate_per_s, 1e-9):.3g} s."
         )

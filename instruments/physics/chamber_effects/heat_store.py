@@ -14,7 +14,7 @@ from benchctl_instruments.physics.effects.effect import Parameter
 class HeatStore(ChamberEffect):
     """A wall or load that exchanges heat with the air alone."""
 
-    coupling: float
+    capacity: float
     tau_s: float
 
     identifier: ClassVar[str] = "heat_store"
@@ -23,16 +23,16 @@ class HeatStore(ChamberEffect):
         "Walls, racks or a load take up heat from the air and give it back: after a change the air first moves "
         "fast, then creeps."
     )
-    equation: ClassVar[str] = "τ·dT/dt = … − coupling·(T − T_store); τ_store·dT_store/dt = T − T_store"
+    equation: ClassVar[str] = "dT/dt = … − capacity·dT_store/dt; τ_store·dT_store/dt = T − T_store"
     coordinate: ClassVar[str] = "time"
     excited_by: ClassVar[str] = "long holds after a change"
     look_alikes: ClassVar[tuple[str, ...]] = ("second_lag", "radiation", "ambient_drift")
     parameters: ClassVar[Mapping[str, Parameter]] = {
-        "coupling": Parameter(
+        "capacity": Parameter(
             unit="1",
-            meaning="heat that it exchanges, relative to what the air loses to the room",
+            meaning="its heat capacity, relative to that of the air",
             low=0.0,
-            high=1e3,
+            high=100.0,
             role="size",
             scan=(1e-3,),
             zero=0.0,
@@ -50,11 +50,11 @@ class HeatStore(ChamberEffect):
 
     def apply(self, signals: ChamberSignals) -> ChamberSignals:
         """The run with one more body, which begins as warm as the air."""
-        return replace(signals, stores=(*signals.stores, (self.coupling, self.tau_s)))
+        return replace(signals, stores=(*signals.stores, (self.capacity, self.tau_s)))
 
     def says(self) -> str:
         """The finding in one sentence."""
         return (
-            f"A body inside takes up heat with a time constant of {self.tau_s:.3g} s, {self.coupling:.3g} times as"
-            " much for each kelvin as the room does: the air first moves fast, then creeps."
+            f"A body inside takes up heat with a time constant of {self.tau_s:.3g} s, {self.capacity:.3g} times as"
+            " much for each kelvin as the air itself: the air first moves fast, then creeps."
         )

@@ -12,8 +12,9 @@ from typing import ClassVar, Literal
 from benchctl_instruments.interfaces import FloatArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 
-DriveStage = Literal["friction", "measurement"]
-"""`friction`: a torque of its own; `measurement`: how all the torque is measured. They act in this order."""
+DriveStage = Literal["friction", "transmission", "measurement"]
+"""`friction`: a torque of its own; `transmission`: what all of it takes on its way; `measurement`: how all of it is
+measured. They act in this order."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

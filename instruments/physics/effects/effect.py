@@ -77,6 +77,12 @@ class Parameter:
     by_scan: bool = False
     nudge: float = 1e-3
 
+    def within(self, low: float, high: float) -> Self:
+        """The same within narrower bounds, with the places of its scan that are inside; between them if none is."""
+        low, high = max(low, self.low), min(high, self.high)
+        scan = tuple(place for place in self.scan if low <= place <= high)
+        return replace(self, low=low, high=high, scan=scan or ((low * high) ** 0.5,))
+
 
 class DescribedEffect(ABC):
     """Physics beside a part's baseline; a subclass is a frozen dataclass and sets every class variable.
@@ -118,10 +124,7 @@ class DescribedEffect(ABC):
     @classmethod
     def within(cls, limits: Mapping[str, tuple[float, float]]) -> type[Self]:
         """The same effect with narrower bounds of some parameters: what is plausible for an instrument or a bench."""
-        narrower = {
-            name: replace(one, low=limits[name][0], high=limits[name][1]) if name in limits else one
-            for name, one in cls.parameters.items()
-        }
+        narrower = {name: one.within(*limits[name]) if name in limits else one for name, one in cls.parameters.items()}
         return type(cls.__name__, (cls,), {"parameters": narrower, "__slots__": ()})
 
     @property

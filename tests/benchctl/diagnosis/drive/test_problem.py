@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -141,10 +142,39 @@ def test_a_lab_that_believes_in_another_inertia_has_its_change_weighed_by_the_to
 
 def test_one_long_step_is_held_out_in_whole_pieces() -> None:
     problem = drive_problem(recording_of(drive_channels(Truth(), 1, seconds=30.0)))
-    assert len(problem.steps) == len(problem.step_names) == 12
-    assert held_out_steps(problem).sum() == 2
+    assert len(problem.steps) == len(problem.step_names) == 36
+    assert held_out_steps(problem).sum() == 6
     assert (np.diff(problem.step) >= 0).all()
     assert problem.steps[0].t_end < problem.steps[1].t_start
+
+
+def test_a_load_at_rest_shows_the_friction_that_holds_it_and_gravity_in_its_own_unit() -> None:
+    """A geared servo lifts and holds a pendulum: it moves for a part of the time, and rests under load for the rest."""
+    time_s = np.arange(0.0, 12.0, 0.005)
+    angle = np.zeros(time_s.size)
+    load = 300.0 * np.sin(1.3 * time_s) + 120.0 * np.sin(3.1 * time_s)
+    rate = 0.0
+    for i in range(1, time_s.size):
+        pull = 400.0 * math.sin(angle[i - 1])
+        holds = 40.0 + 0.3 * abs(load[i])
+        push = load[i] - pull
+        if rate == 0.0 and abs(push) <= holds:
+            angle[i] = angle[i - 1]
+            continue
+        way = math.copysign(1.0, rate if rate != 0.0 else push)
+        after = rate + 0.005 * (push - holds * way - 30.0 * rate) / 6.0
+        rate = 0.0 if rate * after < 0.0 else after
+        angle[i] = angle[i - 1] + 0.005 * rate
+    read = np.degrees(np.round(angle / (2 * math.pi / 4096)) * 2 * math.pi / 4096)
+    channels = {"time_s": time_s, "encoder_deg": read, "drive_load": np.round(load)}
+    problem = drive_problem(recording_of(channels, channel_units={"drive_load": "count"}))
+    assert problem.unit == "count"
+    assert problem.baseline_units == ("count s2 rad-1", "count s rad-1")
+    assert problem.rows.rests
+    found = found_in(problem)
+    assert "gravity" in found
+    assert {"coulomb_friction", "gear_friction"} & set(found)
+    assert found["gravity"].values["moment_nm"] == pytest.approx(400.0, rel=0.15)
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,7 @@ def test_excerpts_are_of_held_out_steps_and_show_both_predictions(rubbing: Chose
     told = traces_of(problem, selection)
     assert 2 <= len(told) <= 3
     held = {name for name, out in zip(problem.step_names, selection.heldout, strict=True) if out}
-    assert {one.step for one in told} == held
+    assert {one.step for one in told} <= held
     for one in told:
         assert one.heldout
         assert one.time_s.size <= 600
@@ -61,7 +61,7 @@ def test_where_nothing_was_found_excerpts_show_what_is_left(clean: Chosen) -> No
 def test_a_fault_of_the_data_has_an_excerpt_with_rows_before_and_after_it(rubbing: Chosen) -> None:
     problem, selection = rubbing
     rows = np.zeros(problem.time_s.size, np.bool_)
-    first = np.searchsorted(problem.step, 5) + 40
+    first = np.searchsorted(problem.step, 5) + 20
     rows[first : first + 12] = True
     cleaned = replace(problem, rows=replace(problem.rows, moving=problem.rows.moving & ~rows))
     fault = Fault(effect="dropouts", parameters={}, rows=rows, gain=99.0, says="held")
