@@ -56,7 +56,7 @@ def _needless(problem: GyroProblem, chosen: Selection) -> str | None:
 def instead_of_names(problem: GyroProblem, chosen: Selection, *, seed: int) -> tuple[Selection, Modelled] | None:
     """A structure in the place of several findings along one coordinate, or of a wandering bias, where it is better.
 
-    It must have no more parameters than the findings have together. Beside it comes the selection without them. None
+    It must have fewer parameters than the findings have together. Beside it comes the selection without them. None
     where there are no such findings, or they do as well.
     """
     for keys, parameters, gain in _replaceable(problem, chosen):
@@ -72,7 +72,7 @@ def instead_of_names(problem: GyroProblem, chosen: Selection, *, seed: int) -> t
         if process:
             if gained - numbers * math.log(less.after.rows) > _NEARLY_ALL * gain:
                 return less, found
-        elif fewer >= 0 and gained - gain + fewer * math.log(chosen.after.rows) > _CLEARLY:
+        elif fewer > 0 and gained - gain + fewer * math.log(chosen.after.rows) > _CLEARLY:
             return less, found
     return None
 
