@@ -92,13 +92,17 @@ CASES = (
     ),
     *(
         Case(
-            f"cold finger, {name.split('_')[0]}",
-            (f"{COLD}{name}.csv",),
+            f"cold finger, {which}",
+            tuple(f"{COLD}{name}.csv" for name in names),
             "cold_finger",
             "exchange, heat store; 0.15 K",
             "chamber",
         )
-        for name in ("cooldown_20130419_13.24.44", "warmup_20130419_13.58.50")
+        for which, names in (
+            ("both", ("cooldown_20130419_13.24.44", "warmup_20130419_13.58.50")),
+            ("cooldown", ("cooldown_20130419_13.24.44",)),
+            ("warmup", ("warmup_20130419_13.58.50",)),
+        )
     ),
     Case("TCLab", ("thermal/tclab_step.csv",), "tclab", "second lag 25 to 32 s; 0.17 K", "chamber"),
 )
