@@ -1,4 +1,4 @@
-"""bench.toml: what stands on the bench, what is under test, and how far it may go."""
+"""bench.toml: the instruments, the unit under test, and the limits."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ Quantity = Literal[
     "encoder_dps",
 ]
 """What is measured while a run goes on; `setpoint_error_c` is air less set point, `gyro_c` the gyro's thermistor,
-`encoder_dps` the table's rate by the digitizer's count, whatever its controller says."""
+`encoder_dps` the table's rate by the digitizer's count, independent of its controller."""
 
 _INTERLOCKED = {"degC": ("degC", "K"), "degC or K": ("degC", "K")}
 """Of what a name states: the units of its limits and of its hysteresis, where those are not the same one."""
@@ -100,13 +100,13 @@ class Interlock(Table):
 
     @field_validator("above", "below", "hysteresis", mode="before")
     @classmethod
-    def _in_the_unit_of_its_quantity(cls, told: Any, info: ValidationInfo) -> Any:
-        if not isinstance(told, str):
-            return told
+    def _in_the_unit_of_its_quantity(cls, value: Any, info: ValidationInfo) -> Any:
+        if not isinstance(value, str):
+            return value
         stated = unit_stated(str(info.data.get("quantity")))
         limit, difference = _INTERLOCKED.get(stated, (stated, stated))
         try:
-            return quantity(told, difference if info.field_name == "hysteresis" else limit)
+            return quantity(value, difference if info.field_name == "hysteresis" else limit)
         except UsageError as err:
             raise ValueError(str(err)) from err
 
@@ -130,7 +130,7 @@ class Interlock(Table):
 
 
 class Site(Table):
-    """Where the bench stands; the uncertainty of its latitude is expanded, k = 2."""
+    """The location of the bench; the uncertainty of its latitude is expanded, k = 2."""
 
     latitude_deg: float | None = Field(default=None, ge=-90, le=90)
     latitude_uncertainty_deg: float | None = Field(default=None, ge=0)
@@ -140,7 +140,7 @@ class Simulation(Table):
     """The model that the lab believes in: U = U0 + K0·k(T)·k(ω)·ω, with parameters from an earlier calibration.
 
     `k_T` holds a1, a2, … of k(T) = 1 + a1·(T − T0) + a2·(T − T0)² + …, `k_omega` b2, b4, … of k(ω) = 1 + b2·ω² + b4·ω⁴
-    + …; an empty list says that the model has no such term. `noise_v_rms` is that of a sample.
+    + …; an empty list: the model has no such term. `noise_v_rms` is that of a sample.
     """
 
     K0_v_per_dps: float
@@ -214,7 +214,7 @@ class GyroEntry(InstrumentEntry):
 
 
 class Bench(Table):
-    """A whole bench, as its file describes it, and the file itself."""
+    """A bench, as its file describes it, and the file itself."""
 
     name: str
     operator: str = ""
@@ -296,7 +296,7 @@ class Bench(Table):
 
 
 def template() -> str:
-    """A commented bench.toml to start from; it is the simulated bench as it stands."""
+    """A commented bench.toml to start from; it is the simulated bench."""
     return files("benchctl").joinpath("bench.toml").read_text(encoding="utf-8")
 
 

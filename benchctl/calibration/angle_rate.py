@@ -3,7 +3,7 @@
 A window of 2m+1 equidistant angles is fitted by a polynomial (Savitzky and Golay, Anal. Chem. 36 (1964) 1627), whose
 derivative at the middle, moved by a delay, is the rate. It is a linear filter; its gain at every frequency and the
 noise that it passes are known exactly, and window and order are those that together spoil a scale factor least. A delay
-is a place inside the window, so that half samples cannot get lost: a rate stands at the stamp of its middle sample,
+is a place inside the window, so that half samples cannot get lost: a rate belongs to the stamp of its middle sample,
 where a difference of two angles would stand between them.
 """
 
@@ -14,13 +14,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
 from benchctl_instruments.errors import UsageError
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from benchctl_instruments.interfaces import FloatArray, IntArray
 
 _ORDERS = (4, 6, 8)
 _MAX_WINDOW_S = 0.25
@@ -122,7 +119,7 @@ def unwrap_deg(angle_deg: FloatArray) -> FloatArray:
 
 
 def places_of_rate(samples: int, smoother: Smoother, delay_s: float = 0.0) -> slice:
-    """The samples at which a derivative of so many angles stands: not the ends, where no whole window fits."""
+    """The samples at which a derivative of so many angles exists: not the ends, where no complete window fits."""
     shift = round(delay_s * smoother.sample_rate_hz)
     first, last = max(smoother.half + shift, 0), min(samples - smoother.half + shift, samples)
     return slice(first, last) if last > first else slice(0, 0)
@@ -134,7 +131,7 @@ def derivative_of(
     """Derivative (1: °/s, 2: °/s², 3: °/s³) of unwrapped, equidistant angles, `delay_s` before their stamps.
 
     Returns the values and the slice of samples at which they stand (`places_of_rate`). A delay beyond half a sample
-    shifts the window by whole samples, so that the place stays at its middle.
+    shifts the window by integer samples, so that the place stays at its middle.
     """
     where = places_of_rate(angle_deg.size, smoother, delay_s)
     if where.stop == 0:

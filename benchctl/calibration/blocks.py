@@ -10,13 +10,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
-from benchctl.calibration.angle_rate import (
-    FloatArray,
-    Smoother,
-    derivative_of,
-    mean_derivative_of,
-    places_of_rate,
-)
+from benchctl.calibration.angle_rate import Smoother, derivative_of, mean_derivative_of, places_of_rate
+from benchctl_instruments.interfaces import BoolArray, FloatArray
 
 Numbers = npt.NDArray[Any]
 """Real or complex."""
@@ -41,12 +36,12 @@ class Span:
     time_s: FloatArray
     angle_deg: FloatArray
     output_v: FloatArray
-    bad: npt.NDArray[np.bool_]
+    bad: BoolArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Blocks:
-    """Block means, shape (n,); `encoder_basis` has shape (n, 4). `ReducedStep` says what each is."""
+    """Block means, shape (n,); `encoder_basis` has shape (n, 4). `ReducedStep` describes each."""
 
     count: FloatArray
     time_s: FloatArray
@@ -78,7 +73,7 @@ def delay_of(span: Span, smoother: Smoother) -> float:
     """By how much the output follows the rate, s, from the first few thousand samples; 0 where nothing moves.
 
     The rate is regressed on the output, its cube and its derivative, all through one smoother, and again at the delay
-    found: good to some 10 µs, which is all that is asked of a point to expand about. Not the other way round: the
+    found: good to some 10 µs, which is enough for a point to expand about. Not the other way round: the
     derivative of the rate is the noisier one where the encoder is coarse.
     """
     few = slice(0, _DELAY_SAMPLES)
@@ -116,7 +111,7 @@ def _integral(output: FloatArray, sample_rate_hz: float) -> FloatArray:
     return np.asarray(CubicSpline(stamps, output).antiderivative()(stamps), dtype=np.float64)
 
 
-def _smoothed_alike(span: Span, smoother: Smoother) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+def _smoothed_alike(span: Span, smoother: Smoother) -> tuple[FloatArray, BoolArray]:
     """The output through the filter that the rate has passed, and which samples of it are bad, (n,) each.
 
     For motion whose band is not known: what the smoother takes from a reversal it then takes from both. The output is
@@ -170,7 +165,7 @@ def block_means(
     if moving:
         acceleration, jerk = mean_derivative(2, delay_s), mean_derivative(3, delay_s)
     if moving and frequency_hz is not None:
-        # Smoothed alike, the output's curvature over a block is mostly the smoother's own; what is left is noise.
+        # Smoothed alike, the output's curvature over a block is mostly the smoother's own; the residual is noise.
         block_rate = np.add.reduceat(rate, edges[:-1]) / count
         variance = mean((rate - np.repeat(block_rate, lengths)) ** 2)
     return Blocks(

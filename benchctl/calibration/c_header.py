@@ -1,24 +1,156 @@
 """`benchctl export --to c-header`: the compensation as one C99 header for the firmware that reads the gyro.
 
 It needs `<math.h>` alone, compiles as C++ too, and depends on the coefficients' bytes only: the same file gives the
-same header. The operations are those of `AppliedLaw.rate_dps`, in its order; `gyro_self_test` says on the target
-whether the same rates come out.
+same header. The operations are those of `AppliedLaw.rate_dps`, in its order; `gyro_self_test` checks on the
+target that the same rates come out.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from benchctl.atomic import whole_file
-from benchctl.calibration.applied_law import AppliedLaw
-from benchctl.calibration.c_constants import Constant, StageNames, constants, stage_names
-from benchctl.calibration.c_text import in_comment, number, polynomial, string
-from benchctl.calibration.compensating import Compensation
-from benchctl.calibration.odd_inverse import CONVERGED, FLATTEST, STEEPEST, STEPS
-from benchctl.calibration.self_test import self_test_points, tolerance_dps
+from benchctl.calibration.applied_law import CONVERGED, FLATTEST, STEEPEST, STEPS, AppliedLaw, reach
+from benchctl.calibration.compensating import Compensation, self_test_points, tolerance_dps
+from benchctl.limits import cut
 from benchctl_instruments.errors import UsageError
+
+_LONGEST = 200
+"""Longest text in characters; C99 compilers need not accept a string of more than 4095 bytes."""
+
+
+def in_comment(text: str) -> str:
+    """Return a text for a block comment: one line of ASCII that cannot end the comment."""
+    plain = cut(text, _LONGEST).encode("ascii", "backslashreplace").decode()
+    printable = "".join(character if character.isprintable() else " " for character in plain)
+    for ending, harmless in (("*/", "* /"), ("/*", "/ *"), ("??", "? ?")):
+        while ending in printable:
+            printable = printable.replace(ending, harmless)
+    return printable.strip()
+
+
+def string(text: str) -> str:
+    """A string literal with the text's UTF-8 bytes, all but plain ones as three octal digits."""
+    written = (_character(byte) for byte in cut(text, _LONGEST).encode("utf-8"))
+    return f'"{"".join(written)}"'
+
+
+def number(value: float) -> str:
+    """A constant of type double that gives the same double back; in brackets, since it may have a sign."""
+    text = f"{value:.17g}"
+    return f"({text if any(mark in text for mark in '.en') else f'{text}.0'})"
+
+
+def polynomial(names: Sequence[str], argument: str) -> str:
+    """c1·z + c2·z² + … by Horner's rule, from the names of its coefficients; `0.0` where there are none."""
+    if not names:
+        return "0.0"
+    *lower, text = names
+    text = f"{text} * {argument}"
+    for name in reversed(lower):
+        text = f"({name} + {text}) * {argument}"
+    return text
+
+
+def _character(byte: int) -> str:
+    plain = 32 <= byte < 127 and chr(byte) not in '"\\?'
+    return chr(byte) if plain else f"\\{byte:03o}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Constant:
+    """A macro: its value, what it is, and its expanded uncertainty where that is known."""
+
+    name: str
+    value: float
+    comment: str
+    expanded: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StageNames:
+    """The macros of one stage's coefficients, in the order of `Factors`."""
+
+    k_t: tuple[str, ...]
+    k_omega: tuple[str, ...]
+
+
+def stage_names(law: AppliedLaw, index: int) -> StageNames:
+    """How the coefficients of a stage are called; with its number where there are several."""
+    stage = law.stages[index]
+    prefix = f"GYRO_STAGE{index + 1}_K" if len(law.stages) > 1 else "GYRO_K"
+    return StageNames(
+        k_t=tuple(f"{prefix}_T{i + 1}_PER_C{i + 1}" for i in range(len(stage.k_t))),
+        k_omega=tuple(f"{prefix}_W{2 * i + 2}_PER_DPS{2 * i + 2}" for i in range(len(stage.k_omega))),
+    )
+
+
+def constants(compensation: Compensation) -> Iterator[Constant]:
+    """Every number that the functions of the header use, and those that its user should know."""
+    law, expanded = compensation.law, compensation.expanded
+    k0, u0, s = "K0_v_per_dps", "U0_v", "S_rad_per_dps"
+    yield Constant(
+        name="GYRO_K0_V_PER_DPS", value=law.K0_v_per_dps, comment="V/(deg/s), scale factor", expanded=expanded.get(k0)
+    )
+    yield Constant(name="GYRO_U0_V", value=law.U0_v, comment="V, output at rest", expanded=expanded.get(u0))
+    if law.knows_temperature:
+        yield Constant(name="GYRO_T0_C", value=law.T0_c, comment="degC, dT counts from here")
+    if law.name == "sine":
+        yield Constant(
+            name="GYRO_S_RAD_PER_DPS",
+            value=law.S_rad_per_dps,
+            comment="rad/(deg/s), phase per rate",
+            expanded=expanded.get(s),
+        )
+    for i, value in enumerate(law.bias, start=1):
+        yield Constant(
+            name=f"GYRO_U0_T{i}_V_PER_C{i}",
+            value=value,
+            comment=f"V/degC^{i}, output at rest over dT^{i}",
+            expanded=expanded.get(f"c{i}"),
+        )
+    for index in range(len(law.stages)):
+        yield from _of_stage(compensation, index)
+    yield from _limits(compensation)
+
+
+def _of_stage(compensation: Compensation, index: int) -> Iterator[Constant]:
+    law, expanded = compensation.law, compensation.expanded
+    stage, names = law.stages[index], stage_names(law, index)
+    letter = "g" if law.name == "sine" else "a"
+    for i, (name, value) in enumerate(zip(names.k_t, stage.k_t, strict=True), start=1):
+        yield Constant(name=name, value=value, comment=f"degC^-{i}, of dT^{i}", expanded=expanded.get(f"{letter}{i}"))
+    for i, (name, value) in enumerate(zip(names.k_omega, stage.k_omega, strict=True), start=1):
+        power = 2 * i
+        yield Constant(
+            name=name, value=value, comment=f"(deg/s)^-{power}, of rate^{power}", expanded=expanded.get(f"b{power}")
+        )
+
+
+def _limits(compensation: Compensation) -> Iterator[Constant]:
+    law, valid = compensation.law, compensation.valid
+    if law.name == "response" and law.stages[0].k_omega:
+        end, most = reach(law.stages[0].k_omega)
+        yield Constant(name="GYRO_REACH_DPS", value=end, comment="deg/s, beyond it the output tells no rate")
+        yield Constant(name="GYRO_REACH_INDICATED_DPS", value=most, comment="deg/s, what the gyro makes of that")
+    yield Constant(
+        name="GYRO_DELAY_S",
+        value=law.delay_s,
+        comment="s, output behind motion",
+        expanded=compensation.expanded.get("delay_s"),
+    )
+    slowest, fastest = valid.rate_dps
+    yield Constant(name="GYRO_VALID_RATE_MIN_DPS", value=slowest, comment="deg/s, measured from here")
+    yield Constant(name="GYRO_VALID_RATE_MAX_DPS", value=fastest, comment="deg/s, measured to here")
+    coldest, warmest = valid.temperature_c
+    if math.isfinite(coldest) and math.isfinite(warmest):
+        yield Constant(name="GYRO_VALID_TEMPERATURE_MIN_C", value=coldest, comment="degC, measured from here")
+        yield Constant(name="GYRO_VALID_TEMPERATURE_MAX_C", value=warmest, comment="degC, measured to here")
+    yield Constant(name="GYRO_COVERAGE_FACTOR", value=compensation.k, comment="their level is that of this k, 95.45 %")
+
 
 _GUARD = "GYRO_COMPENSATION_H"
 _FORMULAS = {
@@ -53,7 +185,7 @@ def c_header(compensation: Compensation) -> str:
 
 
 def export_c_header(compensation: Compensation, path: Path) -> None:
-    """Write the header whole or not at all; `UsageError` where the law or the disk refuses."""
+    """Write the header atomically; `UsageError` where the law or the disk refuses."""
     text = c_header(compensation)
     with whole_file(path) as temporary:
         temporary.write_text(text, encoding="ascii", newline="\n")
@@ -96,7 +228,7 @@ def _macros(compensation: Compensation) -> Iterator[str]:
 
 
 def _defined(constant: Constant) -> Iterator[str]:
-    yield f"#define {constant.name} {number(constant.value)} /* {constant.says} */"
+    yield f"#define {constant.name} {number(constant.value)} /* {constant.comment} */"
     if constant.expanded is not None:
         yield f"#define {constant.name}_EXPANDED {number(constant.expanded)}"
 
@@ -142,7 +274,7 @@ def _over(names: tuple[str, ...]) -> str:
 
 
 def _corrected(stage: StageNames) -> Iterator[str]:
-    """The factors of one stage, both of its own input."""
+    """Yield the factors of one stage, both of that stage's input."""
     factors = [(stage.k_t, "dt_c"), (stage.k_omega, "square")]
     product = "".join(f" * (1.0 + {polynomial(names, argument)})" for names, argument in factors if names)
     if product:
@@ -199,7 +331,7 @@ def _valid(compensation: Compensation) -> Iterator[str]:
     yield "static inline int gyro_rate_valid(double rate_dps, double celsius)"
     yield "{"
     if not known:
-        yield "    (void)celsius; /* nobody wrote down at which temperature they were measured */"
+        yield "    (void)celsius; /* the temperature of their measurement is not recorded */"
     within = "rate_dps >= GYRO_VALID_RATE_MIN_DPS && rate_dps <= GYRO_VALID_RATE_MAX_DPS"
     if known:
         within += "\n        && celsius >= GYRO_VALID_TEMPERATURE_MIN_C && celsius <= GYRO_VALID_TEMPERATURE_MAX_C"

@@ -1,35 +1,34 @@
-"""The whole calibration: one pass over the steps, then two stages, the joint fits and the errors on runs kept aside."""
+"""Calibrate: one pass over the steps, then the two stages, the joint fits and the errors on held-out runs."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from benchctl.calibration.carries import what_it_carries
-from benchctl.calibration.compensation import by_law, by_line, by_stages
-from benchctl.calibration.earth import earth_rate_dps
-from benchctl.calibration.errors_percent import Level, largest, measure
+from benchctl.calibration.compensation import Compensator, by_law, by_line, by_stages, mean_rate
 from benchctl.calibration.free_motion import FreeMotionFit, fit_free_motion_of
 from benchctl.calibration.joint import THERMAL_LAG
 from benchctl.calibration.laws_fit import fit_laws, law_of, only_free_motion
-from benchctl.calibration.options import CalibrationOptions
+from benchctl.calibration.model import earth_rate_dps
 from benchctl.calibration.reduce import ReducedStep, reduce_steps
 from benchctl.calibration.result import (
     BeforeAfter,
+    CalibrationOptions,
     CalibrationResult,
-    FloatArray,
     JointFit,
     MeanPoints,
+    Residuals,
+    RunErrors,
     SmootherFacts,
     Stage,
     StraightLine,
     ValidRange,
 )
 from benchctl.calibration.rows import gather
-from benchctl.calibration.stage_one import StageOne, line_in_motion, mean_points, stage_one
+from benchctl.calibration.stage_one import StageOne, line_in_motion, mean_points, stage_one, what_it_carries
 from benchctl.calibration.stage_two import stage_two
 from benchctl.calibration.step_reduction import CHANNELS
 from benchctl.calibration.thermistor import ThermalHistory
@@ -37,6 +36,7 @@ from benchctl.recordings.model import Meta, Step
 from benchctl.recordings.stated import stated_of
 from benchctl.recordings.stored import StoredStep, stored_of
 from benchctl_instruments.errors import UsageError
+from benchctl_instruments.interfaces import FloatArray
 
 _MOVING_DPS = 2.0
 _CONSTANT = 1e-9  # relative; a 24-bit converter resolves 6e-8
@@ -77,7 +77,7 @@ def _calibrate(steps: Iterable[Step | StoredStep], meta: Meta, options: Calibrat
     thermal = ThermalHistory(polls, [(step.time_s, step.temperature_c) for step in reduced])
     points, first = _stage_one(reduced, verify, T0_c, earth, options)
     _demand_response(first.line, fitted)
-    joint, said = fit_laws(fitted, first.line, T0_c, earth, bench, options, stated_of(meta), thermal)
+    joint, fit_notes = fit_laws(fitted, first.line, T0_c, earth, bench, options, stated_of(meta), thermal)
     coils = reduced
     if (lag_s := next((p.value for p in joint[0].parameters if p.name == THERMAL_LAG), None)) is not None:
         # The stages are fitted to the coil's temperatures; the errors are those that the thermistor's lead to.
@@ -95,7 +95,7 @@ def _calibrate(steps: Iterable[Step | StoredStep], meta: Meta, options: Calibrat
         levels["stage_2"] = Level(compensate=by_stages(stages), delay_s=stages[1].delay_s)
     else:
         warnings.append("Stage 2 is left out: the recording has no run in motion (sine) to be fitted.")
-    warnings.extend(said)
+    warnings.extend(fit_notes)
     for fit in joint:
         levels[f"joint_{fit.law}"] = _joint_level(fit)
     levels["joint"] = _joint_level(joint[0])
@@ -161,14 +161,14 @@ def _stage_one(
 
 
 def _in_unit(fit: JointFit, output_unit: str) -> JointFit:
-    """The fit with its units said in that of the output: a digital gyro gives rates, not volts."""
+    """Return the fit with its units in that of the output: a digital gyro gives rates, not volts."""
     if output_unit == "V":
         return fit
     unit = f"({output_unit})".replace("deg", "°")
-    told = (
+    parameters = (
         replace(each, unit=unit + each.unit[1:] if each.unit.startswith("V") else each.unit) for each in fit.parameters
     )
-    return replace(fit, parameters=tuple(told))
+    return replace(fit, parameters=tuple(parameters))
 
 
 def _looked_at(
@@ -187,8 +187,8 @@ def _looked_at(
             polls.append((stored.read("poll_time_s", 0, stored.polls), stored.read(_POLLED, 0, stored.polls)))
         if step.info.kind == "motion" and step.info.role == "fit":
             try:
-                whole = step if isinstance(step, Step) else step.part(0, step.scans, CHANNELS)
-                free.append(fit_free_motion_of(whole, believed))
+                loaded = step if isinstance(step, Step) else step.part(0, step.scans, CHANNELS)
+                free.append(fit_free_motion_of(loaded, believed))
             except UsageError as err:
                 warnings.append(f"No fit in angle of '{step.info.name}': {err}.")
         yield step
@@ -248,7 +248,7 @@ def _kept_aside(
 
 
 def _reference_temperature(steps: Sequence[ReducedStep], meta: Meta, options: CalibrationOptions) -> float:
-    """T0: as asked, as the lab has it, or the set point of the fastest constant rates, nearest to room temperature."""
+    """T0: as given, as the lab has it, or the set point of the fastest constant rates, nearest to room temperature."""
     stated = (meta.simulation or {}).get("T0_c")
     if options.T0_c is not None:
         return options.T0_c
@@ -263,7 +263,7 @@ def _reference_temperature(steps: Sequence[ReducedStep], meta: Meta, options: Ca
 
 
 def _from_room_c(step: ReducedStep) -> float:
-    """How far a step was from room temperature, whole °C; 0 where neither set point nor thermistor is known."""
+    """How far a step was from room temperature, rounded to °C; 0 where neither set point nor thermistor is known."""
     known = [c for c in (step.info.chamber_setpoint_c, step.mean_temperature_c) if np.isfinite(c)]
     return float(round(abs(known[0] - _ROOM_C))) if known else 0.0
 
@@ -321,4 +321,87 @@ def _smoother(steps: Sequence[ReducedStep], meta: Meta) -> SmootherFacts | None:
             f"{1e3 * widest.window_s:.0f} ms of "
             f"angle; gain error at most {worst.gain_error:.1g} in the band of the motion."
         ),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Level:
+    """A level of compensation: how it turns volts into a rate, and its delay, s."""
+
+    compensate: Compensator
+    delay_s: float
+
+
+def percent(residual_dps: FloatArray, rate_dps: FloatArray) -> tuple[float, float]:
+    """Return `error_percent` and `rms_percent` of one run; NaN residuals (beyond the law's reach) count as 100 %.
+
+    `error_percent` is the largest residual rate over the largest rate of the run, `rms_percent` the root mean square
+    over the same. The residual rate is compensated minus true, both averaged over the same blocks (at most 40 ms in
+    motion), the true rate from the encoder at the delay of the level.
+    """
+    peak = float(np.max(np.abs(rate_dps)))
+    residual = np.where(np.isfinite(residual_dps), residual_dps, peak)
+    return 100 * float(np.max(np.abs(residual))) / peak, 100 * float(np.sqrt(np.mean(residual**2))) / peak
+
+
+def measure(
+    levels: Mapping[str, Level],
+    steps: Sequence[ReducedStep],
+    verify: frozenset[tuple[int, int]],
+    T0_c: float,
+    earth_rate_dps: float,
+) -> tuple[Residuals, tuple[RunErrors, ...]]:
+    """Residuals of every block and errors of every run, at every level; `verify` has the keys of the held-out steps.
+
+    Runs at rest have no rate to compare with and are left out.
+    """
+    rows = gather(steps, T0_c)
+    residual = {
+        name: mean_rate(level.compensate, rows) - rows.true_rate(level.delay_s) - earth_rate_dps
+        for name, level in levels.items()
+    }
+    ends = [*rows.start[1:], rows.step.size]
+    runs = []
+    for i, step in enumerate(steps):
+        if step.kind == "static":
+            continue
+        own = slice(int(rows.start[i]), int(ends[i]))
+        errors = {name: percent(values[own], rows.rate_dps[own]) for name, values in residual.items()}
+        runs.append(
+            RunErrors(
+                step=step.info.index,
+                name=step.info.name,
+                kind=step.info.kind,
+                role="verify" if step.key in verify else "fit",
+                temperature_c=step.mean_temperature_c,
+                peak_rate_dps=step.peak_rate_dps,
+                error_percent={name: error for name, (error, _) in errors.items()},
+                rms_percent={name: rms for name, (_, rms) in errors.items()},
+            )
+        )
+    indices = np.array([step.info.index for step in steps], dtype=np.int64)
+    return (
+        Residuals(
+            step=indices[rows.step],
+            verify=np.array([step.key in verify for step in steps], dtype=np.bool_)[rows.step],
+            time_s=rows.time_s,
+            rate_dps=rows.rate_dps,
+            acceleration_dps2=rows.acceleration_dps2,
+            temperature_c=np.concatenate([step.temperature_c for step in steps]),
+            block_s=np.array([step.block_s for step in steps])[rows.step],
+            residual_dps=residual,
+        ),
+        tuple(runs),
+    )
+
+
+def largest(runs: Sequence[RunErrors]) -> tuple[dict[str, float], dict[str, float]]:
+    """`error_percent` and `rms_percent` per level: the largest over the held-out runs, empty where there are none."""
+    aside = [run for run in runs if run.role == "verify"]
+    if not aside:
+        return {}, {}
+    levels = aside[0].error_percent
+    return (
+        {name: max(run.error_percent[name] for run in aside) for name in levels},
+        {name: max(run.rms_percent[name] for run in aside) for name in levels},
     )

@@ -25,7 +25,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.atomic import whole_file
 from benchctl.calibration.coefficients_law import By, applied_law, checked
@@ -34,8 +33,7 @@ from benchctl.calibration.result import CalibrationResult, JointFit, Parameter, 
 from benchctl.calibration.uncertainty import LEVEL
 from benchctl.documents import read_json
 from benchctl_instruments.errors import UsageError
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.interfaces import FloatArray
 
 SCHEMA = "benchctl-coefficients/1"
 _KEYS = ("convention", "argument", "K0_v_per_dps", "U0_v", "T0_c", "stages")
@@ -77,7 +75,7 @@ def coefficients(result: CalibrationResult, source: Sequence[tuple[str, str]]) -
 
 
 def write_coefficients(path: Path, content: Mapping[str, Any]) -> None:
-    """Write the file whole or not at all; `UsageError` where the disk refuses."""
+    """Write the file atomically; `UsageError` where the disk refuses."""
     with whole_file(path) as temporary:
         temporary.write_text(
             json.dumps(content, ensure_ascii=False, indent=1, allow_nan=False) + "\n", encoding="utf-8"
@@ -124,7 +122,7 @@ def compensate(
 ) -> FloatArray:
     """Sensed rate [°/s] of outputs [V] at gyro temperatures [°C], arrays of one shape (n,).
 
-    By the stages, or by the joint fit where the content holds one. No delay is applied: the rate stands at the output's
+    By the stages, or by the joint fit where the content holds one. No delay is applied: the rate is at the output's
     stamp less `delay_s`. NaN where the law has no rate for an output. `earth_rate="remove"` gives the table's rate.
     """
     law = applied_law(checked(content, "these coefficients"), by)

@@ -1,4 +1,4 @@
-"""The law that the content of a `coefficients.json` holds, taken at nobody's word: every number is looked at."""
+"""Read the law from the content of a `coefficients.json`; validate every number."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def applied_law(found: Coefficients, by: By) -> AppliedLaw:
     law = _of_stages(found) if by == "stages" else _of_joint(found)
     if law.K0_v_per_dps == 0.0 or (law.name == "sine" and law.S_rad_per_dps == 0.0):
         raise UsageError(
-            "the scale factor, or S of the sine, is 0, which tells no rate from an output; write it with `benchctl fit`"
+            "the scale factor, or S of the sine, is 0, which gives no rate for an output; write it with `benchctl fit`"
         )
     if found.T0_c is None and law.knows_temperature:
         raise UsageError("T0_c is null, though the law depends on the temperature; write it with `benchctl fit`")

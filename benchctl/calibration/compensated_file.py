@@ -1,4 +1,4 @@
-"""A copy of a recording with the compensated rate beside what was recorded."""
+"""Copy a recording and add the compensated rate."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def write_compensated(
     """Write the recording anew with `compensated_dps` and `compensated_valid` in each step that can have them.
 
     One step is in memory at a time. The provenance names the recording by its `digest`, and the file of coefficients
-    by its name and SHA-256. No sample is moved in time: `comment` of the channel says by how much it is late.
+    by its name and SHA-256. No sample is moved in time: `comment` of the channel states its delay.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A `coefficients.json` ready for use: its law, where that is valid, and what tells whose it is."""
+"""A `coefficients.json` ready for use: its law, its valid range, and whose it is."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.calibration.applied_law import AppliedLaw
 from benchctl.calibration.coefficients import coefficients_in
@@ -18,9 +17,7 @@ from benchctl.calibration.result import ValidRange
 from benchctl.documents import json_document
 from benchctl.limits import MOST_DESCRIPTION_BYTES, read_whole, shown
 from benchctl_instruments.errors import UsageError
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from benchctl_instruments.interfaces import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +29,7 @@ class Compensation:
     law, by
         The law, and whether it is that of the joint fit or of the stages.
     valid
-        What was measured; a temperature that nobody wrote down bounds nothing, −inf to inf.
+        The measured range; a temperature that is not recorded has no bounds, −inf to inf.
     unit, output_unit
         The unit's serial, empty where the file names none, and the unit of its output.
     sha256
@@ -44,7 +41,7 @@ class Compensation:
     error_percent
         Largest residual over the largest rate of a run, on runs that were not fitted; None where there were none.
     earth_rate_dps
-        The vertical part of the Earth's rate that the sensed rate holds beside the table's.
+        The vertical part of the Earth's rate that the sensed rate contains in addition to the table's.
     """
 
     law: AppliedLaw
@@ -119,3 +116,51 @@ def _valid(found: Coefficients) -> ValidRange:
             "first; write it with `benchctl fit`"
         )
     return ValidRange(rate_dps=(slowest, fastest), temperature_c=(coldest, warmest))
+
+
+TOLERANCE = 1e-9
+"""Tolerance of another program, relative to the largest rate in `valid`: far above rounding, far below any gyro."""
+
+_RATES, _TEMPERATURES = 7, 5
+_RATES_ALONE = 25
+_REACHED = 1e-6
+_ROOM_C = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class SelfTestPoint:
+    """An output [V] at a temperature [°C], and its rate [°/s], to check another program's compensation."""
+
+    volts: float
+    celsius: float
+    rate_dps: float
+
+
+def tolerance_dps(compensation: Compensation) -> float:
+    """Return the tolerance of a self-test point, °/s."""
+    return TOLERANCE * max(map(abs, compensation.valid.rate_dps))
+
+
+def self_test_points(compensation: Compensation) -> list[SelfTestPoint]:
+    """A grid over the valid range with its corners, 35 points; at one temperature 25.
+
+    Raises `UsageError` where the law has no output for a rate in it: then it was not measured there.
+    """
+    law, valid = compensation.law, compensation.valid
+    coldest, warmest = valid.temperature_c
+    if not (math.isfinite(coldest) and math.isfinite(warmest)):
+        coldest = warmest = law.T0_c or _ROOM_C
+    several = warmest > coldest
+    temperatures = np.linspace(coldest, warmest, _TEMPERATURES if several else 1)
+    rates = np.linspace(*valid.rate_dps, _RATES if several else _RATES_ALONE)
+    rate_dps, celsius = (grid.ravel() for grid in np.meshgrid(rates, temperatures))
+    volts = law.volts(rate_dps, celsius)
+    given = law.rate_dps(volts, celsius)
+    missed = np.flatnonzero(~(np.abs(given - rate_dps) <= _REACHED * np.abs(valid.rate_dps).max()))
+    if missed.size:
+        first = missed[0]
+        raise UsageError(
+            f"the law has no output for {rate_dps[first]:.6g} deg/s at {celsius[first]:.6g} °C, which lies in `valid`; "
+            "write the coefficients with `benchctl fit`"
+        )
+    return [SelfTestPoint(*map(float, point)) for point in zip(volts, celsius, given, strict=True)]

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.calibration.model import Law, factor
 from benchctl.calibration.result import Stage, StraightLine
 from benchctl.calibration.rows import Rows
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.interfaces import FloatArray
 
 Compensator = Callable[[FloatArray, FloatArray], FloatArray]
 """Output [V] and T − T0 [°C], of one shape, to the sensed rate [°/s]."""
@@ -23,7 +21,7 @@ def by_line(line: StraightLine) -> Compensator:
 
 
 def by_stages(stages: Sequence[Stage]) -> Compensator:
-    """The two-stage correction: the last stage's K0 and U0, then every stage's factors, each of its own input."""
+    """The two-stage correction: the last stage's K0 and U0, then every stage's factors, each of that stage's input."""
 
     def compensate(volts: FloatArray, dt_c: FloatArray) -> FloatArray:
         last = stages[-1]

@@ -1,4 +1,4 @@
-"""`benchctl export --to json`: the compensation for programs that read JSON, nothing of the fit beside it.
+"""`benchctl export --to json`: the compensation for programs that read JSON, without the details of the fit.
 
 | key | what |
 |---|---|
@@ -26,8 +26,7 @@ from pathlib import Path
 from typing import Any
 
 from benchctl.atomic import whole_file
-from benchctl.calibration.compensating import Compensation
-from benchctl.calibration.self_test import self_test_points, tolerance_dps
+from benchctl.calibration.compensating import Compensation, self_test_points, tolerance_dps
 
 SCHEMA = "benchctl-compensation/1"
 
@@ -80,7 +79,7 @@ def compensation_json(compensation: Compensation) -> dict[str, Any]:
 
 
 def export_json(compensation: Compensation, path: Path) -> None:
-    """Write the file whole or not at all; `UsageError` where the law or the disk refuses."""
+    """Write the file atomically; `UsageError` where the law or the disk refuses."""
     text = json.dumps(compensation_json(compensation), indent=1, ensure_ascii=False, allow_nan=False)
     with whole_file(path) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8", newline="\n")

@@ -12,16 +12,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
 from benchctl.calibration.angle_rate import unwrap_deg
-from benchctl.calibration.linear import clustered_covariance
+from benchctl.calibration.rows import clustered_covariance
 from benchctl.calibration.uncertainty import coverage_factor
 from benchctl.recordings.model import Step
 from benchctl_instruments.errors import UsageError
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.interfaces import FloatArray
 
 BAND_HZ = (0.02, 10.0)
 CLUSTER_S = 60.0
@@ -55,7 +53,7 @@ def fit_free_motion(
 ) -> FreeMotionFit:
     """Fit; `angle_deg` unwrapped and `output` are equidistant samples of one scan, shape (n,), without gaps.
 
-    `start_scale` is what the output is taken for before the fit (1 for a gyro that gives °/s), None where nobody knows.
+    `start_scale` is what the output is taken for before the fit (1 for a gyro that gives °/s), None where unknown.
     """
     from scipy.signal import butter, sosfiltfilt  # half a second of loading, which no other fit needs
 

@@ -12,7 +12,6 @@ from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.calibration.model import Law
 from benchctl.calibration.noise_model import (
@@ -32,9 +31,7 @@ from benchctl.calibration.rows import Rows, gather
 from benchctl.calibration.thermistor import ThermalHistory
 from benchctl.calibration.uncertainty import Mixture
 from benchctl_instruments.errors import UsageError
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from benchctl_instruments.interfaces import FloatArray, IntArray
 
 ENCODER_TERMS = (
     "encoder_sin1_arcsec",
@@ -356,7 +353,7 @@ def _demand_told_apart(problem: JointProblem, means: LinearMeans) -> None:
     if values[0] > _LEAST_EIGENVALUE:
         return
     lost = [name for name, part in zip(problem.names, vectors[:, 0], strict=True) if abs(part) > 0.1]
-    raise UsageError(f"{', '.join(lost)} cannot be told apart by these runs; record more rates and temperatures")
+    raise UsageError(f"{', '.join(lost)} cannot be distinguished by these runs; record more rates and temperatures")
 
 
 def _inverse(information: FloatArray) -> FloatArray:

@@ -7,25 +7,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
-from benchctl.calibration.budget import contributions
-from benchctl.calibration.carries import Carries, what_it_carries
-from benchctl.calibration.joint import THERMAL_LAG, JointProblem, JointSolution, fit_joint
-from benchctl.calibration.linear import fit_linear
-from benchctl.calibration.model import Law
-from benchctl.calibration.options import CalibrationOptions
-from benchctl.calibration.orders import choose_orders
+from benchctl.calibration.joint import THERMAL_LAG, JointProblem, JointSolution, fit_joint, predict
+from benchctl.calibration.model import EARTH_DPS, Law
 from benchctl.calibration.reduce import ReducedStep
-from benchctl.calibration.result import Contribution, JointFit, Noise, Parameter, StraightLine
-from benchctl.calibration.rows import gather
+from benchctl.calibration.result import CalibrationOptions, Contribution, JointFit, Noise, Parameter, StraightLine
+from benchctl.calibration.rows import fit_linear, gather
+from benchctl.calibration.stage_one import Carries, what_it_carries
 from benchctl.calibration.thermistor import ThermalHistory
 from benchctl.calibration.uncertainty import LEVEL, coverage_factor, dof_of_factor, effective_dof
 from benchctl.recordings.model import BenchFacts
-from benchctl.recordings.stated import StatedUncertainties
+from benchctl.recordings.stated import Stated, StatedUncertainties
 from benchctl_instruments.errors import UsageError
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.interfaces import FloatArray
 
 _CURVED_FROM_DPS = 60.0
 _SURE_OF_BEND = 10.0
@@ -71,8 +65,8 @@ def fit_laws(
     curved = rate_terms > 0
     temperature_terms = base.law.temperature_terms
     if options.choose_orders and curved:
-        temperature_terms, rate_terms, said = choose_orders(base, steps, _start(base, line, delay), temperature_terms)
-        warnings.append(said)
+        temperature_terms, rate_terms, note = choose_orders(base, steps, _start(base, line, delay), temperature_terms)
+        warnings.append(note)
     solved: list[tuple[JointProblem, JointSolution]] = []
     for name in _laws(options, curved, bend, warnings):
         terms = 1 if name == "sine" else rate_terms
@@ -177,7 +171,7 @@ def _lag_of(solution: JointSolution) -> tuple[float, float]:
 
 
 def _is_sure(solution: JointSolution) -> bool:
-    """Whether a fitted lag stands out of its uncertainty."""
+    """Whether a fitted lag is significant."""
     lag_s, standard_s = _lag_of(solution)
     return solution.converged and lag_s > _SURE_OF_LAG * standard_s
 
@@ -379,3 +373,133 @@ def _unit_of(name: str, law: str) -> tuple[str, str]:
     if name[0] == "c":
         return f"V/°C^{power}", f"bias over temperature, coefficient of (T − T0)^{power}"
     return f"°C^-{power}", f"k(T), coefficient of (T − T0)^{power}"
+
+
+MOST_RATE_TERMS = 3
+FOLDS = 4
+
+
+def choose_orders(
+    base: JointProblem, steps: Sequence[ReducedStep], start: FloatArray, most_temperature_terms: int
+) -> tuple[int, int, str]:
+    """Choose the terms of k(T) and k(ω) of the polynomial law by cross-validation over complete runs; with the reason.
+
+    Each candidate is fitted to three quarters of the moving runs and predicts the rest, four times; the smallest one
+    whose squared error is within one standard error of the best is taken (Breiman's rule).
+    """
+    moving = [i for i, step in enumerate(steps) if step.kind != "static"]
+    if len(moving) < 2 * FOLDS:
+        return most_temperature_terms, 2, "Orders were not chosen: too few runs to keep a quarter aside."
+    scores: dict[tuple[int, int], FloatArray] = {}
+    for temperature_terms in range(most_temperature_terms + 1):
+        for rate_terms in range(1, MOST_RATE_TERMS + 1):
+            law = Law(name="polynomial", rate_terms=rate_terms, temperature_terms=temperature_terms)
+            scores[temperature_terms, rate_terms] = _held_out(replace(base, law=law), steps, start, moving)
+    totals = {orders: float(np.mean(score)) for orders, score in scores.items()}
+    best = min(totals, key=lambda orders: totals[orders])
+    if not np.isfinite(totals[best]):
+        raise UsageError(
+            "calibration: no order of the polynomials can be fitted to three quarters of the runs; "
+            "record more rates and temperatures, or take the paper's orders"
+        )
+    margin = {
+        orders: float(np.std(score - scores[best], ddof=1) / np.sqrt(score.size)) for orders, score in scores.items()
+    }
+    enough = [orders for orders in totals if totals[orders] <= totals[best] + margin[orders]]
+    chosen = min(enough, key=lambda orders: (sum(orders), totals[orders]))
+    return (
+        *chosen,
+        f"Orders chosen on runs left out: {chosen[0]} term(s) in temperature, {chosen[1]} in rate "
+        f"(rms {1e3 * totals[chosen] ** 0.5:.3g} mV; the best, {best[0]} and {best[1]}: "
+        f"{1e3 * totals[best] ** 0.5:.3g} mV).",
+    )
+
+
+def _held_out(
+    problem: JointProblem, steps: Sequence[ReducedStep], base_start: FloatArray, moving: list[int]
+) -> FloatArray:
+    """Mean squared error of each moving run, V², when it was not among the fitted ones; shape (len(moving),)."""
+    start = np.zeros(len(problem.names))
+    start[0] = base_start[0]
+    start[len(problem.law.names) :] = base_start[-(len(problem.names) - len(problem.law.names)) :]
+    errors = np.full(len(moving), np.inf)
+    for fold in range(FOLDS):
+        aside = moving[fold::FOLDS]
+        kept = [step for i, step in enumerate(steps) if i not in aside]
+        try:
+            solution = fit_joint(problem, kept, start)
+        except UsageError:
+            return errors  # this order folds over inside the range: not a candidate
+        rows = gather([steps[i] for i in aside], problem.T0_c)
+        output, _ = predict(problem, solution.estimate, rows)
+        residual = rows.output_v - output
+        errors[fold::FOLDS] = rows.means(residual**2)
+    return errors
+
+
+_ARCSEC_PER_REV = 360.0 * 3600.0
+
+
+def contributions(
+    name: str,
+    values: Mapping[str, float],
+    standard: float,
+    dof: float,
+    steps: Sequence[ReducedStep],
+    bench: BenchFacts,
+    earth_rate_dps: float,
+    known: StatedUncertainties,
+) -> tuple[Contribution, ...]:
+    """The uncertainty budget of one parameter of a joint fit: type A with its `dof`, then the contributions of type B.
+
+    Each is a standard uncertainty (k = 1) in the parameter's unit, after JCGM 100:2008 (GUM), 4.3 and 5.1. The bench's
+    figures come from the recording's certificates; missing ones are assumed, as the contribution then states.
+    """
+    scatter = "scatter of the data, bias drift included"
+    parts = [Contribution(source="type A", standard=standard, kind="A", says=scatter, dof=dof)]
+
+    def add(source: str, amount: float, says: str) -> None:
+        if amount > 0.0 and np.isfinite(amount):
+            parts.append(Contribution(source=source, standard=float(amount), kind="B", says=says))
+
+    gain = abs(values["K0_v_per_dps"])
+    slope_t = values.get("g1", values.get("a1", 0.0))
+    celsius, clock = known.thermometer_c.standard, known.clock_ppm.standard * 1e-6
+    thermometer = f"thermistor known to {_described(known.thermometer_c, ' °C')}"
+    time_base = f"clock known to {_described(known.clock_ppm, ' ppm')}"
+    if name == "K0_v_per_dps":
+        turns = max(sum(step.revolutions for step in steps), 1.0)
+        angle = known.encoder_arcsec.standard / (_ARCSEC_PER_REV * turns)
+        add("encoder", gain * angle, f"{_described(known.encoder_arcsec, '″')} over all turns")
+        add("time base", gain * clock, time_base)
+        add("ADC gain", gain * known.gain_ppm.standard * 1e-6, f"volts known to {_described(known.gain_ppm, ' ppm')}")
+        add("thermometer", gain * abs(slope_t) * celsius, thermometer)
+    elif name == "U0_v":
+        add("ADC offset", known.offset_v.standard, known.offset_v.says)
+        add("thermometer", abs(values.get("c1", 0.0)) * celsius, thermometer)
+        add(*_earth(gain, bench, earth_rate_dps, known))
+    elif name == "S_rad_per_dps":
+        add("time base", abs(values[name]) * clock, time_base)
+    elif name in ("g1", "a1", "c1"):
+        second = {"g1": "g2", "a1": "a2", "c1": "c2"}[name]
+        add("thermometer", 2 * abs(values.get(second, 0.0)) * celsius, thermometer)
+    return tuple(parts)
+
+
+def _earth(gain: float, bench: BenchFacts, earth_rate_dps: float, known: StatedUncertainties) -> tuple[str, float, str]:
+    """Earth's rate: how well its part along the axis is known; all of it where the latitude is not."""
+    if bench.latitude_deg is None:
+        return "Earth's rate", gain * EARTH_DPS / np.sqrt(3.0), "latitude not known: its rate is part of U0"
+    off_deg = np.hypot(known.latitude_deg.standard, known.tilt_deg.standard)
+    slope = EARTH_DPS * np.cos(np.deg2rad(bench.latitude_deg)) * np.deg2rad(off_deg)
+    return (
+        "Earth's rate",
+        gain * float(slope),
+        f"{earth_rate_dps:.4f} °/s taken off; latitude to {_described(known.latitude_deg, '°')}, tilt to "
+        f"{_described(known.tilt_deg, '°')}",
+    )
+
+
+def _described(figure: Stated, unit: str) -> str:
+    """A standard uncertainty with its unit and its source."""
+    return f"{figure.standard:.3g}{unit} ({figure.says})"

@@ -16,12 +16,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.calibration.result import Argument, Convention
 from benchctl_instruments.errors import UsageError
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.interfaces import FloatArray
 
 _NEWTON_STEPS = 30
 _CONVERGED_DPS = 1e-10
@@ -40,7 +38,7 @@ class Law:
 
     @property
     def convention(self) -> Convention:
-        """Whether k corrects the indicated rate or says how the gyro responds."""
+        """Whether k corrects the indicated rate or is the gyro's response."""
         return "correction" if self.name == "polynomial" else "response"
 
     @property
@@ -138,3 +136,12 @@ def _solve_odd(bend: FloatArray, target: FloatArray) -> FloatArray:
         f"{float(np.max(np.abs(target))):.4g} deg/s: it is used beyond its range; "
         "use it inside `valid`, or the sine law"
     )
+
+
+EARTH_DPS = 15.041 / 3600.0
+"""The Earth's rotation against the stars, °/s."""
+
+
+def earth_rate_dps(latitude_deg: float | None) -> float:
+    """Component along a vertical axis, positive counter-clockwise from above in the north; 0 where not known."""
+    return 0.0 if latitude_deg is None else float(EARTH_DPS * np.sin(np.deg2rad(latitude_deg)))

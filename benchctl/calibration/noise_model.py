@@ -15,11 +15,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import minimize
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from benchctl_instruments.interfaces import FloatArray, IntArray
 
 _FEWEST_STEPS_FOR_WALK = 4
 _FEWEST_STEPS_FOR_EXCESS = 12
@@ -181,8 +179,8 @@ def project(derivative: FloatArray, residual: FloatArray) -> StepScores:
 def score_scatter(scores: list[StepScores], bread: FloatArray) -> FloatArray:
     """Covariance of the sum of all scores, (p, p): each direction's variance pooled over the steps.
 
-    `bread` (p, p) is the covariance of the parameters if the noise were white: it says how much of the residuals the
-    fit has eaten. Where too few steps speak of a direction, its variance is that over all directions, 1 at least.
+    `bread` (p, p) is the covariance of the parameters if the noise were white: it determines how much of the residuals
+    the fit has absorbed. Where too few steps show a direction, its variance is that over all directions, at least 1.
     """
     parameters = bread.shape[0]
     found, expected, steps = np.zeros(parameters), np.zeros(parameters), np.zeros(parameters)

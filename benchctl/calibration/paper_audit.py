@@ -14,16 +14,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import brentq, minimize_scalar
 
 from benchctl.calibration.calibrate import calibrate
 from benchctl.calibration.model import factor
-from benchctl.calibration.options import CalibrationOptions
-from benchctl.calibration.result import CalibrationResult
+from benchctl.calibration.result import CalibrationOptions, CalibrationResult
 from benchctl.recordings.model import Meta, Step
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.interfaces import FloatArray
 
 K_T_1 = (1.315e-4, -2.066e-6)
 K_OMEGA_1 = (3.02e-6, 5.89e-11)
@@ -77,7 +74,7 @@ def k_minus_one_percent(coefficients: tuple[float, ...], argument: float) -> flo
 
 
 def indicated(rate_dps: FloatArray) -> FloatArray:
-    """The x with x·k1(x) = ω: what the paper's stage-1 polynomial says that the gyro indicates at a true rate."""
+    """The x with x·k1(x) = ω: what the gyro indicates at a true rate by the paper's stage-1 polynomial."""
     return np.array(
         [brentq(lambda x, w=w: x * factor(K_OMEGA_1, np.array([x * x]))[0] - w, -1e3, 1e3) for w in rate_dps]
     )
@@ -188,7 +185,7 @@ def _second_stage() -> PaperPoint:
 
 
 def _table(result: CalibrationResult) -> tuple[PaperRow, ...]:
-    """The paper's numbers beside those of the redone experiment."""
+    """Compare the paper's numbers with those of the redone experiment."""
     first = result.stages[0]
     second = result.stages[1] if len(result.stages) > 1 else None
 

@@ -16,7 +16,7 @@ def points_coefficients(
     """The content of `coefficients.json`: U = U0 + K0·k(ω)·ω, with k(ω) the series of sin(Sω)/(Sω) to ω⁴.
 
     The convention is `response`, its argument the true rate. No run was kept aside, so there is no `error_percent`.
-    `temperature_c` is None where nobody wrote it down.
+    `temperature_c` is None where it is not recorded.
     """
     fit = result.rotating
     S = fit.S_rad_per_dps

@@ -2,9 +2,9 @@
 
 A block is a short run of neighbouring samples; of the gyro its mean output is kept, of the encoder mean and variance of
 the rate, so that the mean of a curved law f is f̄ ≈ ½[f(ω̄+s) + f(ω̄−s)], s² the variance (exact to the third moment).
-The rate stands where the gyro felt it: a delay is estimated within each step in motion and the rate is evaluated there;
-the mean acceleration and jerk let a fit move it by the little that is missing. Clipped, filled-in or non-finite samples
-are left out with their block, and nothing is smoothed across a gap.
+The rate is given at the time when the gyro sensed it: a delay is estimated within each step in motion and the rate is
+evaluated there; the mean acceleration and jerk let a fit move it by a small correction. Clipped, filled-in or
+non-finite samples are left out with their block, and nothing is smoothed across a gap.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from itertools import pairwise
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.calibration.angle_rate import Smoother
 from benchctl.calibration.blocks import Blocks
@@ -25,8 +24,8 @@ from benchctl.recordings.model import Meta, Step, StepInfo
 from benchctl.recordings.stored import StoredStep, stored_of
 from benchctl.side_by_side import cores, in_order
 from benchctl_instruments.errors import UsageError
+from benchctl_instruments.interfaces import FloatArray
 
-FloatArray = npt.NDArray[np.float64]
 Made = TypeVar("Made")
 
 FREE_PIECE_S = 60.0
@@ -120,7 +119,7 @@ def _reduced(step: StoredStep, meta: Meta) -> list[ReducedStep]:
 
 
 def _pieces(step: StoredStep) -> Iterator[StoredStep]:
-    """A long run in free motion as several, so that some can be kept aside and their scatter be seen; others whole."""
+    """Split a long run in free motion, so that some parts can be held out and their scatter estimated."""
     info = step.info
     if info.kind in QUIET_KINDS or info.frequency_hz is not None or step.scans < 2:
         yield step

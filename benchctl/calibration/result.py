@@ -13,14 +13,43 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-import numpy as np
-import numpy.typing as npt
-
 from benchctl.calibration.free_motion import FreeMotionFit
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.interfaces import BoolArray, FloatArray, IntArray
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrationOptions:
+    """Options of a calibration; the defaults are the paper's orders.
+
+    `orders_1` and `orders_2` are those of k(T) and k(ω) in the two stages, `bias_order` that of U0(T). `T0_c` None
+    takes the recording's own (`simulation.T0_c`), or the set point at which the fastest rates were run, of several the
+    one nearest to 20 °C. `law` chooses
+    the joint fit: `auto` fits sine and polynomial and prefers what the fitted runs prefer. `choose_orders` picks the
+    joint polynomial's orders by cross-validation over complete runs. `hold_out`: where no run is marked `verify`, keep
+    some aside.
+    """
+
+    T0_c: float | None = None
+    orders_1: tuple[int, int] = (2, 2)
+    orders_2: tuple[int, int] = (1, 1)
+    bias_order: int = 2
+    law: Literal["auto", "sine", "polynomial", "response"] = "auto"
+    choose_orders: bool = False
+    robust: bool = True
+    encoder_errors: bool = True
+    hold_out: bool = True
+    latitude_deg: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, orders in (
+            ("orders_1", self.orders_1),
+            ("orders_2", self.orders_2),
+            ("bias_order", (self.bias_order,)),
+        ):
+            if any(order < 0 or order > 4 for order in orders):
+                raise UsageError(f"calibration: {name} is {orders}, expected orders from 0 to 4")
+
 
 Convention = Literal["correction", "response"]
 Argument = Literal["indicated", "true"]
@@ -45,7 +74,7 @@ class Parameter:
     """An estimated parameter.
 
     `standard` is the standard uncertainty by the scatter of the data (type A, k = 1) and `ci95` its interval: what a
-    repetition on the same bench would show. `expanded` adds what it would not show; `budget` says what. It holds at
+    repetition on the same bench would show. `expanded` adds what it would not show, listed in `budget`. It holds at
     95.45 %: `k` times the combined standard uncertainty, where `k` follows from the effective degrees of freedom `dof`
     (2 where they are infinite), and never less than type A alone has at that level.
     """

@@ -6,20 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.calibration.reduce import ReducedStep
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from benchctl_instruments.interfaces import FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rows:
     """Blocks of several steps one after the other; arrays of shape (n,), `encoder_basis` (n, 4).
 
-    `step` counts the steps of these rows from 0 and `start`, shape (m,), says where each begins; `dt_c` is T − T0, 0
-    where no thermistor was recorded. `expanded_at_s` is the delay at which each row's rate stands.
+    `step` counts the steps of these rows from 0 and `start`, shape (m,), is where each begins; `dt_c` is T − T0, 0
+    where no thermistor was recorded. `expanded_at_s` is the delay at which each row's rate is given.
     """
 
     step: IntArray
@@ -88,3 +85,48 @@ def gather(steps: Sequence[ReducedStep], T0_c: float) -> Rows:
         encoder_basis=column("encoder_basis"),
         expanded_at_s=np.repeat([step.delay_s for step in steps], sizes),
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinearFit:
+    """Coefficients (p,), their covariance (p, p), the residuals (n,) and the degrees of freedom."""
+
+    coefficients: FloatArray
+    covariance: FloatArray
+    residual: FloatArray
+    dof: int
+
+
+def fit_linear(columns: FloatArray, values: FloatArray) -> LinearFit:
+    """Minimise Σ (values − columns·c)²; columns (n, p). With as many values as coefficients the variance is NaN."""
+    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    basis, triangle = np.linalg.qr(columns / scale)
+    inverse = np.linalg.pinv(triangle)
+    coefficients = inverse @ (basis.T @ values) / scale
+    residual = values - columns @ coefficients
+    freedom = values.size - columns.shape[1]
+    variance = float(residual @ residual) / freedom if freedom > 0 else np.nan
+    covariance = variance * (inverse @ inverse.T) / scale[:, None] / scale
+    return LinearFit(coefficients=coefficients, covariance=covariance, residual=residual, dof=freedom)
+
+
+def clustered_covariance(columns: FloatArray, residual: FloatArray, cluster: IntArray) -> tuple[FloatArray, int]:
+    """Covariance (p, p) of unweighted coefficients where residuals of one cluster (a step) hang together, and its dof.
+
+    Liang and Zeger, Biometrika 73 (1986) 13, with the usual correction for the number of clusters. With fewer than
+    twice as many clusters as coefficients the plain covariance, times the blocks of a cluster, is used: an upper
+    bound.
+    """
+    p = columns.shape[1]
+    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    scaled = columns / scale
+    bread = np.linalg.pinv(scaled.T @ scaled)
+    names = np.unique(cluster)
+    if names.size < 2 * p:
+        size = columns.shape[0] / names.size
+        covariance, dof = bread * float(residual @ residual) / max(residual.size - p, 1) * size, names.size
+    else:
+        scores = np.stack([scaled[cluster == name].T @ residual[cluster == name] for name in names])
+        covariance = bread @ (scores.T @ scores) @ bread * names.size / (names.size - p)
+        dof = names.size - p
+    return covariance / scale[:, None] / scale, dof

@@ -11,16 +11,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from benchctl.calibration.linear import LinearFit, fit_linear
 from benchctl.calibration.model import factor
 from benchctl.calibration.reduce import ReducedStep
 from benchctl.calibration.result import MeanPoints, PolynomialFactor, StraightLine, TemperaturePoint
-from benchctl.calibration.rows import Rows
+from benchctl.calibration.rows import LinearFit, Rows, fit_linear
 from benchctl_instruments.errors import UsageError
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.interfaces import FloatArray, IntArray
 
 K0_LIMIT_DPS = 40.0
 SLOPE_LIMIT_DPS = 50.0
@@ -73,7 +70,7 @@ def mean_points(steps: Sequence[ReducedStep], verify: frozenset[tuple[int, int]]
     )
 
 
-def group_by_temperature(temperature_c: FloatArray) -> list[npt.NDArray[np.int64]]:
+def group_by_temperature(temperature_c: FloatArray) -> list[IntArray]:
     """Indices of points that lie within `SAME_TEMPERATURE_C` of their neighbours, coldest group first."""
     if not np.all(np.isfinite(temperature_c)):
         return [np.arange(temperature_c.size)]
@@ -153,7 +150,7 @@ class _Line:
 
 
 def line_in_motion(rows: Rows, earth_rate_dps: float) -> StageOne:
-    """What stands in for stage 1 where there are no constant rates: a line through the runs in motion, no terms.
+    """Replace stage 1 where there are no constant rates: a line through the runs in motion, no terms.
 
     The line is over |ω| ≤ 40 °/s where the motion passes there, regressed together with the acceleration, so that a
     delay does not tilt it.
@@ -183,7 +180,7 @@ def line_in_motion(rows: Rows, earth_rate_dps: float) -> StageOne:
     )
 
 
-def _slope(points: MeanPoints, group: npt.NDArray[np.int64], earth: float, limit: float) -> _Line | None:
+def _slope(points: MeanPoints, group: IntArray, earth: float, limit: float) -> _Line | None:
     """Line over |ω| ≤ limit, less the drift between the readings at rest; over the slowest two rates at least.
 
     None where all rates are one.
@@ -225,7 +222,7 @@ def _share_of_scatter(columns: FloatArray, output: FloatArray, residual: FloatAr
     return min(1.0, float(np.sqrt(bent @ bent / freedom / line))) if line > 0.0 else 1.0
 
 
-def _drift(points: MeanPoints, group: npt.NDArray[np.int64]) -> FloatArray:
+def _drift(points: MeanPoints, group: IntArray) -> FloatArray:
     """How far the bias had moved at each point, V: interpolated between the readings at rest, 0 on average."""
     rest = group[np.abs(points.rate_dps[group]) < 0.5]
     if rest.size < 2:
@@ -265,7 +262,7 @@ def _bias(
 
 
 def _supported(dt: FloatArray, order: int, what: str, warnings: list[str]) -> int:
-    """The order that the number of temperatures supports, with a sentence where it is less than asked."""
+    """The order that the number of temperatures supports, with a sentence where it is less than requested."""
     possible = min(order, dt.size - 1)
     if possible < order:
         temperatures = "one temperature" if dt.size == 1 else f"{dt.size} temperatures"
@@ -276,7 +273,7 @@ def _supported(dt: FloatArray, order: int, what: str, warnings: list[str]) -> in
 
 def _k_of_rate(
     points: MeanPoints,
-    group: npt.NDArray[np.int64],
+    group: IntArray,
     gain: float,
     offset: float,
     earth: float,
@@ -310,3 +307,40 @@ def _factor_of(basis: tuple[str, ...], coefficients: FloatArray, covariance: Flo
         covariance=tuple(tuple(map(float, row)) for row in covariance),
         dof=dof,
     )
+
+
+_REST_DPS = 0.5
+_APART_DPS = 1.0
+_TERMS_IN_MOTION = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Carries:
+    """`rate_terms`: terms in ω, in addition to scale factor and bias, that one temperature's rates identify.
+
+    `scale_temperatures`: temperatures with two rates or a motion, which tell a scale factor; `bias_temperatures`: those
+    that tell a bias, by the same or by rest.
+    """
+
+    rate_terms: int
+    scale_temperatures: int
+    bias_temperatures: int
+
+
+def what_it_carries(steps: Sequence[ReducedStep]) -> Carries:
+    """Count what these runs can tell; a motion passes through as many rates as any law has terms."""
+    rate_terms, scales, biases = 0, 0, 0
+    for group in group_by_temperature(np.array([step.mean_temperature_c for step in steps])):
+        own = [steps[i] for i in group]
+        rates = np.array([float(np.mean(step.rate_dps)) for step in own if step.kind != "motion"])
+        moving = rates.size < len(own)
+        two_rates = rates.size > 0 and float(np.ptp(rates)) > _APART_DPS
+        scales += moving or two_rates
+        biases += moving or two_rates or bool(np.any(np.abs(rates) < _REST_DPS))
+        if moving:
+            rate_terms = _TERMS_IN_MOTION
+        elif two_rates:
+            signed = np.unique(np.round(rates))
+            magnitudes = np.unique(np.abs(signed[signed != 0]))
+            rate_terms = max(rate_terms, min(magnitudes.size - 1, signed.size - 2))
+    return Carries(rate_terms=max(rate_terms, 0), scale_temperatures=scales, bias_temperatures=biases)

@@ -12,14 +12,11 @@ from itertools import combinations
 from math import factorial
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.calibration.compensation import by_stages, mean_rate
-from benchctl.calibration.linear import clustered_covariance
 from benchctl.calibration.result import BeforeAfter, PolynomialFactor, Share, Stage
-from benchctl.calibration.rows import Rows
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl.calibration.rows import Rows, clustered_covariance
+from benchctl_instruments.interfaces import FloatArray
 
 _TURNS = 12
 _CURVED_FROM_DPS = 60.0
@@ -135,9 +132,9 @@ def _secant(slopes: FloatArray, rows: Rows, delay_s: float) -> FloatArray:
     """The slopes with that of the delay taken over all of it, from none to what was found."""
     if delay_s == 0.0:
         return slopes
-    whole = slopes.copy()
-    whole[:, 2] = (rows.true_rate(0.0) - rows.true_rate(delay_s)) / delay_s
-    return whole
+    full = slopes.copy()
+    full[:, 2] = (rows.true_rate(0.0) - rows.true_rate(delay_s)) / delay_s
+    return full
 
 
 def _solve(slopes: FloatArray, residual: FloatArray) -> FloatArray:
@@ -159,7 +156,7 @@ def _shares(slopes: FloatArray, residual: FloatArray, parts: dict[str, list[int]
         return float(moment[places] @ np.linalg.lstsq(gram[inside], moment[places], rcond=1e-12)[0])
 
     names = tuple(parts)
-    whole = max(drop(names), 1e-300)
+    total = max(drop(names), 1e-300)
     shares = []
     for name in names:
         others = [other for other in names if other != name]
@@ -168,5 +165,5 @@ def _shares(slopes: FloatArray, residual: FloatArray, parts: dict[str, list[int]
             weight = factorial(size) * factorial(len(names) - size - 1) / factorial(len(names))
             for before in combinations(others, size):
                 share += weight * (drop((*before, name)) - drop(before))
-        shares.append(Share(part=name, share=share / whole, alone=drop((name,)) / whole))
+        shares.append(Share(part=name, share=share / total, alone=drop((name,)) / total))
     return tuple(shares)

@@ -12,14 +12,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import t as student
 
 from benchctl.calibration.uncertainty import coverage_factor
 from benchctl_instruments.errors import UsageError, in_line
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.interfaces import BoolArray, FloatArray
 
 FEWEST_RATES = 5
 """So many rates other than rest tell a line from a sine."""
@@ -204,7 +202,7 @@ def _sine_through(rate: FloatArray, mean: FloatArray) -> OptimizeResult:
     )
 
 
-def _fit(rate: FloatArray, mean: FloatArray, use: npt.NDArray[np.bool_]) -> PointsFit:
+def _fit(rate: FloatArray, mean: FloatArray, use: BoolArray) -> PointsFit:
     """Both laws through the points in use, residuals of all."""
     x, y = rate[use], mean[use]
     slope, offset = np.polyfit(x, y, 1)

@@ -13,16 +13,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
-from benchctl.calibration.angle_rate import Smoother, choose_smoother, unwrap_deg
+from benchctl.calibration.angle_rate import Smoother, choose_smoother, places_of_rate, rates_at, unwrap_deg
 from benchctl.calibration.blocks import Blocks, Span, block_means, delay_of, places_in
-from benchctl.calibration.settling import settled_from, whole_revolutions
 from benchctl.calibration.thermistor import TemperatureLine
 from benchctl.recordings.mapped import FILLED
 from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.interfaces import BoolArray, FloatArray
 
 QUIET_BAND_HZ = 5.0
 FREE_MOTION_BAND_HZ = 2.0
@@ -44,7 +41,7 @@ class _Samples:
     time_s: FloatArray
     angle_deg: FloatArray
     output_v: FloatArray
-    bad: npt.NDArray[np.bool_]
+    bad: BoolArray
 
     def begin_at(self, first: int) -> _Samples:
         """Those from the sample `first` on, copied: what they are of need not be kept for them."""
@@ -67,12 +64,12 @@ class _Samples:
 
 @dataclass(frozen=True, slots=True)
 class _Found:
-    """A span and the place of its first sample; whether it `ends`, and whether that is after `whole` revolutions."""
+    """A span and the place of its first sample; whether it `ends`, and whether that is after `complete` revolutions."""
 
     begin: int
     span: Span
     ends: bool
-    whole: bool
+    complete: bool
 
 
 class StepReduction:
@@ -118,7 +115,7 @@ class StepReduction:
         self._rest = None if last else self._left_over(samples, found)
 
     def _average(self, found: _Found) -> None:
-        """Blocks of a span; where it ends, none of those after its last whole revolution if it has made one."""
+        """Blocks of a span; where it ends, none of those after its last complete revolution if it has made one."""
         blocks = block_means(
             found.span,
             self.smoother,
@@ -128,7 +125,7 @@ class StepReduction:
         )
         if blocks is not None:
             self.blocks.append(blocks)
-        if found.whole:
+        if found.complete:
             self._whole = len(self.blocks)
         elif found.ends and self._whole > self._begun:
             del self.blocks[self._whole :]
@@ -137,19 +134,19 @@ class StepReduction:
 
     def _good(self, part: Step) -> _Samples:
         """The samples whose angle is known; one that is not makes a gap."""
-        seen = np.isfinite(part["encoder_deg"])
+        finite = np.isfinite(part["encoder_deg"])
         time, angle, output = (part[name] for name in ("time_s", "encoder_deg", "gyro_v"))
         filled = part.channels.get(FILLED)
-        if not seen.all():
-            time, angle, output = time[seen], angle[seen], output[seen]
-            filled = None if filled is None else filled[seen]
+        if not finite.all():
+            time, angle, output = time[finite], angle[finite], output[finite]
+            filled = None if filled is None else filled[finite]
         bad = ~np.isfinite(output)
         if bad.any():
             output = np.where(bad, 0.0, output)
         bad |= clipped(output, self._meta)
         if filled is not None:
             bad |= filled > 0.5
-        self.masked += int(np.count_nonzero(bad) + seen.size - np.count_nonzero(seen))
+        self.masked += int(np.count_nonzero(bad) + finite.size - np.count_nonzero(finite))
         return _Samples(time, angle, output, bad)
 
     def _spans(self, samples: _Samples, last: bool) -> Iterator[_Found]:
@@ -160,7 +157,7 @@ class StepReduction:
             if stop - start < _SHORTEST and not goes_on:
                 continue
             angle = unwrap_deg(samples.angle_deg[start:stop])
-            first, end, whole = 0, angle.size, kind != "constant_rate"
+            first, end, complete = 0, angle.size, kind != "constant_rate"
             if kind in QUIET_KINDS:
                 settled = 0 if goes_on else settled_from(angle, self.smoother, _angle_noise_deg(self._meta.bench))
                 if settled is None or (settled > end - _SHORTEST and not goes_on):
@@ -168,12 +165,12 @@ class StepReduction:
                     continue
                 first, self.unsettled = settled, self.unsettled + settled
             if kind == "constant_rate":
-                # The smoother's ends fall off both sides of the span; whole revolutions are counted between them.
+                # The smoother's ends fall off both sides of the span; complete revolutions are counted between them.
                 inside = angle[first + half : end - half]
                 if not goes_on:
                     self._turned_deg = 0.0
                 if inside.size:
-                    count, self._turned_deg, whole = whole_revolutions(inside, self._turned_deg)
+                    count, self._turned_deg, complete = whole_revolutions(inside, self._turned_deg)
                     end = first + count + 2 * half
             self._goes_on = True
             chosen = slice(start + first, start + end)
@@ -183,7 +180,7 @@ class StepReduction:
                 output_v=samples.output_v[chosen],
                 bad=samples.bad[chosen],
             )
-            yield _Found(chosen.start, span, last or stop < samples.time_s.size, whole)
+            yield _Found(chosen.start, span, last or stop < samples.time_s.size, complete)
 
     def _left_over(self, samples: _Samples, found: list[_Found]) -> _Samples | None:
         """What the next part goes on from: of the last span what no block is of, and the angles about its end."""
@@ -211,7 +208,7 @@ def _unbroken(time_s: FloatArray, interval_s: float) -> Iterator[tuple[int, int]
     return pairwise(map(int, [0, *breaks, time_s.size]))
 
 
-def clipped(output: FloatArray, meta: Meta) -> npt.NDArray[np.bool_]:
+def clipped(output: FloatArray, meta: Meta) -> BoolArray:
     """Samples at the converter's ends, or at the output's limit where the lab states one; shape (n,)."""
     limit = np.inf
     if meta.bench.adc_range_v > 0:
@@ -237,3 +234,52 @@ def _angle_noise_deg(bench: BenchFacts) -> float:
     if bench.encoder_counts_per_rev > 0:
         return float(360.0 / bench.encoder_counts_per_rev / np.sqrt(12.0))
     return 1.0 / 3600.0
+
+
+RELATIVE_TOLERANCE = 2e-3
+"""Departure from the settled rate that still counts as settled: above eccentricity and ripple, far below a spin-up."""
+
+REST_TOLERANCE_DPS = 0.02
+MARGIN_S = 0.1
+"""Left out after the table has settled, so that the gyro's own filter settles too."""
+
+_FEWEST_RATES = 100
+
+
+def settled_from(angle_deg: FloatArray, smoother: Smoother, angle_noise_deg: float) -> int | None:
+    """First sample from which the table keeps its rate, 0 where it did so from the start; None where it never does.
+
+    `angle_deg` are unwrapped angles. The settled rate is the median over the second half; only the first half is
+    searched, so that a disturbance later on stays in the data, where robust fits can see it.
+    """
+    where = places_of_rate(angle_deg.size, smoother)
+    samples = where.stop - where.start
+    if samples < 8:
+        return None
+    # No rate changes much within half a window of the smoother.
+    every = max(1, min(smoother.half, samples // _FEWEST_RATES))
+    rate = rates_at(angle_deg, np.arange(where.start, where.stop, every), smoother)
+    second_half = rate[rate.size // 2 :]
+    target = float(np.median(second_half))
+    tolerance = max(RELATIVE_TOLERANCE * abs(target), REST_TOLERANCE_DPS, 8 * angle_noise_deg * smoother.noise_gain)
+    if float(np.mean(np.abs(second_half - target) > tolerance)) > 0.1:
+        return None
+    off = np.flatnonzero(np.abs(rate[: rate.size // 2] - target) > tolerance)
+    if off.size == 0:
+        return 0
+    return int((off[-1] + 1) * every + 2 * smoother.half + round(MARGIN_S * smoother.sample_rate_hz))
+
+
+def whole_revolutions(angle_deg: FloatArray, turned_deg: float = 0.0) -> tuple[int, float, bool]:
+    """How many of the samples make complete revolutions, from the first on; all of them where there is not even one.
+
+    `turned_deg` had been turned of one when they begin. Beside their number: how much of one has been turned where the
+    next sample is, and whether there was one.
+    """
+    travelled = turned_deg + np.abs(angle_deg - angle_deg[0])
+    turns = int(travelled[-1] // 360.0)
+    if turns == 0:
+        step = float(travelled[-1] - travelled[0]) / max(angle_deg.size - 1, 1)
+        return int(angle_deg.size), float(travelled[-1]) + step, False
+    count = int(np.searchsorted(travelled, turns * 360.0))
+    return count, float(travelled[count]) - turns * 360.0, True

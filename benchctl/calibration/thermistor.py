@@ -11,12 +11,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
+
+from benchctl_instruments.interfaces import FloatArray
 
 if TYPE_CHECKING:
     from benchctl.calibration.reduce import ReducedStep
 
-FloatArray = npt.NDArray[np.float64]
 
 _NODES_EVERY_S = 30.0
 _GAP_S = 300.0

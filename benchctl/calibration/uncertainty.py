@@ -7,11 +7,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import brentq
 from scipy.special import ndtri, stdtr, stdtrit
 
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.interfaces import FloatArray
 
 K = 2.0
 LEVEL = math.erf(K / math.sqrt(2.0))

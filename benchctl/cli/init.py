@@ -23,7 +23,7 @@ def init(
     from benchctl.atomic import whole_file
     from benchctl.bench import template
     from benchctl.bench_schema import BENCH_SCHEMA, LIMITS_SCHEMA, as_text, bench_schema, directive, limits_schema
-    from benchctl.metrology.limits_template import acceptance_test_template, limits_template
+    from benchctl.metrology.limit_file import acceptance_test_template, limits_template
     from benchctl_instruments.errors import UsageError, reason
 
     with result_of("init", json_to, quiet) as result:

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import get_args
 
 from benchctl.closeness import meant
 from benchctl.explain.effects import effect_entries
-from benchctl.explain.entry import Entry, Group
-from benchctl.explain.glossary import term_entries
-from benchctl.explain.metrics import metric_entries
+from benchctl.explain.glossary import Entry, Group, extra, shared, term_entries
 from benchctl.limits import cut
+from benchctl.metrology.names import PROCEDURES, UNITS
+from benchctl.reports.acceptance.catalogue import catalogue
 from benchctl_instruments.errors import UsageError
 
 _BRITISH = (("z", "s"), ("fiber", "fibre"), ("center", "centre"), ("aging", "ageing"))
@@ -86,3 +86,24 @@ def _key(spelling: str) -> str:
     for american, british in _BRITISH:
         key = key.replace(american, british)
     return key.removesuffix("s") if len(key) > _SYMBOL else key
+
+
+def metric_entries() -> Iterator[Entry]:
+    """Every result, in the order of the report."""
+    words = catalogue("en")
+    for name, unit in UNITS.items():
+        test, more = words.test(name), extra("metrics", name)
+        facts = {"Unit": words.unit(unit), "Computed": more.get("computed", ""), "Others mean": more.get("others", "")}
+        if name in PROCEDURES:
+            facts["Measured by"] = f"benchctl run {PROCEDURES[name]}; benchctl run acceptance has it too"
+        facts["Limit"] = f"[limits.{name}] in limits.toml"
+        yield Entry(
+            name=name,
+            title=test.name,
+            group=more.get("group", "metrics"),
+            words=test.definition,
+            equation=test.formula,
+            facts={label: value for label, value in facts.items() if value},
+            drawing=more.get("picture", ""),
+            **shared(more),
+        )

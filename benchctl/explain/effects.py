@@ -6,8 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from benchctl.explain.entry import Entry, Group
-from benchctl.explain.glossary import beside, shared, tables
+from benchctl.explain.glossary import Entry, Group, extra, shared, tables
 from benchctl.reports import vocabulary
 from benchctl.reports.advice import advice_for
 from benchctl_instruments.physics.chamber_effects.registry import chamber_effects
@@ -47,8 +46,8 @@ def symbols(entry: Entry) -> dict[str, str]:
     """The letters of an effect's equation and what they stand for."""
     if entry.effect is None:
         return {}
-    known = {**tables()["symbols"].get(entry.group, {}), **beside("effects", entry.name).get("symbols", {})}
-    return {letter: says for letter, says in known.items() if _stands_in(letter, entry.equation)}
+    known = {**tables()["symbols"].get(entry.group, {}), **extra("effects", entry.name).get("symbols", {})}
+    return {letter: meaning for letter, meaning in known.items() if _occurs_in(letter, entry.equation)}
 
 
 def parameters(entry: Entry, usual: Mapping[str, tuple[float, float]]) -> tuple[ParameterWords, ...]:
@@ -72,7 +71,7 @@ def parameters(entry: Entry, usual: Mapping[str, tuple[float, float]]) -> tuple[
 
 
 def _entry(group: Group, kind: type[DescribedEffect]) -> Entry:
-    more = beside("effects", kind.identifier)
+    more = extra("effects", kind.identifier)
     return Entry(
         name=kind.identifier,
         title=kind.identifier.replace("_", " "),
@@ -107,5 +106,5 @@ def _facts(group: Group, kind: type[DescribedEffect]) -> Iterator[tuple[str, str
     yield "In a model file", f"[{table}.{kind.identifier}]{second}"
 
 
-def _stands_in(letter: str, equation: str) -> bool:
+def _occurs_in(letter: str, equation: str) -> bool:
     return re.search(rf"(?<!{_LETTER}){re.escape(letter)}(?!{_LETTER})", equation) is not None

@@ -6,9 +6,7 @@ from typing import Any
 
 from benchctl.explain.book import find
 from benchctl.explain.effects import parameters, symbols
-from benchctl.explain.entry import Entry
-from benchctl.explain.glossary import kind
-from benchctl.explain.numbers import as_written
+from benchctl.explain.glossary import Entry, as_written, kind
 
 
 def explained(term: str) -> dict[str, Any]:
@@ -48,7 +46,7 @@ def as_values(entry: Entry) -> dict[str, Any]:
             }
             for one in parameters(entry, usual(entry))
         ],
-        "facts": [{"label": label, "says": says} for label, says in entry.facts.items()],
+        "facts": [{"label": label, "says": value} for label, value in entry.facts.items()],
         "look_alikes": list(entry.look_alikes),
         "sources": list(entry.sources),
         "see": list(entry.see),

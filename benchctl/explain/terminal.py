@@ -7,10 +7,8 @@ import textwrap
 from collections.abc import Iterator, Mapping
 
 from benchctl.explain.effects import ParameterWords, parameters, symbols
-from benchctl.explain.entry import Entry, Group
 from benchctl.explain.explained import usual
-from benchctl.explain.glossary import heading, kind
-from benchctl.explain.numbers import as_written
+from benchctl.explain.glossary import Entry, Group, as_written, heading, kind
 from benchctl.reports import text
 
 NARROWEST, WIDEST = 64, 100
@@ -43,8 +41,8 @@ def _lines(entry: Entry, width: int) -> Iterator[str]:
         yield from _labelled("Equation", entry.equation, width)
         yield from _symbol_lines(symbols(entry), width)
     yield from _parameter_lines(parameters(entry, usual(entry)), width)
-    for label, says in entry.facts.items():
-        yield from _labelled(label, says, width)
+    for label, value in entry.facts.items():
+        yield from _labelled(label, value, width)
     for label, listed in (
         ("Mistaken for", ", ".join(entry.look_alikes)),
         ("Sources", "; ".join(entry.sources)),
@@ -59,7 +57,7 @@ def _lines(entry: Entry, width: int) -> Iterator[str]:
 
 def _symbol_lines(letters: Mapping[str, str], width: int) -> Iterator[str]:
     if letters:
-        yield from _labelled("", "; ".join(f"{letter}: {says}" for letter, says in letters.items()), width)
+        yield from _labelled("", "; ".join(f"{letter}: {meaning}" for letter, meaning in letters.items()), width)
 
 
 def _parameter_lines(described: tuple[ParameterWords, ...], width: int) -> Iterator[str]:
@@ -71,31 +69,31 @@ def _parameter_lines(described: tuple[ParameterWords, ...], width: int) -> Itera
 
 def _sizes(one: ParameterWords) -> str:
     """Unit, bounds and usual size of a parameter."""
-    told = [f"{as_written(one.low)} to {text.with_unit(as_written(one.high), one.unit)}"]
+    parts = [f"{as_written(one.low)} to {text.with_unit(as_written(one.high), one.unit)}"]
     if one.usual is not None:
         either = "±" if one.low < 0.0 else ""
         low, high = one.usual
-        told.append(f"usual {either}{text.with_unit(_span(low, high), one.unit)}")
+        parts.append(f"usual {either}{text.with_unit(_span(low, high), one.unit)}")
     if one.gone is not None:
-        told.append(f"none at {as_written(one.gone)}")
-    return f"; {', '.join(told)}"
+        parts.append(f"none at {as_written(one.gone)}")
+    return f"; {', '.join(parts)}"
 
 
 def _span(low: float, high: float) -> str:
     return as_written(low) if low == high else f"{as_written(low)} to {as_written(high)}"
 
 
-def _labelled(label: str, says: str, width: int) -> Iterator[str]:
-    """A label, and what it says in a column of its own."""
+def _labelled(label: str, value: str, width: int) -> Iterator[str]:
+    """Yield a label and its value in a column."""
     first = f"  {label:<{_LABELS}}"
-    lines = _wrapped(says, width, " " * len(first))
+    lines = _wrapped(value, width, " " * len(first))
     lines[0] = first + lines[0][len(first) :]
     yield from lines
 
 
-def _wrapped(says: str, width: int, indent: str) -> list[str]:
+def _wrapped(value: str, width: int, indent: str) -> list[str]:
     return textwrap.wrap(
-        says, width, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False, break_long_words=False
+        value, width, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False, break_long_words=False
     )
 
 
@@ -112,17 +110,17 @@ def _listed(groups: Mapping[Group, tuple[Entry, ...]], width: int) -> Iterator[s
 
 
 def _gist(entry: Entry) -> str:
-    """What stands beside a name in the list: the title of a metric, else the first clause of the words."""
+    """Return the text after a name in the list: the title of a metric, else the first clause of the words."""
     if entry.group in ("metrics", "noise"):
         return text.with_unit(entry.title + ",", entry.facts["Unit"])
     return _CLAUSE.split(entry.words, maxsplit=1)[0]
 
 
-def _short(told: str, room: int) -> str:
-    """As much of a clause as there is room for: up to a comma if need be."""
-    while len(told) > room and ", " in told:
-        told = told.rpartition(", ")[0]
-    return textwrap.shorten(told, room, placeholder=" …")
+def _short(clause: str, room: int) -> str:
+    """Shorten a clause to the available space, at a comma if possible."""
+    while len(clause) > room and ", " in clause:
+        clause = clause.rpartition(", ")[0]
+    return textwrap.shorten(clause, room, placeholder=" …")
 
 
 def _typed(name: str) -> str:

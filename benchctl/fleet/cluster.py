@@ -1,17 +1,25 @@
-"""A Dask cluster: one that is there already, by its scheduler's address, or processes on this machine for the while."""
+"""Run jobs on a Dask cluster: a running one by its scheduler's address, or new processes on this machine."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
 import signal
+import time
+import uuid
 import warnings
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Iterator, Sequence
+from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from typing import Any
 
-from benchctl_instruments.errors import UsageError, in_line
+import benchctl
+from benchctl.campaign.stop import StopRequest
+from benchctl.fleet.job import Job, Outcome
+from benchctl.fleet.work import MOST_STARTS, starts_of, work
+from benchctl_instruments.errors import BenchError, LinkError, UsageError, in_line
 
 _CONNECT_S = 5.0
 _ENOUGH = 1_000_000
@@ -48,7 +56,7 @@ def connected(scheduler: str | None, workers: int) -> Iterator[Any]:
         Where no scheduler answers at the address, or no processes can be started.
     """
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # dask's own, on versions and ports: what fails because of them is told
+        warnings.simplefilter("ignore")  # dask's, on versions and ports: their consequences are reported as errors
         import dask
         from distributed import Client  # first, as the end of the settings would take its own away with them
 
@@ -94,7 +102,7 @@ async def _greet(scheduler: str) -> None:
 
 
 def _hush() -> None:
-    """Silence dask's log, whose tracebacks tell a user nothing: what fails is told in words."""
+    """Silence dask's log, whose tracebacks do not help a user: errors are reported in one line."""
     known = [*logging.root.manager.loggerDict, "distributed", "tornado", "asyncio"]
     for name in known:
         if name.partition(".")[0] in ("distributed", "tornado", "asyncio"):
@@ -136,3 +144,89 @@ def _deaf() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+_LOOK_S = 0.02
+_AHEAD = 256
+"""Jobs that are handed over at once, or two for each thread of a larger cluster."""
+_DONE_AGAIN = ("lost", "pending")
+"""Of a job that had ended: its worker died before the outcome was taken from it, and the cluster asks another one."""
+
+
+def outcomes(client: Any, jobs: Sequence[Job], stop: StopRequest) -> Iterator[tuple[Job, Outcome]]:
+    """Do jobs, the largest recordings first, on the cluster of a client of dask's; each with its outcome, as it ends.
+
+    Raises
+    ------
+    StoppedError
+        Where a stop was requested; jobs that have not begun are cancelled.
+    LinkError
+        Where the scheduler is gone, or has dropped the jobs; workers finish their current jobs.
+    """
+    from distributed import as_completed
+
+    waiting = deque(sorted(jobs, key=lambda job: -job.recording.size))
+    given: dict[str, Job] = {}
+    ended = as_completed()
+    ahead = max(_AHEAD, 2 * sum(client.nthreads().values()))
+    futures: dict[str, Any] = {}
+    try:
+        while waiting or given:
+            while waiting and len(given) < ahead:
+                job = waiting.popleft()
+                future = client.submit(work, job, benchctl.__version__, key=f"{job.verb}-{uuid.uuid4().hex}")
+                given[future.key], futures[future.key] = job, future
+                ended.add(future)
+            stop.heed()
+            if not ended.has_ready():
+                time.sleep(_LOOK_S)
+                continue
+            for future in ended.next_batch(block=False):
+                status = future.status
+                if status in _DONE_AGAIN:
+                    ended.add(future)
+                    continue
+                outcome = _outcome_of(future, status, given[future.key])
+                del futures[future.key]
+                job = given.pop(future.key)
+                if outcome is None:
+                    waiting.append(job)
+                else:
+                    yield job, outcome
+    except (OSError, CancelledError) as err:
+        futures.clear()  # the scheduler that could cancel them is gone
+        raise LinkError(
+            f"scheduler {client.scheduler.address}: is gone, or was restarted; the same command goes on"
+        ) from err
+    finally:
+        if futures:
+            client.cancel(list(futures.values()), force=True)
+
+
+def _outcome_of(future: Any, status: str, job: Job) -> Outcome | None:
+    """How a job ended whose future has this status; None where a scheduler gave it up whose workers died, not of it.
+
+    Raises `OSError` or `CancelledError` where the scheduler is gone.
+    """
+    from distributed.scheduler import KilledWorker
+
+    if status == "finished":
+        outcome: Outcome = future.result()
+        return outcome
+    if status != "error":
+        raise CancelledError
+    error = future.exception()
+    if isinstance(error, KilledWorker) and _starts(job) < MOST_STARTS:
+        return None
+    return Outcome(
+        state="failed",
+        reason=f"{job.recording.where}: the worker could not do it: {type(error).__name__}: {in_line(str(error))}",
+    )
+
+
+def _starts(job: Job) -> int:
+    """Return how many workers died of a job; the maximum where that is unknown."""
+    try:
+        return len(starts_of(job))
+    except BenchError:
+        return MOST_STARTS

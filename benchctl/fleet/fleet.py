@@ -1,4 +1,4 @@
-"""A verb over many recordings: what is to be done, done on a cluster, and what is stated of each recording then."""
+"""Run a verb on many recordings, on a cluster, and collect what is stated of each."""
 
 from __future__ import annotations
 
@@ -7,11 +7,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from benchctl.campaign.stop import StoppedError, StopRequest
-from benchctl.fleet.cluster import connected, refuse_without_dask
+from benchctl.fleet.cluster import connected, outcomes, refuse_without_dask
 from benchctl.fleet.job import Job, JobRecord, Options, Outcome, kept, record_at
 from benchctl.fleet.located import Located
 from benchctl.fleet.places import Place, place_of
-from benchctl.fleet.running import outcomes
 from benchctl.reports.fleet_facts import Fleet, Member
 from benchctl.reports.fleet_stated import REPORTS, VERBS, FleetVerb
 from benchctl.side_by_side import cores
@@ -20,7 +19,7 @@ from benchctl_instruments.errors import BenchError, LinkError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """Where a fleet is done and where its results land; None: processes on this machine, and beside each recording."""
+    """Where a fleet runs and where its results land; None: processes on this machine, and next to each recording."""
 
     scheduler: str | None = None
     workers: int | None = None
@@ -33,11 +32,11 @@ def run_fleet(
     recordings: Sequence[Located],
     options: Options,
     settings: Settings,
-    told: Callable[[Job, Outcome], None],
+    on_outcome: Callable[[Job, Outcome], None],
     say: Callable[[str], None],
     stop: StopRequest,
 ) -> Fleet:
-    """Do a verb on recordings, but not what was done already; `told` hears of each outcome, `say` of what is amiss.
+    """Run a verb on recordings that need it; `on_outcome` is called with each outcome, `say` with warnings.
 
     Raises
     ------
@@ -60,7 +59,7 @@ def run_fleet(
 
     def end(job: Job, outcome: Outcome) -> None:
         ended[job.recording.where] = outcome
-        told(job, outcome)
+        on_outcome(job, outcome)
 
     for job in jobs:
         if (outcome := kept(job)) is not None:
@@ -102,7 +101,7 @@ def _member(job: Job, outcome: Outcome, out: str | None) -> Member:
         serial=unit.serial if unit else "",
         model=unit.model if unit else "",
         state=outcome.state,
-        says=outcome.says,
+        says=outcome.reason,
         stated={verb: record.stated for verb, record in records.items()},
         reports={verb: f"{place_of(job.recording, verb, out).where}/{REPORTS[verb]}" for verb in records},
     )

@@ -1,4 +1,4 @@
-"""A job: one verb on one recording; and what is kept of it beside its results, so that it is not done twice."""
+"""A job: one verb on one recording; and its record next to the results, so that it is not done twice."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SCHEMA: Schema = "benchctl-fleet-job/1"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """What a verb is told beside the recording; `model` is a model file's name and text."""
+    """Options of a verb; `model` is a model file's name and text."""
 
     limits: Limits | None = None
     language: str = "en"
@@ -34,8 +34,8 @@ class Options:
     part: Part = "gyro"
     seed: int = 0
 
-    def told(self, verb: FleetVerb) -> dict[str, str]:
-        """What of it makes a difference to a verb's results; files by their digest."""
+    def relevant(self, verb: FleetVerb) -> dict[str, str]:
+        """Return the options that affect a verb's results; files by their digest."""
         match verb:
             case "fit":
                 return {}
@@ -61,7 +61,7 @@ class Job:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JobRecord:
-    """What lies beside the results: what was asked, of what, by which version and run of a fleet, what came of it.
+    """The record next to the results: the job, the version and run of the fleet that did it, and its result.
 
     `sha256` is over the recording's files, `files` are the results' names and `document_sha256` is of the one for
     programs: results that were replaced since are not this job's any more.
@@ -92,7 +92,7 @@ class Outcome:
 
     state: Literal["done", "kept", "failed"]
     record: JobRecord | None = None
-    says: str = ""
+    reason: str = ""
 
 
 def record_name(verb: FleetVerb) -> str:
@@ -118,16 +118,16 @@ def record_at(place: Place, verb: FleetVerb) -> JobRecord | None:
 def earlier(job: Job) -> JobRecord | None:
     """The record of the same job by the same version, whatever became of the recording since."""
     record = None if job.again else record_at(job.place, job.verb)
-    if record is None or record.version != benchctl.__version__ or record.options != job.options.told(job.verb):
+    if record is None or record.version != benchctl.__version__ or record.options != job.options.relevant(job.verb):
         return None
     return record if record.recording == job.recording.where else None
 
 
 def kept(job: Job) -> Outcome | None:
-    """The outcome of a job that need not be done, as far as the recording's stamp tells; None where it may have to."""
+    """Return the outcome of a job that is up to date by the recording's stamp; None where it may have to be done."""
     try:
         record = earlier(job)
-    except BenchError:  # whoever does the job is refused, too, and says why
+    except BenchError:  # the worker meets the same error and reports it
         return None
     unchanged = record is not None and record.stamp == job.recording.stamp != ()
     return Outcome(state="kept", record=record) if unchanged else None

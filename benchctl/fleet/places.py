@@ -1,8 +1,8 @@
-"""Where the results on a recording land, whole: in a folder, local or at a URL.
+"""Store the results on a recording atomically: in a folder, local or at a URL.
 
-A folder that is not there yet is filled under another name and renamed. In one that is there (a campaign's own, or that
-of earlier results, in which people may keep notes) the files are renamed into place one by one: the job's record is
-taken away first and comes last, so that a half is never taken for a whole.
+A new folder is filled under another name and renamed. In an existing one (a campaign's, or that of earlier results,
+which may have people's notes) the files are renamed into place one by one: the job's record is removed first and
+written last, so that an incomplete set of results is never taken for a complete one.
 """
 
 from __future__ import annotations
@@ -19,8 +19,7 @@ from pathlib import Path
 from typing import Protocol
 
 from benchctl.atomic import disk_errors, sync_file, sync_folder, whole_file
-from benchctl.fleet.located import Located, is_url
-from benchctl.fleet.remote import filesystem, remote_errors
+from benchctl.fleet.located import Located, filesystem, is_url, remote_errors
 from benchctl.recordings.campaign_manifest import add_to_manifest
 from benchctl.reports.fleet_stated import FleetVerb
 from benchctl_instruments.errors import UsageError
@@ -32,7 +31,7 @@ KINDS: Mapping[FleetVerb, str] = {"fit": "fit", "diagnose": "diagnosis", "accept
 class Place(Protocol):
     """A folder of results that may not be there yet.
 
-    A note, `begun`, says who works on it, as long as it is worked on. All methods raise `UsageError` where the disk, or
+    A note, `begun`, names its workers while they work on it. All methods raise `UsageError` where the disk, or
     the filesystem of a URL, refuses.
     """
 
@@ -47,7 +46,7 @@ class Place(Protocol):
         """The files that are there."""
 
     def put(self, name: str, content: bytes) -> None:
-        """Write one file, whole, into the folder, which is there."""
+        """Write one file atomically into the existing folder."""
 
     def land(self, folder: Path, record: str, stale: set[str]) -> None:
         """Take all files of a local folder over, `record` last; `stale` are earlier ones to be removed."""
@@ -182,9 +181,9 @@ def place_of(recording: Located, verb: FleetVerb, out: str | None) -> Place:
     """Where the results of a verb on a recording land.
 
     Those on a local campaign in its folder, as by the single verb; on any other recording, and whatever is fetched, in
-    a folder of its own beside it: NAME.fit, NAME.diagnosis or NAME.acceptance. Of an open recording NAME.open.fit, as
-    the file that it was imported into may well lie beside it. With `out`, a folder or a URL, there, each in a folder of
-    its own, named also by a digest of where the recording is, so that two of one name do not meet.
+    a folder next to it: NAME.fit, NAME.diagnosis or NAME.acceptance. Of an open recording NAME.open.fit, as
+    the file that it was imported into may lie next to it. With `out`, a folder or a URL, there, each in a folder
+    named also by a digest of where the recording is, so that two of one name do not meet.
     """
     name = f"{recording.name}.open" if recording.kind == "open" else recording.name
     if out is not None:
@@ -194,7 +193,7 @@ def place_of(recording: Located, verb: FleetVerb, out: str | None) -> Place:
         return LocalPlace(recording.where, f"{recording.where}/.benchctl-fleet-{verb}.begun")
     if "::" in recording.where or recording.where.startswith(("http://", "https://")):
         raise UsageError(
-            f"{recording.where}: nothing can be written beside it; give --out, a folder or URL for all results"
+            f"{recording.where}: nothing can be written next to it; give --out, a folder or URL for all results"
         )
     return _own(f"{recording.where.rpartition('/')[0]}/{name}.{KINDS[verb]}")
 

@@ -1,4 +1,4 @@
-"""What a worker does: one job, from its recording to results in their place; what goes wrong is told in one line."""
+"""Do one job in a worker: run the verb on its recording and store the results; report errors in one line."""
 
 from __future__ import annotations
 
@@ -7,16 +7,18 @@ import os
 import socket
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import benchctl
-from benchctl.fleet.job import SCHEMA, Job, JobRecord, Outcome, earlier, record_at, record_name
-from benchctl.fleet.located import files_of
-from benchctl.fleet.remote import fetch
-from benchctl.reports.fleet_stated import DOCUMENTS, stated_in
+from benchctl.fleet.job import SCHEMA, Job, JobRecord, Options, Outcome, earlier, record_at, record_name
+from benchctl.fleet.located import Located, fetch, files_of
+from benchctl.recordings.model import Unit
+from benchctl.recordings.reader import open_recording
+from benchctl.recordings.verify import refuse_changed
+from benchctl.reports.fleet_stated import DOCUMENTS, FleetVerb, stated_in
 from benchctl_instruments.errors import BenchError, in_line, reason
 
 MOST_STARTS = 2
@@ -46,8 +48,8 @@ def work(job: Job, version: str) -> Outcome:
             return _failed(f"{job.recording.where}: {type(err).__name__}: {in_line(str(err))}")
 
 
-def _failed(says: str) -> Outcome:
-    return Outcome(state="failed", says=" ".join(says.split()))
+def _failed(reason: str) -> Outcome:
+    return Outcome(state="failed", reason=" ".join(reason.split()))
 
 
 def _unless_done(job: Job) -> Outcome:
@@ -74,14 +76,12 @@ def _unless_done(job: Job) -> Outcome:
 
 def _done(job: Job, path: Path, digest: str, folder: Path, stale: set[str]) -> Outcome:
     """The results, made in a folder and landed; `stale` are files of earlier ones."""
-    from benchctl.fleet.verbs import do_verb
-
     folder.mkdir()
     unit = do_verb(job.verb, job.recording, path, job.options, folder)
     record = JobRecord(
         schema=SCHEMA,
         verb=job.verb,
-        options=job.options.told(job.verb),
+        options=job.options.relevant(job.verb),
         version=benchctl.__version__,
         run=job.run,
         recording=job.recording.where,
@@ -119,11 +119,11 @@ def _noted(job: Job) -> Iterator[None]:
 
 def _digest(path: Path, job: Job) -> str:
     """SHA-256 over the files of a recording: names and contents."""
-    told = hashlib.sha256()
+    digest = hashlib.sha256()
     for file in files_of(path, job.recording.kind):
         with file.open("rb") as content:
-            told.update(f"{file.name} {hashlib.file_digest(content, 'sha256').hexdigest()}\n".encode())
-    return told.hexdigest()
+            digest.update(f"{file.name} {hashlib.file_digest(content, 'sha256').hexdigest()}\n".encode())
+    return digest.hexdigest()
 
 
 def _scratch() -> str | None:
@@ -135,3 +135,53 @@ def _scratch() -> str | None:
     except ValueError:
         return None
     return folder
+
+
+def do_verb(verb: FleetVerb, recording: Located, path: Path, options: Options, folder: Path) -> Unit:
+    """Do a verb on a recording, at `path`, which is not where it is if it was fetched; its unit.
+
+    Raises `UsageError` where the single verb does.
+    """
+    _DOES[verb](recording, path, options, folder)
+    with open_recording(path) as opened:
+        return opened.meta.unit
+
+
+def _fit(recording: Located, path: Path, _: Options, folder: Path) -> None:
+    from benchctl.reports.fitting import calibrated
+
+    found = calibrated([path])
+    if recording.remote:  # it is not to be looked for in a scratch folder
+        (source,) = found.content["source"]
+        found = replace(found, content={**found.content, "source": [{**source, "recording": recording.where}]})
+    found.write(folder)
+
+
+def _diagnose(_: Located, path: Path, options: Options, folder: Path) -> None:
+    from benchctl.reports.diagnosing import diagnose_recordings, write_diagnosed
+
+    refuse_changed(path, "diagnosed")
+    model = None
+    if options.model is not None:
+        name, text = options.model
+        model = folder.with_name(name)
+        model.write_text(text, encoding="utf-8")
+    found = diagnose_recordings([path], model=model, part=options.part, seed=options.seed)
+    write_diagnosed(found, folder)
+
+
+def _accept(recording: Located, path: Path, options: Options, folder: Path) -> None:
+    from benchctl.reports.accepting import accept_recording
+
+    assert options.limits is not None  # noqa: S101 - `benchctl.cli.fleet` requires them
+    found = accept_recording(path, options.limits)
+    if recording.remote:
+        found = replace(found, facts=replace(found.facts, path=Path(recording.where)))
+    found.write(folder, options.language)
+
+
+_DOES: Mapping[FleetVerb, Callable[[Located, Path, Options, Path], None]] = {
+    "fit": _fit,
+    "diagnose": _diagnose,
+    "accept": _accept,
+}

@@ -1,4 +1,4 @@
-"""All tests of a recording, each judged by its limit."""
+"""Run all tests on a recording and judge each by its limit."""
 
 from __future__ import annotations
 
@@ -21,16 +21,15 @@ from benchctl.metrology.gyro_tests.temperature import temperature_tests
 from benchctl.metrology.gyro_tests.warm_up import warm_up_tests
 from benchctl.metrology.limit_file import Limits
 from benchctl.metrology.names import UNITS
-from benchctl.metrology.result import Acceptance, Measured
-from benchctl.metrology.said import Said, said
-from benchctl.metrology.seen import Seen, Settings, seen_in
+from benchctl.metrology.observations import Observations, Settings, observe
+from benchctl.metrology.result import Acceptance, Measured, Message, message
 from benchctl.metrology.stretches import LEAST_V2
 from benchctl.metrology.verdict import judged, overall, rule_of
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.stated import expired_of
 from benchctl_instruments.errors import UsageError
 
-_TESTS: tuple[Callable[[Seen], Iterator[Measured]], ...] = (
+_TESTS: tuple[Callable[[Observations], Iterator[Measured]], ...] = (
     scale_factor_tests,
     repeatability_tests,
     temperature_tests,
@@ -46,14 +45,14 @@ _TESTS: tuple[Callable[[Seen], Iterator[Measured]], ...] = (
 
 
 def measured_in(recording: Recording, settings: Settings) -> tuple[Measured, ...]:
-    """The results of all tests, in the order of `UNITS`; those that the recording does not hold say so.
+    """Return the results of all tests, in the order of `UNITS`; those that the recording does not contain are refused.
 
     Raises
     ------
     UsageError
-        Where it holds no reading at all, or an output that is not in volts, or never changes.
+        Where it has no reading at all, or an output that is not in volts, or never changes.
     """
-    # BLAS adds up in another order on another number of threads: a rerun elsewhere has to give the same digits
+    # BLAS sums in another order on another number of threads: a rerun elsewhere must give the same digits
     with threadpool_limits(limits=1, user_api="blas"):
         return _measured_in(recording, settings)
 
@@ -64,23 +63,23 @@ def _measured_in(recording: Recording, settings: Settings) -> tuple[Measured, ..
             f"{recording.path}: the output is in {recording.meta.output_unit}; the tests are defined for a gyro whose "
             "output is in volts"
         )
-    seen = seen_in(recording, settings)
-    if not seen.stretches:
+    obs = observe(recording, settings)
+    if not obs.stretches:
         raise UsageError(
-            f"{recording.path}: has no whole step at rest or at a constant rate, and so nothing to be accepted by; "
-            "`benchctl run acceptance` records what the tests need"
+            f"{recording.path}: has no complete step at rest or at a constant rate, which the tests need; "
+            "`benchctl run acceptance` records them"
         )
-    if seen.points.set_dps.size > 1 and np.ptp(seen.points.output_v) < math.sqrt(LEAST_V2):
+    if obs.points.set_dps.size > 1 and np.ptp(obs.points.output_v) < math.sqrt(LEAST_V2):
         raise UsageError(
-            f"{recording.path}: the output is {seen.points.output_v[0]:g} V at every rate; "
+            f"{recording.path}: the output is {obs.points.output_v[0]:g} V at every rate; "
             "check that the unit is connected and on"
         )
-    found = {measured.name: measured for test in _TESTS for measured in test(seen)}
+    found = {measured.name: measured for test in _TESTS for measured in test(obs)}
     return tuple(found[name] for name in UNITS)
 
 
 def accepted(recording: Recording, limits: Limits) -> Acceptance:
-    """Measure a recording and judge it; raises what `measured_in` does."""
+    """Measure a recording and judge it; raises the errors of `measured_in`."""
     rule = rule_of(limits.guard)
     every = tuple(
         judged(measured, limits.limits.get(measured.name), rule) for measured in measured_in(recording, limits.settings)
@@ -98,19 +97,19 @@ def accepted(recording: Recording, limits: Limits) -> Acceptance:
     )
 
 
-def _anomalies(recording: Recording) -> Iterator[Said]:
-    """What a reader of the report must know of the recording itself."""
+def _anomalies(recording: Recording) -> Iterator[Message]:
+    """Yield the anomalies of the recording itself, for the report."""
     status = recording.meta.status
     if status not in ("complete", "simulated", "imported"):
-        yield said("not_complete", status=status)
+        yield message("not_complete", status=status)
     if not recording.digest:
-        yield said("no_digest")
+        yield message("no_digest")
     if status == "imported":
-        yield said("foreign")
+        yield message("foreign")
     for info in recording.infos:
         if not info.whole:
-            yield said("not_whole", step=info.name)
+            yield message("not_whole", step=info.name)
         if info.gaps:
-            yield said("gaps", count=info.gaps, step=info.name)
+            yield message("gaps", count=info.gaps, step=info.name)
     for one in expired_of(recording.meta):
-        yield said("certificate_expired", role=one.role, model=one.model, date=str(one.calibrated_until))
+        yield message("certificate_expired", role=one.role, model=one.model, date=str(one.calibrated_until))

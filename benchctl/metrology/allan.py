@@ -1,36 +1,67 @@
-"""An Allan analysis: deviations over averaging times with their intervals, and the terms that they are made of."""
+"""Compute the Allan deviation and the noise coefficients with confidence intervals."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+from scipy.special import chdtr, chdtrc
 
-from benchctl.metrology.coefficients import DIGITS, LONGEST_SHARE, Terms, terms_of
+from benchctl.metrology.coefficients import DIGITS, LONGEST_SHARE, AllanScatter, Terms, interval_of, terms_of
 from benchctl.metrology.deviations import deviation
-from benchctl.metrology.misfit import Misfit, misfit_of
-from benchctl.metrology.scatter import AllanScatter, interval_of
 from benchctl.metrology.series import Series
 from benchctl_instruments.errors import UsageError
+from benchctl_instruments.interfaces import FloatArray, IntArray
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+_NEAR = 0.05
+"""Relative misfit up to which a coefficient is still useful."""
+_CHANCE = 1e-6
+"""Probability of a misfit by chance: in a thousand records none at any of some fifty averaging times."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Misfit:
+    """The averaging time at which the deviation lies farthest from that of the terms, both in the series' unit.
+
+    The five terms are fitted to any record. In one with a spectral line, correlated noise or a filter they may be wrong
+    by an order of magnitude, and their intervals do not cover that. The place of the largest misfit is not the place of
+    its cause: a line of 1 Hz can spoil the fit at a minute.
+    """
+
+    tau_s: float
+    deviation: float
+    modelled: float
+
+
+def misfit_of(tau_s: FloatArray, deviation: FloatArray, modelled: FloatArray, freedom: FloatArray) -> Misfit | None:
+    """Return the largest misfit over the fitted averaging times, all (k,); None where the terms describe the record.
+
+    A misfit counts where it is significant by χ² with the degrees of freedom of the terms, and larger than 5 %.
+    """
+    apart = np.abs(deviation - modelled) / np.maximum(deviation, modelled)
+    squares = freedom * (deviation / modelled) ** 2
+    by_chance = 2.0 * np.minimum(chdtr(freedom, squares), chdtrc(freedom, squares))
+    apart[by_chance > _CHANCE] = 0.0
+    worst = int(np.argmax(apart))
+    if apart[worst] <= _NEAR:
+        return None
+    return Misfit(tau_s=float(tau_s[worst]), deviation=float(deviation[worst]), modelled=float(modelled[worst]))
+
 
 LEAST_SAMPLES = 90
-"""Fewer have no five averaging times up to a ninth of their record."""
+"""Least number of samples for five averaging times up to a ninth of the record."""
 _SPREADS = (1e-50, 1e50)
-"""Of samples whose fourth powers, over any record, are numbers."""
+"""Range of samples whose fourth powers are finite."""
 _PER_DECADE = 10
 _LONGEST = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Allan:
-    """Of a series: arrays of shape (k,) over averaging times, `ci95` (k, 2), and the terms.
+    """The analysis of a series: arrays of shape (k,) over averaging times, `ci95` (k, 2), and the terms.
 
-    `freedom` are the equivalent degrees of freedom of each variance, for the noise that was found (`scatter`); `misfit`
-    is where the terms do not describe what they were fitted to, or None.
+    `freedom` are the equivalent degrees of freedom of each variance, for the estimated noise (`AllanScatter`); `misfit`
+    states where the terms do not describe the deviations, or None.
     """
 
     series: Series
@@ -43,19 +74,19 @@ class Allan:
 
 
 def averaging_factors(samples: int) -> IntArray:
-    """Whole factors, ten a decade, up to a third of the record; shape (k,)."""
+    """Return integer factors, ten a decade, up to a third of the record; shape (k,)."""
     decades = np.log10(samples / _LONGEST)
     spread = 10.0 ** (np.arange(int(decades * _PER_DECADE) + 1) / _PER_DECADE)
     return np.unique(np.round(spread).astype(np.int64))
 
 
 def analysed(series: Series) -> Allan:
-    """The analysis of an even series.
+    """Analyse an evenly sampled series.
 
     Raises
     ------
     UsageError
-        Where it has too few samples, or they do not change at all, or by what is no rate.
+        Where it has too few samples, or they do not change, or change by no finite amount.
     """
     samples = series.values.size
     if samples < LEAST_SAMPLES:

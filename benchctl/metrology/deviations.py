@@ -1,40 +1,44 @@
-"""The Allan deviation and its relatives, of a rate that is sampled evenly.
+"""Compute the Allan deviation and its relatives of an evenly sampled rate.
 
 All are mean squares of differences of the integrated rate x, which NIST calls phase: x has one point more than there
-are samples, and begins at 0. What takes the time is in `kernels`.
+are samples, and begins at 0. `kernels` has the inner loops.
 
 Source: W. J. Riley, Handbook of Frequency Stability Analysis, NIST Special Publication 1065 (2008), section 5.2. The
-tests hold them against the numbers that it prints.
+tests compare with the numbers that it prints.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+import sys
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import nullcontext
 from functools import partial
 from typing import Literal
 
 import numpy as np
+from numpy.lib.stride_tricks import as_strided
 from threadpoolctl import threadpool_limits
 
-from benchctl.metrology.differences import sums_of_squares
-from benchctl.metrology.kernels import FloatArray, IntArray, Kernels, kernels_for
-from benchctl.metrology.moving import sums_of_squared_averages
-from benchctl.metrology.phase import integrated
+from benchctl.metrology.kernels import RUN, Kernels, by_numpy, room
+from benchctl.side_by_side import cores, in_order
 from benchctl_instruments.errors import UsageError
+from benchctl_instruments.interfaces import FloatArray, IntArray
 
 Kind = Literal["adev", "oadev", "mdev", "tdev", "hdev", "ohdev", "totdev"]
 
 _ALONE = np.array([1])
 _MANY = 10_000
-"""From so many terms on BLAS adds squares up on several threads, which only wait for one another, and for ours."""
+"""Number of terms from which BLAS adds squares up on several threads, which only wait for each other and for ours."""
+_NUMBA_PAYS = 2_000_000_000
+"""Number of differences from which numba is faster although loading it takes half a second."""
 
 
 def deviation(rates: FloatArray, factors: IntArray, interval_s: float, kind: Kind = "oadev") -> FloatArray:
-    """The deviations of rates of shape (n,), sampled every `interval_s`, over `factors` samples each, shape (k,).
+    """Compute the deviations (k,) of rates of shape (n,), sampled every `interval_s`, over `factors` samples each.
 
-    In the unit of the rates; `tdev` in that unit times seconds. NaN where the record is too short for a factor. It
-    works on all cores, and in as much memory again as the rates take.
+    In the unit of the rates; `tdev` in that unit times seconds. NaN where the record is too short for a factor. Uses
+    all cores, and as much memory again as the rates take.
 
     Raises
     ------
@@ -51,38 +55,56 @@ def deviation(rates: FloatArray, factors: IntArray, interval_s: float, kind: Kin
     return found * factors * (interval_s / np.sqrt(3.0)) if kind == "tdev" else found
 
 
+def kernels_for(differences: int) -> Kernels:
+    """Return the kernels that are faster for so many differences, all lags together."""
+    loaded = sys.modules.get("numba") is not None
+    return compiled() if loaded or differences >= _NUMBA_PAYS else by_numpy()
+
+
+def compiled() -> Kernels:
+    """Return numba's kernels, compiled once and cached on disk; numpy's without numba or a place for the cache.
+
+    Both give the same digits but the last one or two.
+    """
+    try:
+        from benchctl.metrology import kernels_numba
+    except (ImportError, RuntimeError):
+        return by_numpy()
+    return Kernels(running_sums=kernels_numba.running_sums, squares=kernels_numba.squares)
+
+
 def _overlapping(phase: FloatArray, factors: IntArray, kernels: Kernels, order: int) -> FloatArray:
-    """Of all differences, each beginning one sample after the other."""
+    """Variance from all differences, each beginning one sample after the other."""
     return _mean(sums_of_squares(phase, factors, order, kernels), phase.size - order * factors, factors, order)
 
 
 def _apart(phase: FloatArray, factors: IntArray, kernels: Kernels, order: int) -> FloatArray:
-    """Of differences that begin an averaging time after each other."""
+    """Variance from differences that begin an averaging time after each other."""
     ends = (np.ascontiguousarray(phase[::m]) for m in factors.tolist())
     sums = [sums_of_squares(each, _ALONE, order, kernels)[0] for each in ends]
     return _mean(np.array(sums), (phase.size - 1) // factors + 1 - order, factors, order)
 
 
 def _modified(phase: FloatArray, factors: IntArray, _: Kernels) -> FloatArray:
-    """The differences are averaged over the averaging time too."""
+    """Variance from differences that are averaged over the averaging time as well."""
     return _mean(sums_of_squared_averages(phase, factors), phase.size - 3 * factors + 1, factors, 2)
 
 
 def _total(phase: FloatArray, factors: IntArray, kernels: Kernels) -> FloatArray:
-    """The phase is continued by its own reflection about either end."""
+    """Variance from the phase extended by its own reflection about either end."""
     sums = [sums_of_squares(_reflected(phase, m), np.array([m]), 2, kernels)[0] for m in factors.tolist()]
     return _mean(np.array(sums), np.where(factors < phase.size - 1, phase.size - 2, 0), factors, 2)
 
 
 def _reflected(phase: FloatArray, m: int) -> FloatArray:
-    """As many points longer at either end as have a difference that reaches into the phase."""
+    """Extend the phase at either end by the points whose differences reach into it."""
     before = 2.0 * phase[0] - phase[m - 1 : 0 : -1]
     behind = 2.0 * phase[-1] - phase[-2 : -m - 1 : -1]
     return np.concatenate([before, phase, behind])
 
 
 def _mean(sums: FloatArray, terms: IntArray, factors: IntArray, order: int) -> FloatArray:
-    """Of squared differences of averages of white noise, of which one has 2 or 6 variances; NaN of no terms."""
+    """Mean of squared differences, normalised by that of white noise (2 or 6 variances); NaN without terms."""
     size = {2: 2.0, 3: 6.0}[order]
     return np.where(terms > 0, sums, np.nan) / (size * np.maximum(terms, 1) * factors**2.0)
 
@@ -96,3 +118,158 @@ _VARIANCES: Mapping[Kind, Callable[[FloatArray, IntArray, Kernels], FloatArray]]
     "ohdev": partial(_overlapping, order=3),
     "totdev": _total,
 }
+
+
+_ROWS = 2
+"""Rows of a core's piece, each summed separately: compiled, two take as long as one."""
+_SPAN = 1 << 19
+"""Samples of a row."""
+
+
+def integrated(rates: FloatArray, kernels: Kernels) -> FloatArray:
+    """Integrate rates of shape (n,), in units of the sampling interval, from 0 on; shape (n + 1,).
+
+    The mean, which cancels in every difference, is subtracted first, so that the sum of 10⁸ samples keeps its digits.
+
+    Raises
+    ------
+    UsageError
+        For rates that are not finite, or fewer than three of them.
+    """
+    if rates.ndim != 1 or rates.size < 3 or not np.isfinite(mean := _phase_mean(rates)):
+        raise UsageError(f"expected at least 3 finite rates in a row, got {rates.size} of shape {rates.shape}")
+    phase = room(rates.size + 1)
+    phase[0] = 0.0
+    sums = phase[1:]
+    spans = [slice(begin, begin + _SPAN) for begin in range(0, rates.size, _SPAN)]
+    even = rates.size // (_ROWS * _SPAN) * _ROWS
+    pieces = [spans[k : k + _ROWS] for k in range(0, even, _ROWS)] + [[span] for span in spans[even:]]
+    workers = min(cores(), len(pieces))
+
+    def added_up(piece: list[slice]) -> FloatArray:
+        part = slice(piece[0].start, piece[-1].stop)
+        rows = (len(piece), -1)
+        return kernels.running_sums(rates[part].reshape(rows), mean, sums[part].reshape(rows))
+
+    def lifted(span: slice, by: float) -> None:
+        sums[span] += by
+
+    ends = np.cumsum(np.concatenate(list(in_order(added_up, pieces, workers))))
+    lifts = zip(spans[1:], ends.tolist(), strict=False)
+    for _ in in_order(lambda lift: lifted(*lift), lifts, workers):
+        pass
+    return phase
+
+
+def _phase_mean(rates: FloatArray) -> float:
+    """Mean of the rates; not finite where a rate is not."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return float(rates.mean())
+
+
+_LONG = 1 << 20
+"""Points of a phase from which several cores are used, each for a factor."""
+
+
+def sums_of_squared_averages(phase: FloatArray, factors: IntArray) -> FloatArray:
+    """Sums of squares of averages over m second differences in a row, for factors m of shape (k,); 0 without any."""
+    workers = cores() if phase.size > _LONG else 1
+    return np.array(list(in_order(partial(_of_one, phase), factors.tolist(), workers)))
+
+
+def _of_one(phase: FloatArray, m: int) -> float:
+    """Sum for one factor; each average is the one before plus the entering and minus the leaving difference."""
+    averages = phase.size - 3 * m + 1
+    if averages < 1:
+        return 0.0
+    rooms = np.empty((3, min(RUN, phase.size)))
+    last = sum(float(_second(phase, m, k, min(k + RUN, m), rooms[:2]).sum()) for k in range(0, m, RUN))
+    total = last**2
+    for begin in range(0, averages - 1, RUN):
+        end = min(begin + RUN, averages - 1)
+        out = _second(phase, m, begin, end, rooms[:2])
+        into = _second(phase, m, begin + m, end + m, rooms[1:])
+        steps = np.subtract(into, out, out=out)
+        steps[0] += last
+        sums = np.cumsum(steps, out=rooms[1, : steps.size])
+        total += float(sums @ sums)
+        last = float(sums[-1])
+    return total / m**2
+
+
+def _second(phase: FloatArray, m: int, begin: int, end: int, rooms: FloatArray) -> FloatArray:
+    """Compute the second differences `begin` to `end` in the first of two buffers."""
+    later: FloatArray
+    later, earlier = rooms[:, : end - begin]
+    middle = phase[begin + m : end + m]
+    np.subtract(phase[begin + 2 * m : end + 2 * m], middle, out=later)
+    np.subtract(middle, phase[begin:end], out=earlier)
+    later -= earlier
+    return later
+
+
+_SHORT = 1 << 13
+"""The longest of the short lags."""
+_DIFFERENCES_SPAN = 1 << 20
+"""Points in a row of a core's piece."""
+_COLUMNS = 1 << 17
+"""Points of a piece that is made of columns."""
+_NARROWEST = 1 << 6
+"""Least number of columns of a piece, a multiple of 8, so that all rows are aligned alike in the cache lines."""
+
+
+def sums_of_squares(phase: FloatArray, lags: IntArray, order: int, kernels: Kernels) -> FloatArray:
+    """Sums of squares, shape (k,), of all differences of order 2 or 3 of a phase of shape (n,) over lags (k,).
+
+    0 where there is no difference. Order 2 is the difference of neighbouring averages, order 3 that of two such
+    differences. The kernels work piece by piece, so that a piece stays in a core's cache, several cores on a piece
+    each; the number of cores changes no bit of the sums. Over short lags a piece is a run of points. Points that lie a
+    long lag apart do not share a cache: there the phase is arranged in rows as long as the lag, and a piece is a copy
+    of some columns. Lags that are multiples of one, as in an octave or decade grid, share the pieces: the record is
+    read from memory once for all of them.
+    """
+    found = dict.fromkeys(lags.tolist(), 0.0)
+    short = np.array(sorted(lag for lag in found if lag <= _SHORT), dtype=np.int64)
+    workers = min(cores(), math.ceil(phase.size / _DIFFERENCES_SPAN))
+
+    def of_points(begin: int) -> tuple[IntArray, FloatArray]:
+        return short, kernels.squares(phase, short, order, begin, min(begin + _DIFFERENCES_SPAN, phase.size))
+
+    def of_columns(piece: tuple[int, IntArray, slice]) -> tuple[IntArray, FloatArray]:
+        base, multiples, columns = piece
+        points = _copied(phase, base, columns)
+        lags = multiples * points.shape[1]
+        return multiples * base, kernels.squares(points.reshape(-1), lags, order, 0, points.size)
+
+    pieces = _pieces(phase.size, sorted(lag for lag in found if _SHORT < lag < phase.size))
+    for done in (
+        in_order(of_points, range(0, phase.size, _DIFFERENCES_SPAN), workers),
+        in_order(of_columns, pieces, workers),
+    ):
+        for over, sums in done:
+            for lag, of_lag in zip(over.tolist(), sums.tolist(), strict=True):
+                found[lag] += of_lag
+    return np.array([found[lag] for lag in lags.tolist()])
+
+
+def _pieces(points: int, lags: list[int]) -> Iterator[tuple[int, IntArray, slice]]:
+    """Yield the lag that a row is long, the multiples of it among the lags, and columns that have equally many rows."""
+    while lags:
+        base = lags[0]
+        multiples = np.array([lag // base for lag in lags if lag % base == 0])
+        rows, longer = divmod(points, base)
+        width = max(_COLUMNS // (rows + 1) // 8 * 8, _NARROWEST)
+        for first, last in ((0, longer), (longer, base)):
+            for begin in range(first, last, width):
+                yield base, multiples, slice(begin, min(begin + width, last))
+        lags = [lag for lag in lags if lag % base]
+
+
+def _copied(phase: FloatArray, base: int, columns: slice) -> FloatArray:
+    """Copy columns of a phase arranged in rows of `base` points; shape (rows, columns)."""
+    (step,) = phase.strides
+    rows = (phase.size - columns.start - 1) // base + 1
+    shape = rows, columns.stop - columns.start
+    copied = room(shape[0] * shape[1]).reshape(shape)
+    copied[:] = as_strided(phase[columns.start :], shape, (base * step, step), writeable=False)
+    return copied

@@ -1,4 +1,4 @@
-"""What rest says of the bias' drift: how strong it is, and how much of it lies in the readings between.
+"""Estimate the drift of the bias from rest: its strength, and its part in the readings between.
 
 A gyro's bias walks. Readings at rest, cut into pieces, tell how far it walks (restricted likelihood, as in the
 calibration); between two of them it is known to lie, and what is taken off a reading there is its expectation (the
@@ -11,12 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.calibration.noise_model import MeansNoise, estimate, likely_noises, linear_means, walk_covariance
 from benchctl.calibration.uncertainty import Mixture, dof_of_mixture
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.interfaces import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,14 +28,14 @@ class Means:
     middle_s: FloatArray
     duration_s: FloatArray
     white_v2: FloatArray
-    rest: npt.NDArray[np.bool_]
+    rest: BoolArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settled:
     """Outputs with the drift taken off, and their covariance (n, n): the bias first where there was rest.
 
-    `dof` are the degrees of freedom that go with the covariance: the fewer, the less the rest tells of the walk.
+    `dof` are the degrees of freedom that go with the covariance: the fewer, the less is known of the walk.
     """
 
     output_v: FloatArray

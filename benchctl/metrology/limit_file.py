@@ -17,6 +17,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 
 from pydantic import Field, model_validator
@@ -24,8 +25,8 @@ from pydantic import Field, model_validator
 from benchctl.closeness import meant
 from benchctl.limits import shown
 from benchctl.metrology.names import UNITS
+from benchctl.metrology.observations import Settings
 from benchctl.metrology.result import Limit, Papers
-from benchctl.metrology.seen import Settings
 from benchctl.tables import Table
 from benchctl.toml_file import line_of, parse_toml, read_text
 from benchctl.units import factor_between
@@ -94,8 +95,8 @@ def read_limits(path: Path) -> Limits:
 
 def limits_of_text(text: str, path: Path) -> Limits:
     """The limits of a text that is read already; raises what `read_limits` does."""
-    told = parse_toml(text, LimitFile, str(path))
-    for name, entry in told.limits.items():
+    content = parse_toml(text, LimitFile, str(path))
+    for name, entry in content.limits.items():
         if name not in UNITS:
             raise UsageError(f"{path}, line {line_of(text, ('limits', name))}: {_unknown(name)}")
         try:
@@ -107,18 +108,28 @@ def limits_of_text(text: str, path: Path) -> Limits:
         path=path,
         text=text,
         sha256=hashlib.sha256(text.encode()).hexdigest(),
-        guard=told.guard,
-        limits={name: Limit(low=one.low, high=one.high, unit=one.unit) for name, one in told.limits.items()},
-        settings=Settings(**told.settings.model_dump()),
+        guard=content.guard,
+        limits={name: Limit(low=one.low, high=one.high, unit=one.unit) for name, one in content.limits.items()},
+        settings=Settings(**content.settings.model_dump()),
         papers=Papers(
-            title=told.title,
-            customer=told.customer,
-            standard=told.standard,
-            stage=told.stage,
-            firmware=told.firmware,
+            title=content.title,
+            customer=content.customer,
+            standard=content.standard,
+            stage=content.stage,
+            firmware=content.firmware,
         ),
     )
 
 
 def _unknown(name: str) -> str:
     return f"there is no test {shown(name)}: {meant(name, UNITS)}"
+
+
+def limits_template() -> str:
+    """Return a commented limits.toml that the simulated gyro passes."""
+    return files("benchctl.metrology").joinpath("limits.toml").read_text(encoding="utf-8")
+
+
+def acceptance_test_template() -> str:
+    """Return an acceptance.bench-test.toml, for a folder with a bench.toml and a limits.toml."""
+    return files("benchctl.metrology").joinpath("acceptance_test.toml").read_text(encoding="utf-8")

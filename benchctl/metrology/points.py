@@ -7,16 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.metrology.drift import Means, Noises, settled
 from benchctl.metrology.propagation import Offsets, Quantity, independent, scattered, single
 from benchctl.metrology.stretches import Reading, Stretch
 from benchctl.recordings.stated import StatedUncertainties
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
+from benchctl_instruments.interfaces import BoolArray, FloatArray, IntArray
 
 UP, DOWN, REST = 1, -1, 0
 _ALIKE_DPS = 1e-6
@@ -62,8 +58,8 @@ class Points:
     def of(self, chosen: BoolArray | IntArray) -> Points:
         """Some of the points."""
         places = np.flatnonzero(chosen) if chosen.dtype == np.bool_ else chosen
-        whole = ("covariance_v2", "walk_v2_per_s", "dof", "rest_steps")
-        own = {name: getattr(self, name)[places] for name in self.__dataclass_fields__ if name not in whole}
+        shared = ("covariance_v2", "walk_v2_per_s", "dof", "rest_steps")
+        own = {name: getattr(self, name)[places] for name in self.__dataclass_fields__ if name not in shared}
         return Points(
             **own,
             covariance_v2=self.covariance_v2[np.ix_(places, places)],
@@ -205,3 +201,16 @@ def _rows(readings: Sequence[Reading], stretch: int) -> list[_Row]:
             )
         )
     return rows
+
+
+def line(rate_dps: FloatArray, output_v: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Slope [V/(deg/s)] and intercept [V] of the least-squares line of each draw, (d,) each, of points (d, n)."""
+    x = rate_dps - rate_dps.mean(axis=1, keepdims=True)
+    slope = (x * output_v).sum(axis=1) / (x**2).sum(axis=1)
+    return slope, output_v.mean(axis=1) - slope * rate_dps.mean(axis=1)
+
+
+def misfit(rate_dps: FloatArray, output_v: FloatArray) -> FloatArray:
+    """Residual of the least-squares line through all points [V], shape (d, n)."""
+    slope, intercept = line(rate_dps, output_v)
+    return np.asarray(output_v - slope[:, None] * rate_dps - intercept[:, None])

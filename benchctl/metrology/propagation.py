@@ -1,9 +1,9 @@
-"""How the uncertainties of what goes into a result become that of the result, in two ways that check each other.
+"""Propagate the uncertainties of the quantities in a result, in two ways that check each other.
 
-A result is a function of offsets: by how much each quantity that it is computed from differs from what was read. By the
+A result is a function of offsets: the differences of the quantities from their readings. By the
 law of propagation of uncertainty (JCGM 100:2008, 5.1 and 5.2) each offset is moved up and down by one standard
 uncertainty, one independent direction at a time. By Monte Carlo (JCGM 101:2008) all are drawn at once. Where the two
-part, the function is not straight over the offsets, and what was drawn is stated.
+differ, the function is not linear over the offsets, and the result of Monte Carlo is stated.
 """
 
 from __future__ import annotations
@@ -14,43 +14,40 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.calibration.result import Contribution
 from benchctl.calibration.uncertainty import LEVEL, coverage_factor, effective_dof
-from benchctl.metrology.result import Uncertainty
-from benchctl.metrology.said import said
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl.metrology.result import Uncertainty, message
+from benchctl_instruments.interfaces import FloatArray
 
 Offsets = Mapping[str, FloatArray]
-"""Of each quantity, by name, shape (d, n): d tries at once."""
+"""Offsets of each quantity, by name, shape (d, n): d draws at once."""
 Function = Callable[[Offsets], FloatArray]
-"""Of each of the tries: the result, shape (d,), or numbers that it is made of, shape (d, n)."""
+"""Maps draws to the result, shape (d,), or to the numbers that it is made of, shape (d, n)."""
 
 AGREE = 0.05
-"""Up to this part of the expanded uncertainty the two ways are held to agree."""
+"""Relative difference of the expanded uncertainties up to which the two ways agree."""
 _DRAWS = 20_000
 _SEED = 952
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quantity:
-    """What a result depends on: n numbers with the covariance root·rootᵀ, `root` of shape (n, m).
+    """An input of a result: n numbers with the covariance root·rootᵀ, `root` of shape (n, m).
 
-    `uniform`: a rectangle of that standard deviation rather than a bell. `kind` after GUM, 4.2 and 4.3. With finite
-    degrees of freedom `dof` the offsets have Student's t distribution (JCGM 101, 6.4.9).
+    `uniform`: a rectangular rather than a normal distribution of that standard deviation. `kind` after GUM, 4.2 and
+    4.3. With finite degrees of freedom `dof` the offsets have Student's t distribution (JCGM 101, 6.4.9).
     """
 
     name: str
     root: FloatArray
     kind: Literal["A", "B"]
-    says: str
+    note: str
     uniform: bool = False
     dof: float = math.inf
 
     def drawn(self, random: np.random.Generator, tries: int) -> FloatArray:
-        """Offsets of shape (tries, n)."""
+        """Draw offsets of shape (tries, n)."""
         shape = (tries, self.root.shape[1])
         half = math.sqrt(3.0)
         standard = random.uniform(-half, half, shape) if self.uniform else random.standard_normal(shape)
@@ -59,29 +56,29 @@ class Quantity:
         return np.asarray(standard @ self.root.T)
 
 
-def single(name: str, standard: float, says: str, *, kind: Literal["A", "B"] = "B", uniform: bool = False) -> Quantity:
-    """A quantity of one number."""
-    return Quantity(name=name, root=np.array([[standard]]), kind=kind, says=says, uniform=uniform)
+def single(name: str, standard: float, note: str, *, kind: Literal["A", "B"] = "B", uniform: bool = False) -> Quantity:
+    """Return a quantity of one number."""
+    return Quantity(name=name, root=np.array([[standard]]), kind=kind, note=note, uniform=uniform)
 
 
-def independent(name: str, standard: FloatArray, says: str, *, uniform: bool = False) -> Quantity:
-    """Numbers that know nothing of each other, standard uncertainties of shape (n,)."""
-    return Quantity(name=name, root=np.diag(standard), kind="B", says=says, uniform=uniform)
+def independent(name: str, standard: FloatArray, note: str, *, uniform: bool = False) -> Quantity:
+    """Return a quantity of independent numbers, standard uncertainties of shape (n,)."""
+    return Quantity(name=name, root=np.diag(standard), kind="B", note=note, uniform=uniform)
 
 
-def scattered(name: str, covariance: FloatArray, says: str, dof: float = math.inf) -> Quantity:
-    """Numbers with a covariance of shape (n, n) that the data themselves tell (type A), with its degrees of freedom."""
+def scattered(name: str, covariance: FloatArray, note: str, dof: float = math.inf) -> Quantity:
+    """Return numbers with a covariance (n, n) estimated from the data (type A), with its degrees of freedom."""
     values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
-    return Quantity(name=name, root=vectors * np.sqrt(np.maximum(values, 0.0)), kind="A", says=says, dof=dof)
+    return Quantity(name=name, root=vectors * np.sqrt(np.maximum(values, 0.0)), kind="A", note=note, dof=dof)
 
 
 def as_read(function: Function, quantities: Sequence[Quantity]) -> FloatArray:
-    """What a function gives without any offset: its one try, without the axis of tries."""
+    """Evaluate a function without any offset; the result has no axis of draws."""
     return np.asarray(function({one.name: np.zeros((1, one.root.shape[0])) for one in quantities})[0])
 
 
 def largest_of(changes: Function, quantities: Sequence[Quantity]) -> tuple[float, Uncertainty]:
-    """The largest size among changes, (d, n) for d tries, and its uncertainty."""
+    """Return the largest magnitude among changes, (d, n) for d draws, and its uncertainty."""
     found = as_read(changes, quantities)
     uncertainty = propagated(
         lambda offsets: np.max(np.abs(changes(offsets)), axis=1),
@@ -92,7 +89,7 @@ def largest_of(changes: Function, quantities: Sequence[Quantity]) -> tuple[float
 
 
 def deviation_of(values: Function, quantities: Sequence[Quantity]) -> tuple[float, Uncertainty]:
-    """The sample standard deviation of values, (d, n) for d tries, and its uncertainty as that of these n."""
+    """Return the sample standard deviation of values, (d, n) for d draws, and its uncertainty for these n."""
     found = as_read(values, quantities)
     uncertainty = propagated(
         lambda offsets: np.std(values(offsets), axis=1, ddof=1),
@@ -103,16 +100,16 @@ def deviation_of(values: Function, quantities: Sequence[Quantity]) -> tuple[floa
 
 
 def nothing() -> Uncertainty:
-    """Of a bound that is what was tried, and no result of a measurement."""
-    return Uncertainty(standard=0.0, expanded=0.0, monte_carlo=0.0, contributors=(), says=said("as_tried"))
+    """Return the uncertainty of a bound given by the values that were tried, not measured."""
+    return Uncertainty(standard=0.0, expanded=0.0, monte_carlo=0.0, contributors=(), says=message("as_tried"))
 
 
 def propagated(function: Function, quantities: Sequence[Quantity], *, null: Function | None = None) -> Uncertainty:
-    """The uncertainty of a result, which is never negative where `null` is given.
+    """Return the uncertainty of a result, which is never negative where `null` is given.
 
-    `null` is what the offsets alone would make of the result if there were nothing to be found: the largest of many
-    differences, say, is never zero. A value that they make as well is not told from zero, and its uncertainty reaches
-    there.
+    `null` is the result of the offsets alone where the true value is zero: the largest of many differences, for
+    example, is never zero. A value within the range of `null` is not distinguishable from zero, and its uncertainty
+    reaches zero.
     """
     value = float(as_read(function, quantities))
     contributors = sorted(
@@ -121,7 +118,7 @@ def propagated(function: Function, quantities: Sequence[Quantity], *, null: Func
                 source=one.name,
                 standard=_moved(function, quantities, one),
                 kind=one.kind,
-                says=one.says,
+                says=one.note,
                 dof=one.dof,
             )
             for one in quantities
@@ -140,16 +137,16 @@ def propagated(function: Function, quantities: Sequence[Quantity], *, null: Func
     monte_carlo = 0.5 * (high - low)
     apart = abs(gum - monte_carlo) / monte_carlo if monte_carlo > 0.0 else 0.0
     if apart <= AGREE:
-        expanded, says = gum, said("gum_agrees", difference_percent=100.0 * apart)
+        expanded, says = gum, message("gum_agrees", difference_percent=100.0 * apart)
     else:
         expanded = max(high - value, value - low)
         rectangle = next((one.name for one in quantities if one.uniform and one.name == contributors[0].source), None)
         if rectangle is not None:
-            says = said("not_normal", difference_percent=100.0 * apart, source=rectangle)
+            says = message("not_normal", difference_percent=100.0 * apart, source=rectangle)
         else:
-            says = said("not_linear" if null is None else "size_of_changes", difference_percent=100.0 * apart)
+            says = message("not_linear" if null is None else "size_of_changes", difference_percent=100.0 * apart)
     if null is not None and value <= float(np.quantile(null(offsets), LEVEL)):
-        expanded, says = max(expanded, value), said("not_told_from_zero")
+        expanded, says = max(expanded, value), message("not_told_from_zero")
     return Uncertainty(
         standard=standard,
         expanded=expanded,
@@ -161,7 +158,7 @@ def propagated(function: Function, quantities: Sequence[Quantity], *, null: Func
 
 
 def _moved(function: Function, quantities: Sequence[Quantity], one: Quantity) -> float:
-    """What one quantity alone contributes: the root of the sum of squares over its independent directions."""
+    """Contribution of one quantity alone: the root of the sum of squares over its independent directions."""
     directions = one.root.shape[1]
     moved = {other.name: np.zeros((2 * directions, other.root.shape[0])) for other in quantities}
     moved[one.name] = np.concatenate([one.root.T, -one.root.T])

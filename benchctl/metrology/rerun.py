@@ -1,4 +1,4 @@
-"""The results of one recording held against those of another of the same unit, test by test."""
+"""Compare the results of two recordings of the same unit, test by test."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ class Compared:
     `difference` is the second value less the first, `uncertainty` √(U1² + U2²), expanded (95.45 %), and `e_n` the
     difference over it, as ISO/IEC 17043 has it: beyond ±1 the two disagree. What both runs have in common, as the same
     instruments and their certificates, is in U1 and in U2 but not in the difference: `e_n` is then smaller than it
-    could be. All three are None where one has no value, or only a bound; the last two where an uncertainty is not
-    known.
+    could be. All three are None where one has no value, or only a bound; the last two where an uncertainty is
+    unknown.
     """
 
     first: Judged
@@ -33,12 +33,12 @@ class Compared:
 
     @property
     def is_told(self) -> bool:
-        """Whether there is anything to be said of it: one of the runs has a value, or it has a limit."""
+        """Whether it is reported: one of the runs has a value, or it has a limit."""
         return any(one.limit is not None or one.measured.value is not None for one in (self.first, self.again))
 
     @property
     def differs(self) -> bool:
-        """Whether |E_n| > 1, or only one of the two has a value, or only one of the two knows no more than a bound."""
+        """Whether |E_n| > 1, or only one of the two has a value, or only one of the two is a bound."""
         before, now = self.first.measured, self.again.measured
         if (before.value is None) != (now.value is None) or before.bound != now.bound:
             return True
@@ -46,12 +46,12 @@ class Compared:
 
     @property
     def verdict_changed(self) -> bool:
-        """Whether the two were judged otherwise; never where neither has a limit."""
+        """Whether the two verdicts differ; never where neither has a limit."""
         return self.first.verdict != self.again.verdict
 
 
 def compared(first: Sequence[Judged], again: Sequence[Judged]) -> tuple[Compared, ...]:
-    """Two runs test by test; the tests of both, judged by the same limits, in the same order.
+    """Compare two runs test by test; both judged by the same limits, in the same order.
 
     Raises
     ------

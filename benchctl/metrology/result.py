@@ -1,4 +1,4 @@
-"""What the tests of a gyro found and how they were judged: the frozen records that reports are written from.
+"""Results of the tests of a gyro and their verdicts: frozen records for the reports.
 
 Every value, uncertainty and contribution of a test is in the unit of that test.
 """
@@ -10,13 +10,82 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-import numpy as np
-import numpy.typing as npt
-
 from benchctl.calibration.result import Contribution
-from benchctl.metrology.said import Said
+from benchctl_instruments.interfaces import FloatArray
 
-FloatArray = npt.NDArray[np.float64]
+PLACEHOLDERS: Mapping[str, tuple[str, ...]] = {
+    # why a test has no value
+    "needs_rates": ("found", "needed"),
+    "needs_both_directions": (),
+    "needs_rest": (),
+    "needs_up_and_down": (),
+    "needs_power_cycles": ("found", "needed"),
+    "needs_set_points": ("found", "needed"),
+    "needs_both_legs": (),
+    "needs_ramps": (),
+    "needs_small_rates": (),
+    "needs_rate_steps": (),
+    "needs_slow_swing": (),
+    "needs_sines": ("found", "needed"),
+    "needs_across": (),
+    "needs_power_on": (),
+    "needs_long_rest": ("found_s", "needed_s"),
+    "needs_scale_factor": (),
+    "term_refused": ("why",),
+    "no_settling_seen": (),
+    # notes on a value
+    "line_up_to": ("limit_dps",),
+    "within_linearity": ("percent",),
+    "earth_taken_off": ("rate_deg_per_h",),
+    "latitude_unknown": (),
+    "of_these_cycles": ("cycles", "low", "high"),
+    "not_told_from_zero": (),
+    "warm_up_law": ("amplitude", "tau_s", "within"),
+    "allan_minimum": ("value", "tau_s"),
+    "terms_misfit": ("tau_s", "value", "modelled"),
+    "mean_of": ("seconds", "count"),
+    "lag_included": (),
+    "gaps": ("count", "step"),
+    # how uncertainty was stated
+    "as_tried": (),
+    "gum_agrees": ("difference_percent",),
+    "chi_square": ("low", "high"),
+    "not_linear": ("difference_percent",),
+    "not_normal": ("difference_percent", "source"),
+    "size_of_changes": ("difference_percent",),
+    # how it was judged
+    "rule_guarded": ("guard", "risk_percent"),
+    "rule_simple": (),
+    "longer": ("times", "source"),
+    "better_instrument": ("source",),
+    "too_near": (),
+    "run_procedure": ("procedure",),
+    # anomalies of a recording
+    "certificate_expired": ("role", "model", "date"),
+    "not_whole": ("step",),
+    "not_complete": ("status",),
+    "no_digest": (),
+    "foreign": (),
+}
+"""Every key and the names of its numbers; the reports' catalogues have a sentence for each, in each language."""
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One sentence: a key of `PLACEHOLDERS` and its numbers or words."""
+
+    key: str
+    values: Mapping[str, float | str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if set(self.values) != set(PLACEHOLDERS[self.key]):
+            raise ValueError(f"{self.key}: has {sorted(self.values)}, expected {PLACEHOLDERS[self.key]}")
+
+
+def message(key: str, **values: float | str) -> Message:
+    """Return a sentence by its key."""
+    return Message(key, values)
+
 
 Verdict = Literal["PASS", "FAIL", "INCONCLUSIVE"]
 Bound = Literal["", "at least", "at most"]
@@ -24,12 +93,12 @@ Bound = Literal["", "at least", "at most"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Uncertainty:
-    """How well a value is known.
+    """The uncertainty of a value.
 
     `standard` is the combined standard uncertainty by the law of propagation (GUM, 5.1) and `dof` its effective degrees
     of freedom. `monte_carlo` is half the width of the interval that holds 95.45 % of the values drawn by Monte Carlo
     (JCGM 101). `expanded` is what is stated: `standard` times the coverage factor that `dof` demands (2 where it is
-    infinite), or `monte_carlo` where the two differ by more than 5 %; `says` tells which and why. `contributors` are
+    infinite), or `monte_carlo` where the two differ by more than 5 %; `says` states which and why. `contributors` are
     sorted, the largest first.
     """
 
@@ -38,7 +107,7 @@ class Uncertainty:
     dof: float = math.inf
     monte_carlo: float
     contributors: tuple[Contribution, ...]
-    says: Said
+    says: Message
 
     @property
     def k(self) -> float | None:
@@ -67,7 +136,7 @@ class Trace:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture:
-    """What a test saw, and below it what its law leaves; labels are keys of the reports' catalogues."""
+    """A test's readings, and below them the residual of its law; labels are keys of the reports' catalogues."""
 
     x: str
     x_unit: str
@@ -83,8 +152,8 @@ class Picture:
 class Measured:
     """The result of one test.
 
-    `value` is None where the recording does not hold what the test needs; `refused` says what. `bound` says that the
-    value is only a limit of what the recording can show. `steps` are the indices of the steps that it comes from.
+    `value` is None where the recording does not contain what the test needs; `refused` states what. `bound`: the value
+    is only a limit of what the recording can show. `steps` are the indices of the steps that it comes from.
     """
 
     name: str
@@ -92,8 +161,8 @@ class Measured:
     value: float | None = None
     uncertainty: Uncertainty | None = None
     bound: Bound = ""
-    refused: Said | None = None
-    notes: tuple[Said, ...] = ()
+    refused: Message | None = None
+    notes: tuple[Message, ...] = ()
     temperature_c: float | None = None
     steps: tuple[int, ...] = ()
     table: tuple[Column, ...] = ()
@@ -102,7 +171,7 @@ class Measured:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limit:
-    """What a value may be, ends included, in `unit`; None: no limit on that side."""
+    """The permitted range of a value, ends included, in `unit`; None: no limit on that side."""
 
     low: float | None
     high: float | None
@@ -113,21 +182,21 @@ class Limit:
 class Judged:
     """A result against its limit; `verdict` is None where there is no limit.
 
-    `measured` is in the limit's unit. `remedy` says of an INCONCLUSIVE one what would make it conclusive.
+    `measured` is in the limit's unit. `remedy` of an INCONCLUSIVE one states what would make it conclusive.
     """
 
     measured: Measured
     limit: Limit | None
     verdict: Verdict | None
-    remedy: Said | None = None
+    remedy: Message | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rule:
-    """How values are judged: `guard` is the width of the guard band in expanded uncertainties; 0: simple acceptance."""
+    """The decision rule: `guard` is the width of the guard band in expanded uncertainties; 0: simple acceptance."""
 
     guard: float
-    says: Said
+    says: Message
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,7 +214,7 @@ class Papers:
 class Acceptance:
     """All tests of one recording, judged.
 
-    `limits_text` is the file of limits, `limits_sha256` its digest; `anomalies` say what is amiss with the recording;
+    `limits_text` is the file of limits, `limits_sha256` its digest; `anomalies` are those of the recording;
     `step_digests` are those of its steps, by index.
     """
 
@@ -156,5 +225,5 @@ class Acceptance:
     limits_name: str
     limits_sha256: str
     limits_text: str = ""
-    anomalies: tuple[Said, ...] = ()
+    anomalies: tuple[Message, ...] = ()
     step_digests: Mapping[int, str] = field(default_factory=dict)

@@ -17,8 +17,7 @@ from benchctl.recordings.reader import Recording
 from benchctl.recordings.stored import StoredStep
 from benchctl.recordings.text_file import read_bytes
 from benchctl_instruments.errors import UsageError
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.interfaces import FloatArray
 
 DEG_PER_S = "deg/s"
 _GYRO_OUTPUT, _DIGITAL_RATE = "gyro_v", FRAME_CHANNELS[1]
@@ -31,7 +30,7 @@ _UNEVEN = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Series:
-    """`values` (n,) in `unit`, one every `interval_s`; `source` says in words what they are."""
+    """`values` (n,) in `unit`, one every `interval_s`; `source` describes them."""
 
     values: FloatArray
     interval_s: float
@@ -77,7 +76,7 @@ def series_of_step(
 
 
 def series_of_text(path: Path, channel: str | None, rate_hz: float | None) -> Series:
-    """A column of a text file with commas; without `channel` the only one there is beside the time.
+    """A column of a text file with commas; without `channel` the only one apart from the time.
 
     The interval is that of `rate_hz`, or of a column whose name begins with `time` and that counts seconds. The unit
     is read off the end of the column's name: `rate_dps`, `output_v`, `rate [deg/s]`.
@@ -123,7 +122,7 @@ def _step(recording: Recording, name: str | None) -> StepInfo:
         )
     static = [info for info in recording.infos if info.kind == "static" and info.whole and not info.mounting]
     if not static:
-        raise UsageError(f"{recording.path}: has no whole static step; name a step with --step")
+        raise UsageError(f"{recording.path}: has no complete static step; name a step with --step")
     return max(static, key=lambda info: info.t_end - info.t_start)
 
 
@@ -160,7 +159,7 @@ def _interval_without_gaps(step: StoredStep) -> float | None:
 
 
 def _unbroken(time_s: FloatArray, values: FloatArray, where: str) -> tuple[FloatArray, float, str]:
-    """The longest stretch without a gap, its sampling interval, and words where it is not the whole."""
+    """The longest stretch without a gap, its sampling interval, and a note where it is not everything."""
     steps_s = np.diff(time_s)
     if steps_s.size < 2 or not steps_s.min() > 0.0:
         raise UsageError(f"{where}: expected at least 3 samples, at times that grow; correct its stamps")
@@ -183,5 +182,5 @@ def _gaps(steps_s: FloatArray) -> npt.NDArray[np.intp]:
 
 def _named_unit(name: str) -> str:
     match = _NAME_UNIT.search(name.strip())
-    said = (match.group("suffix") or match.group("bracket")).strip().lower() if match else ""
-    return _NAMED.get(said, "1")
+    unit = (match.group("suffix") or match.group("bracket")).strip().lower() if match else ""
+    return _NAMED.get(unit, "1")

@@ -12,15 +12,12 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.calibration.reduce import ReducedStep, reduced_steps
 from benchctl.calibration.step_reduction import QUIET_KINDS
 from benchctl.metrology.drift import white_variance
 from benchctl.recordings.model import BenchFacts, StepInfo
 from benchctl.recordings.reader import Recording
-
-FloatArray = npt.NDArray[np.float64]
 
 BREAKS = ("soak", "thermal_ramp", "power_cycle", "mount", "ask")
 LEAST_V2 = 1e-22
@@ -33,7 +30,7 @@ _SHORTEST_PIECE_S = 10.0
 class Reading:
     """Mean output at a constant rate or at rest, in time order.
 
-    `rate_dps` is the encoder's mean over the same samples, `set_dps` what was asked for; `white_v2` the variance of
+    `rate_dps` is the encoder's mean over the same samples, `set_dps` the demanded rate; `white_v2` the variance of
     `output_v` by the noise within it, `coarse_v` its standard uncertainty by the converter's steps as far as noise
     does not blur them. Rest is cut into pieces of 10 s and more, each a reading.
     """
@@ -90,7 +87,7 @@ def stretches_of(recording: Recording) -> Iterator[Stretch]:
 
 
 def _is_read(before: StepInfo | None, info: StepInfo) -> bool:
-    """Whether a step gives readings: at rest or at a constant rate, whole, and no warming up."""
+    """Return whether a step gives readings: at rest or at a constant rate, complete, and not warming up."""
     warms_up = before is not None and before.kind == "power_cycle" and info.kind == "static"
     return info.kind in QUIET_KINDS and info.whole and not warms_up
 
@@ -137,7 +134,7 @@ def _coarse_v(sample_v: float, step_v: float) -> float:
 
 
 def rest_of(recording: Recording) -> StepInfo | None:
-    """The longest whole step at rest but those right after a power cycle; None where there is none."""
+    """Return the longest complete step at rest, except right after a power cycle; None where there is none."""
     infos = recording.infos
     warming = {after.index for on, after in pairwise(infos) if on.kind == "power_cycle"}
     resting = [one for one in infos if one.kind == "static" and one.whole and not one.mounting]

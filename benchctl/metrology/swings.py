@@ -6,12 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.calibration.angle_rate import unwrap_deg
 from benchctl.recordings.model import Step
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.interfaces import FloatArray
 
 _MOST_HARMONICS, _OF_NYQUIST = 40, 0.8
 _STRIP = 4096

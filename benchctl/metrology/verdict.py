@@ -1,8 +1,8 @@
-"""A value with its uncertainty against a limit: PASS, FAIL or INCONCLUSIVE, and what would make it conclusive.
+"""Judge a value with its uncertainty by a limit: PASS, FAIL or INCONCLUSIVE, and what would make it conclusive.
 
 The limits are narrowed by a guard band for acceptance and widened by it for rejection (JCGM 106:2012, 8.3; ILAC-G8):
 with a band of one expanded uncertainty (k = 2) a unit that lies at the limit is accepted, or rejected, in at most 2.3 %
-of all tries. In between the verdict is open. Without a band the value alone counts and the risk is shared.
+of all cases. In between the verdict is INCONCLUSIVE. Without a band the value alone counts and the risk is shared.
 """
 
 from __future__ import annotations
@@ -14,19 +14,18 @@ from scipy.special import ndtr
 
 from benchctl.calibration.uncertainty import K
 from benchctl.metrology.names import PROCEDURES
-from benchctl.metrology.result import Judged, Limit, Measured, Rule, Uncertainty, Verdict
-from benchctl.metrology.said import Said, said
+from benchctl.metrology.result import Judged, Limit, Measured, Message, Rule, Uncertainty, Verdict, message
 from benchctl.units import factor_between
 
 _MOST_TIMES = 10_000
-"""As long: nobody measures longer."""
+"""Longest extension of a measurement that is proposed, as a multiple."""
 
 
 def rule_of(guard: float) -> Rule:
     """The rule for a guard band of so many expanded uncertainties."""
     if guard == 0.0:
-        return Rule(guard=0.0, says=said("rule_simple"))
-    return Rule(guard=guard, says=said("rule_guarded", guard=guard, risk_percent=100.0 * float(ndtr(-K * guard))))
+        return Rule(guard=0.0, says=message("rule_simple"))
+    return Rule(guard=guard, says=message("rule_guarded", guard=guard, risk_percent=100.0 * float(ndtr(-K * guard))))
 
 
 def judged(measured: Measured, limit: Limit | None, rule: Rule) -> Judged:
@@ -35,7 +34,7 @@ def judged(measured: Measured, limit: Limit | None, rule: Rule) -> Judged:
         return Judged(measured=measured, limit=None, verdict=None)
     measured = in_unit(measured, limit.unit)
     if measured.value is None or measured.uncertainty is None:
-        remedy = said("run_procedure", procedure=PROCEDURES[measured.name])
+        remedy = message("run_procedure", procedure=PROCEDURES[measured.name])
         return Judged(measured=measured, limit=limit, verdict="INCONCLUSIVE", remedy=remedy)
     band = rule.guard * measured.uncertainty.expanded
     verdict = _verdict(measured, limit, band)
@@ -74,7 +73,7 @@ def _scaled(uncertainty: Uncertainty, factor: float) -> Uncertainty:
 
 
 def _verdict(measured: Measured, limit: Limit, band: float) -> Verdict:
-    """A bound decides only what lies on its side: at least so much is no maximum."""
+    """Compare with the limits widened and narrowed by the band; a bound decides only on its own side."""
     value = float(measured.value or 0.0)
     low = -math.inf if limit.low is None else limit.low
     high = math.inf if limit.high is None else limit.high
@@ -86,26 +85,28 @@ def _verdict(measured: Measured, limit: Limit, band: float) -> Verdict:
     return "PASS" if above and below else "INCONCLUSIVE"
 
 
-def _remedy(measured: Measured, limit: Limit, rule: Rule) -> Said:
-    """How much longer the scatter must be averaged for the guard band to end before the limit, if that can help."""
+def _remedy(measured: Measured, limit: Limit, rule: Rule) -> Message:
+    """Return how much longer to average for the guard band to end before the limit, if that can help."""
     uncertainty = measured.uncertainty
     if measured.bound or uncertainty is None or rule.guard == 0.0:
-        return said("run_procedure", procedure=PROCEDURES[measured.name])
+        return message("run_procedure", procedure=PROCEDURES[measured.name])
     value = float(measured.value or 0.0)
     nearest = min(abs(value - end) for end in (limit.low, limit.high) if end is not None)
     allowed = (nearest / (rule.guard * K)) ** 2
     if allowed == 0.0:
-        return said("too_near")
+        return message("too_near")
     variances = {
         kind: math.fsum(one.standard**2 for one in uncertainty.contributors if one.kind == kind) for kind in "AB"
     }
-    # what is stated may be more than the contributions make together: each has its share of that
+    # the stated uncertainty may exceed the sum of the contributions: it is shared in their proportion
     stated = (uncertainty.expanded / K) ** 2 / (math.fsum(variances.values()) or math.nan)
     scatter, others = stated * variances["A"], stated * variances["B"]
     if math.isnan(stated):
-        return said("run_procedure", procedure=PROCEDURES[measured.name])
+        return message("run_procedure", procedure=PROCEDURES[measured.name])
     if others >= allowed:
         largest = max((one for one in uncertainty.contributors if one.kind == "B"), key=lambda one: one.standard)
-        return said("better_instrument", source=largest.source)
+        return message("better_instrument", source=largest.source)
     times = scatter / (allowed - others)
-    return said("longer", times=math.floor(times) + 1, source="scatter") if times < _MOST_TIMES else said("too_near")
+    return (
+        message("longer", times=math.floor(times) + 1, source="scatter") if times < _MOST_TIMES else message("too_near")
+    )

@@ -1,6 +1,6 @@
-"""benchctl in pytest: fixtures with a simulated bench, and files by which a procedure with limits is a set of tests.
+"""benchctl in pytest: fixtures with a simulated bench, and files that make a procedure with limits a set of tests.
 
-It is there wherever benchctl is installed, and loads nothing of it until a fixture or a file is used.
+The plug-in is active wherever benchctl is installed, and imports benchctl only when a fixture or a file is used.
 
 | fixture           | what it gives                                                                           |
 |-------------------|-----------------------------------------------------------------------------------------|
@@ -14,11 +14,11 @@ Two markers change that bench:
 
 `benchctl_bench("lab/bench.toml", seed=7, limits={"rate_dps": 200.0}, chamber={"model": "espec_p300"})`
     takes another simulated bench than the template; `seed` draws its noise, other keywords are tables and fields of
-    bench.toml that stand in the place of the file's.
+    bench.toml that replace the file's.
 `benchctl_fault(on="chamber", kind="silence", from_s=600.0, times=3)`
     is one of the `[[faults]]` of bench.toml, switched on at its time; may be repeated.
 
-Every test has a fresh bench, drawn by the same seed each time. Recordings lie in the test's `tmp_path`.
+Every test has a fresh bench with the same seed. Recordings are in the test's `tmp_path`.
 
     @pytest.mark.benchctl_fault(on="chamber", kind="silence", from_s=60.0, times=2)
     def test_a_silent_chamber_is_waited_for(benchctl_run, benchctl_faults):
@@ -27,8 +27,8 @@ Every test has a fresh bench, drawn by the same seed each time. Recordings lie i
         assert len(benchctl_faults.fired) == 2
 
 A file whose name ends in `.bench-test.toml` is a campaign and its limits. Its tests are `campaign`, which passes where
-every step was played, and one for each limit: passed, failed, or INCONCLUSIVE, which fails too, under a letter (I), a
-count and a section of its own. `--junitxml` has them with their figures as properties.
+every step was played, and one for each limit: passed, failed, or INCONCLUSIVE, which fails too, with its own letter
+(I), count and section. `--junitxml` has them with their figures as properties.
 
     procedure = "acceptance"         # a name, or the path of a .py file from here
     bench = "bench.toml"             # its path from here; left out: the simulated bench
@@ -37,8 +37,8 @@ count and a section of its own. `--junitxml` has them with their figures as prop
     [parameters]
     soak_s = 3600.0
 
-`--benchctl-out DIR` keeps the campaigns, each with its acceptance.html; without it they are thrown away in the end. A
-bench that is not simulated is left alone, and its tests are skipped, without `--benchctl-hardware`.
+`--benchctl-out DIR` keeps the campaigns, each with its acceptance.html; without it they are removed at the end. Tests
+of a bench that is not simulated are skipped without `--benchctl-hardware`.
 """
 
 from __future__ import annotations
@@ -51,6 +51,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from benchctl.pytest_plugin.fixtures import (
+    ENDING,
     benchctl_bench,
     benchctl_clock,
     benchctl_faults,
@@ -63,14 +64,12 @@ if TYPE_CHECKING:
 
 __all__ = ["benchctl_bench", "benchctl_clock", "benchctl_faults", "benchctl_run", "benchctl_server"]
 
-ENDING = ".bench-test.toml"
-
 _SHARED = pytest.StashKey[Path]()
-"""Where the processes of one session tell each other which campaigns have been run."""
+"""Folder in which the processes of one session share the campaigns that have been run."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Our two options."""
+    """Add our two options."""
     group = parser.getgroup("benchctl", "benchctl: procedures as tests")
     group.addoption("--benchctl-out", metavar="DIR", help=f"keep the campaigns of *{ENDING} there, with their reports")
     group.addoption(
@@ -79,23 +78,23 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Our markers, and the place that all processes of this session share."""
+    """Add our markers, and the folder that all processes of this session share."""
     config.addinivalue_line(
         "markers", "benchctl_bench(file, seed=None, **tables): the bench of the benchctl fixtures, and what differs"
     )
     config.addinivalue_line("markers", "benchctl_fault(on, kind, **when): a fault of that bench, as in [[faults]]")
-    told = getattr(config, "workerinput", {}).get("benchctl")
-    config.stash[_SHARED] = Path(told or Path(tempfile.gettempdir()) / f"benchctl-{uuid.uuid4().hex}")
+    given = getattr(config, "workerinput", {}).get("benchctl")
+    config.stash[_SHARED] = Path(given or Path(tempfile.gettempdir()) / f"benchctl-{uuid.uuid4().hex}")
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_configure_node(node: object) -> None:
-    """A worker of xdist shares the controller's place."""
+    """Give a worker of xdist the controller's folder."""
     node.workerinput["benchctl"] = str(node.config.stash[_SHARED])  # type: ignore[attr-defined]  # xdist's own class
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
-    """What nobody asked to keep goes with the session."""
+    """Remove the campaigns that are not kept."""
     shared = config.stash.get(_SHARED, None)
     if shared is not None and not hasattr(config, "workerinput") and shared.exists():
         import shutil
@@ -115,14 +114,14 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> BenchTestF
 def pytest_report_teststatus(
     report: pytest.CollectReport | pytest.TestReport,
 ) -> tuple[str, str, tuple[str, dict[str, bool]]] | None:
-    """INCONCLUSIVE has a category of its own; the session fails by it all the same."""
+    """Give INCONCLUSIVE its own category; the session fails all the same."""
     if isinstance(report, pytest.TestReport) and report.failed and _is_inconclusive(report):
         return "inconclusive", "I", ("INCONCLUSIVE", {"yellow": True})
     return None
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
-    """What was inconclusive and why, and where the reports are."""
+    """List what was inconclusive and why, and where the reports are."""
     for report in terminalreporter.getreports("inconclusive"):
         if report is terminalreporter.getreports("inconclusive")[0]:
             terminalreporter.section("INCONCLUSIVE", yellow=True)

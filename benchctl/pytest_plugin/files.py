@@ -1,17 +1,154 @@
-"""A file of a campaign and its limits as tests of pytest: the campaign, and each limit by itself."""
+"""A file of a campaign and its limits as pytest items: the campaign, and each limit.
+
+The campaign is run and judged once in a session, by the process that comes first.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Iterator
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
+from filelock import FileLock
+from pydantic import BaseModel, ConfigDict, Field
 
+from benchctl import api
+from benchctl.bench import SIMULATED, Bench, load_bench
 from benchctl.campaign.stop import StoppedError
-from benchctl.pytest_plugin.document import BenchTest, read_bench_test
-from benchctl.pytest_plugin.judged import Judged, judged
-from benchctl_instruments.errors import UsageError
+from benchctl.metrology.limit_file import Limits, read_limits
+from benchctl.plan import Plan
+from benchctl.pytest_plugin.fixtures import ENDING
+from benchctl.reports.acceptance.catalogue import catalogue
+from benchctl.reports.acceptance.junit import properties_of, verdict_says
+from benchctl.toml_file import parse_toml, read_text
+from benchctl_instruments.errors import BenchError, UsageError
+
+
+class _File(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    procedure: str = Field(min_length=1)
+    bench: str = SIMULATED
+    limits: str = ""
+    seed: int | None = Field(default=None, ge=0)
+    parameters: dict[str, bool | int | float | str | list[float]] = Field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BenchTest:
+    """A plan on a bench, and the limits that judge its recording; None: it need only be complete."""
+
+    plan: Plan
+    bench: Bench
+    limits: Limits | None
+
+
+def read_bench_test(path: Path) -> BenchTest:
+    """Read a file; its paths are relative to its folder.
+
+    Raises
+    ------
+    UsageError
+        Where it, or a file that it names, is not there or has a wrong field, or its parameters give no plan.
+    """
+    content = parse_toml(read_text(path, "bench test"), _File, str(path))
+    place = path.parent
+    try:
+        procedure = str(place / content.procedure) if content.procedure.endswith(".py") else content.procedure
+        bench = load_bench(content.bench if content.bench == SIMULATED else str(place / content.bench))
+        if content.seed is not None and not bench.simulated:
+            raise UsageError(
+                f"seed = {content.seed}: only a bench with simulated = true has a seed; {content.bench} is none"
+            )
+        return BenchTest(
+            plan=api.plan(procedure, **content.parameters),
+            bench=bench.with_seed(content.seed),
+            limits=read_limits(place / content.limits) if content.limits else None,
+        )
+    except UsageError as err:
+        raise UsageError(f"{path}: {err}") from err
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """The verdict on one limit: PASS, FAIL or INCONCLUSIVE, the reason, and the figures by name."""
+
+    verdict: str
+    reason: str
+    properties: dict[str, str]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judged:
+    """The result of a campaign: `error` is why it is not complete or could not be judged, else empty.
+
+    `figures` are by name; `report` is the path of the acceptance, empty where the campaign is not kept.
+    """
+
+    error: str
+    figures: dict[str, str]
+    report: str
+    tests: dict[str, Verdict]
+
+
+def judged(test: BenchTest, path: Path, shared: Path, out: Path | None) -> Judged:
+    """Return the result of the campaign of a file; run it where no process of this session has done so.
+
+    `shared` is the folder that these processes share; the campaign is kept in `out`, where that is given.
+    """
+    shared.mkdir(parents=True, exist_ok=True)
+    name = hashlib.sha256(str(path).encode()).hexdigest()[:16]
+    with FileLock(shared / f"{name}.lock"):
+        state = shared / f"{name}.json"
+        if not state.exists():
+            folder = _free(out or shared / "campaigns", path.name.removesuffix(ENDING))
+            found = _run(test, folder, kept=out is not None)
+            state.write_text(json.dumps(asdict(found)), encoding="utf-8")
+        stored = json.loads(state.read_text(encoding="utf-8"))
+    return Judged(**{**stored, "tests": {name: Verdict(**one) for name, one in stored["tests"].items()}})
+
+
+def _run(test: BenchTest, folder: Path, *, kept: bool) -> Judged:
+    try:
+        outcome = api.run(test.plan, test.bench, out=folder, check=False)
+        figures = {
+            "recording": str(outcome.recording),
+            "status": outcome.status,
+            "steps": f"{outcome.whole} of {outcome.planned}",
+            "samples": str(outcome.samples),
+            "bench_time_s": f"{outcome.bench_time_s:.1f}",
+        }
+        if outcome.error is not None:
+            return Judged(error=f"{outcome.status}: {outcome.error}", figures=figures, report="", tests={})
+        if test.limits is None:
+            return Judged(error="", figures=figures, report="", tests={})
+        accepted = api.accept(outcome, test.limits.path, out=folder if kept else None)
+    except BenchError as err:
+        return Judged(error=str(err), figures={}, report="", tests={})
+    words = catalogue("en")
+    tests = {
+        one.measured.name: Verdict(
+            verdict=str(one.verdict),
+            reason=" ".join([verdict_says(one, words), words.said(one.remedy) if one.remedy else ""]).strip(),
+            properties={name: value for name, value in properties_of(one).items() if value},
+        )
+        for one in accepted.tests
+        if one.limit is not None
+    }
+    return Judged(error="", figures=figures, report=str(accepted.files.get("report", "")), tests=tests)
+
+
+def _free(place: Path, name: str) -> Path:
+    """Return a folder of that name that does not exist yet."""
+    folder, number = place / name, 1
+    while folder.exists():
+        number += 1
+        folder = place / f"{name}_{number}"
+    return folder
 
 
 class BenchTestFile(pytest.File):
@@ -32,7 +169,7 @@ class BenchTestFile(pytest.File):
             yield LimitItem.from_parent(self, name=name, test=test)
 
     def judged(self, test: BenchTest) -> Judged:
-        """What became of the campaign."""
+        """Return the result of the campaign."""
         kept = self.config.getoption("--benchctl-out")
         out = self.config.invocation_params.dir / kept if kept else None
         try:
@@ -42,11 +179,11 @@ class BenchTestFile(pytest.File):
 
 
 class NotPassedError(Exception):
-    """A campaign that was not completed, or a limit that is not kept; told in a line."""
+    """A campaign that is not complete, or a limit that is not met; reported in one line."""
 
 
 class _Item(pytest.Item):
-    """What both kinds of item have."""
+    """Common part of both kinds of item."""
 
     parent: BenchTestFile
 
@@ -55,16 +192,16 @@ class _Item(pytest.Item):
         self._test = test
 
     def setup(self) -> None:
-        """Nothing real is moved by whoever only asked for the tests of a folder."""
+        """Skip benches that are not simulated, unless --benchctl-hardware is given."""
         if not self._test.bench.simulated and not self.config.getoption("--benchctl-hardware"):
-            pytest.skip(f"{self._test.bench.name} is no simulated bench: say --benchctl-hardware to let it move")
+            pytest.skip(f"{self._test.bench.name} is not a simulated bench: give --benchctl-hardware to let it move")
 
     def reportinfo(self) -> tuple[Path, int | None, str]:
         """The file and the test's name in it."""
         return self.path, None, f"{self.path.name}: {self.name}"
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """One line for what was measured; what else goes wrong with its traceback."""
+        """Report a result in one line; any other exception with its traceback."""
         if isinstance(excinfo.value, NotPassedError):
             return str(excinfo.value)
         return super().repr_failure(excinfo, style)
@@ -74,9 +211,9 @@ class CampaignItem(_Item):
     """The campaign: it passes where every step was played and the bench came to rest."""
 
     def runtest(self) -> None:
-        """Run it, unless that was done."""
+        """Run it, unless another item has done so."""
         found = self.parent.judged(self._test)
-        self.user_properties += found.told.items()
+        self.user_properties += found.figures.items()
         if found.error:
             raise NotPassedError(found.error)
 
@@ -85,7 +222,7 @@ class LimitItem(_Item):
     """One limit."""
 
     def runtest(self) -> None:
-        """See how the campaign's recording was judged."""
+        """Check the verdict on the campaign's recording."""
         found = self.parent.judged(self._test)
         if found.error:
             raise NotPassedError(f"not judged, since the campaign is not complete: {found.error}")
@@ -93,4 +230,4 @@ class LimitItem(_Item):
         self.user_properties += [("verdict", one.verdict), *one.properties.items()]
         if one.verdict != "PASS":
             report = f" (report: {found.report})" if found.report else ""
-            raise NotPassedError(f"{one.verdict}: {one.says}{report}")
+            raise NotPassedError(f"{one.verdict}: {one.reason}{report}")

@@ -1,4 +1,4 @@
-"""The fixtures; what they need of benchctl is imported when one is used."""
+"""The fixtures; benchctl is imported when one is used."""
 
 from __future__ import annotations
 
@@ -11,12 +11,16 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
+    from benchctl.bench import Bench
     from benchctl.campaign.opened import OpenBench
     from benchctl.campaign.runner import Outcome
     from benchctl.plan import Plan, Procedure
     from benchctl_instruments.simulated.bench import SimulatedBench
     from benchctl_instruments.simulated.clock import VirtualClock
     from benchctl_instruments.simulated.faults.schedule import Fired
+
+ENDING = ".bench-test.toml"
+"""End of the names of files that are a campaign and its limits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +31,7 @@ class Faults:
 
     @property
     def fired(self) -> tuple[Fired, ...]:
-        """Those that have happened so far, oldest first: bench time [s], where, kind, operation."""
+        """The faults that have happened so far, oldest first: bench time [s], where, kind, operation."""
         return self._bench.fired
 
 
@@ -41,7 +45,7 @@ class Runner:
     def __call__(self, procedure: str | Path | Procedure | Plan, *, check: bool = True, **parameters: Any) -> Outcome:
         """Run a procedure with these parameters, or a plan, and give what `benchctl.api.run` gives.
 
-        With `check` what ends it early is raised, a `BenchError`; without, the outcome says so.
+        With `check` the error that ends it early is raised, a `BenchError`; without, the outcome has it.
         """
         from benchctl import api
         from benchctl.campaign.playing import seal
@@ -59,7 +63,7 @@ class Runner:
         return outcome
 
     def _from_now(self) -> OpenBench:
-        """The bench as one whose recording begins now, however long it has been open."""
+        """Return the bench with its recording beginning now, however long it has been open."""
         opened = self._opened
         now_s = opened.clock.now()
         return replace(opened, epoch_s=now_s, elapsed_s=opened.elapsed_s + opened.epoch_s - now_s)
@@ -67,7 +71,7 @@ class Runner:
 
 @dataclass(frozen=True, slots=True)
 class Server:
-    """Simulated instruments that other programs reach.
+    """Simulated instruments for other programs.
 
     `addresses` are by the instruments' names in bench.toml; `bench_file` is a bench.toml for `benchctl run --bench`;
     `simulated` has the world behind them.
@@ -82,7 +86,6 @@ class Server:
 def benchctl_bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[OpenBench]:
     """The simulated bench of this test, opened over its wires on a virtual clock."""
     from benchctl.campaign.opened import open_bench
-    from benchctl.pytest_plugin.marked import bench_of
 
     with ExitStack() as stack:
         with _in_a_line():
@@ -120,7 +123,6 @@ def benchctl_server(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[
     """Simulated instruments as servers, `time_factor` of bench.toml bench seconds a wall second."""
     from benchctl.campaign.opened import simulated_bench
     from benchctl.campaign.served import bench_toml_at
-    from benchctl.pytest_plugin.marked import bench_of
     from benchctl_instruments.simulated.clock import ScaledClock
 
     with ExitStack() as stack:
@@ -134,10 +136,67 @@ def benchctl_server(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[
 
 @contextmanager
 def _in_a_line() -> Iterator[None]:
-    """A bench that cannot be had is told in a line."""
+    """Report a bench that cannot be opened in one line."""
     from benchctl_instruments.errors import BenchError
 
     try:
         yield
     except BenchError as err:
         raise pytest.fail.Exception(f"benchctl: {err}", pytrace=False) from None
+
+
+def bench_of(node: pytest.Item, folder: Path) -> Bench:
+    """Return the bench of the markers `benchctl_bench` and `benchctl_fault`; without them the simulated one.
+
+    Its bench.toml is written into a folder, for later inspection.
+
+    Raises
+    ------
+    UsageError
+        Where it cannot be used, or is not simulated.
+    """
+    import tomllib
+
+    import tomli_w
+
+    from benchctl.bench import load_bench
+    from benchctl_instruments.errors import UsageError
+
+    marker = node.get_closest_marker("benchctl_bench")
+    file, seed, tables = _bench_marker(*marker.args, **marker.kwargs) if marker else _bench_marker()
+    base = load_bench(file)
+    document = tomllib.loads(base.text)
+    document["chamber"]["model"] = base.chamber.model  # the absolute path of a profile: the copy lies elsewhere
+    faults = [_fault(*mark.args, **mark.kwargs) for mark in node.iter_markers("benchctl_fault")]
+    if faults:
+        document["faults"] = [*document.get("faults", []), *reversed(faults)]  # the test's own come last
+    path = folder / "bench.toml"
+    path.write_text(tomli_w.dumps(_changed(document, tables)), encoding="utf-8")
+    bench = load_bench(str(path)).with_seed(seed)
+    if not bench.simulated:
+        raise UsageError(f"benchctl_bench {file}: expected a bench with simulated = true; fixtures move nothing real")
+    return bench
+
+
+def _bench_marker(
+    file: Any = "simulated", seed: int | None = None, **tables: Any
+) -> tuple[str, int | None, dict[str, Any]]:
+    return str(file), seed, tables
+
+
+def _fault(*args: Any, **fields: Any) -> dict[str, Any]:
+    from benchctl_instruments.errors import UsageError
+
+    if args:
+        raise UsageError(
+            f'benchctl_fault{args!r}: expected its fields by name, as benchctl_fault(on="chamber", kind="silence")'
+        )
+    return fields
+
+
+def _changed(document: dict[str, Any], tables: dict[str, Any]) -> dict[str, Any]:
+    """Return the document with these values instead of its own, table by table."""
+    return document | {
+        name: _changed(document[name], value) if isinstance(value, dict) and name in document else value
+        for name, value in tables.items()
+    }

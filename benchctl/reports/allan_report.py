@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 
 from benchctl.atomic import whole_file
 from benchctl.metrology.allan import Allan
-from benchctl.metrology.coefficients import DIGITS, Coefficient
-from benchctl.metrology.noise_terms import NAMES, TERMS, Term, unit_of, variances
+from benchctl.metrology.coefficients import DIGITS, NAMES, TERMS, Coefficient, Term, unit_of, variances
 from benchctl.recordings.model import FloatArray
 from benchctl.recordings.text_rows import csv_rows
 from benchctl.reports import text

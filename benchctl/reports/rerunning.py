@@ -15,9 +15,9 @@ from benchctl.campaign.differences import Differences, differences
 from benchctl.campaign.provenance import table_of
 from benchctl.metrology.acceptance import accepted, measured_in
 from benchctl.metrology.limit_file import Limits, read_limits
+from benchctl.metrology.observations import Settings
 from benchctl.metrology.rerun import Compared, compared
 from benchctl.metrology.result import Judged, Verdict
-from benchctl.metrology.seen import Settings
 from benchctl.metrology.verdict import overall
 from benchctl.recordings.campaign_manifest import add_to_manifest
 from benchctl.recordings.model import Meta

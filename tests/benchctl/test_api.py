@@ -2,9 +2,7 @@
 
 import datetime
 import doctest
-import importlib
 import os
-import pkgutil
 import shutil
 import signal
 import threading
@@ -18,8 +16,7 @@ from benchctl.plan import Soak, Static, procedure
 from benchctl.recordings.importing import import_recording
 from benchctl.recordings.verify import verify
 
-MODULES = [api, *(importlib.import_module(f"benchctl.api.{one.name}") for one in pkgutil.iter_modules(api.__path__))]
-EXAMPLES = [test for module in MODULES for test in doctest.DocTestFinder().find(module) if test.examples]
+EXAMPLES = [test for test in doctest.DocTestFinder().find(api) if test.examples]
 SWEEP = {"soak_s": 600, "rates": 4, "run_s": 10, "zero_s": 10}
 RATES_DPS = np.arange(-200.0, 201.0, 12.5)
 

@@ -17,8 +17,7 @@ from hypothesis import strategies as st
 
 from benchctl.bench import Bench, bench_of_text, load_bench, template
 from benchctl.bench_schema import as_text, bench_schema, limits_schema, undescribed
-from benchctl.metrology.limit_file import limits_of_text
-from benchctl.metrology.limits_template import limits_template
+from benchctl.metrology.limit_file import limits_of_text, limits_template
 from benchctl_instruments.catalog import models
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.doctor.benches import bench_at

@@ -23,7 +23,7 @@ import scipy.stats
 import tomli_w
 
 import benchctl.pytest_plugin.files
-import benchctl.pytest_plugin.marked
+import benchctl.pytest_plugin.fixtures
 from benchctl.recordings.verify import verify
 
 LOADED = (pint, scipy, benchctl)
@@ -182,7 +182,7 @@ def test_a_real_bench_is_moved_by_nobody_who_does_not_say_so(pytester: pytest.Py
     (lab / "incoming.bench-test.toml").write_text('bench = "bench.toml"\nprocedure = "quick.py"\n', encoding="utf-8")
     result = pytester.runpytest_inprocess(*PLUGIN, "-rs")
     result.assert_outcomes(skipped=1)
-    result.stdout.fnmatch_lines(["*is no simulated bench: say --benchctl-hardware to let it move*"])
+    result.stdout.fnmatch_lines(["*is not a simulated bench: give --benchctl-hardware to let it move*"])
     result = pytester.runpytest_inprocess(*PLUGIN, "--benchctl-hardware")
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(["*rate_table: *"])  # nobody answers there

@@ -107,7 +107,7 @@ def by_pool(recordings: Sequence[Located], out: Path, workers: int) -> None:
     ]
     with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
         outcomes = list(pool.map(work, jobs, [benchctl.__version__] * len(jobs)))
-    assert all(outcome.state == "done" for outcome in outcomes), [outcome.says for outcome in outcomes]
+    assert all(outcome.state == "done" for outcome in outcomes), [outcome.reason for outcome in outcomes]
 
 
 def timed(way: Callable[[Path], None], out: Path) -> float:

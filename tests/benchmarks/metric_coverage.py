@@ -20,8 +20,8 @@ from unittest import mock
 
 from benchctl.metrology import propagation
 from benchctl.metrology.acceptance import measured_in
+from benchctl.metrology.observations import Settings
 from benchctl.metrology.result import Measured
-from benchctl.metrology.seen import Settings
 from benchctl.plan import set_points
 from benchctl_procedures.acceptance import acceptance
 from tests.benchctl.metrology.known_values import LINEARITY_PERCENT, known_values

@@ -1,9 +1,10 @@
-"""Sketches drawn: as a figure, as SVG for a page, as a file."""
+"""Draw sketches: as a figure, as SVG for a page, as a file."""
 
 from __future__ import annotations
 
 import re
 import textwrap
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,16 @@ from matplotlib.figure import Figure
 
 from benchctl.atomic import whole_file
 from benchctl.explain.book import find
+from benchctl.explain.glossary import Entry
+from benchctl.explain.pictures import made_noise, made_terms, made_tests
+from benchctl.explain.pictures.gyro_effects import gyro_sketch
+from benchctl.explain.pictures.part_effects import chamber_sketch, drive_sketch
 from benchctl.explain.pictures.sketch import Curve, Panel, Sketch
-from benchctl.explain.pictures.sketches import sketch_of
 from benchctl.reports.figures import FAINT, GREY, INK, inline_svg, new_figure, style
 from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.chamber_effects.registry import chamber_effects
+from benchctl_instruments.physics.drive_effects.registry import drive_effects
+from benchctl_instruments.physics.effects.registry import effects
 
 _DOTS = " dots"
 SUFFIXES = (".svg", ".png")
@@ -45,7 +52,7 @@ def picture(term: str) -> str:
 
 
 def write_picture(term: str, path: Path) -> str:
-    """Write the picture of a term, whole or not at all, as its name ends: .svg or .png; returns its caption."""
+    """Write the picture of a term atomically, as .svg or .png by the name's suffix; return its caption."""
     if path.suffix.lower() not in SUFFIXES:
         raise UsageError(f"--picture {path}: expected a name that ends in {' or '.join(SUFFIXES)}")
     sketch = _sketch(term)
@@ -96,19 +103,19 @@ def _draw(axes: Axes, panel: Panel) -> None:
     if panel.logarithmic == "xy":
         axes.set_yscale("log")
     axes.margins(x=0.01)
-    for x, y, says in panel.marks:
-        _mark(axes, x, y, says)
+    for x, y, label in panel.marks:
+        _mark(axes, x, y, label)
     if any(curve.label for curve in panel.curves) or any(band.label for band in panel.bands):
         crowded = any(curve.x.size > _CROWDED and curve.look.endswith(_DOTS) for curve in panel.curves)
         axes.legend(loc="best", markerscale=3.0 if crowded else 1.0, frameon=True, framealpha=0.8, edgecolor="none")
 
 
-def _mark(axes: Axes, x: float, y: float, says: str) -> None:
-    """A word at a point, on the side where there is room."""
+def _mark(axes: Axes, x: float, y: float, label: str) -> None:
+    """Write a label at a point, on the side with more space."""
     axes.autoscale_view()
     across = axes.transAxes.inverted().transform(axes.transData.transform((x, y)))[0]
     side, towards = (5, "left") if across < 0.5 else (-5, "right")
-    axes.annotate(says, (x, y), xytext=(side, 2), textcoords="offset points", fontsize=7, color=INK, ha=towards)
+    axes.annotate(label, (x, y), xytext=(side, 2), textcoords="offset points", fontsize=7, color=INK, ha=towards)
 
 
 def _plot(axes: Axes, curve: Curve) -> None:
@@ -125,3 +132,49 @@ def _plot(axes: Axes, curve: Curve) -> None:
         markeredgewidth=0,
         rasterized=curve.x.size > _MANY,
     )
+
+
+MADE: Mapping[str, Callable[[], Sketch]] = {
+    made.__name__: made
+    for made in (
+        made_tests.scale_factor,
+        made_tests.nonlinearity,
+        made_tests.input_range,
+        made_tests.turn_ons,
+        made_tests.hysteresis_rate,
+        made_tests.hysteresis_bias,
+        made_tests.threshold,
+        made_tests.misalignment,
+        made_noise.bias,
+        made_noise.bias_stability,
+        made_noise.whitening,
+        made_terms.convention,
+        made_terms.argument,
+        made_terms.error_path,
+        made_terms.coverage,
+        made_terms.guard_band,
+        made_terms.e_n,
+        made_terms.control_chart,
+        made_terms.soak,
+        made_terms.bandwidth,
+        made_terms.warm_up_time,
+    )
+}
+"""The pictures that are not of effects, by their names in `terms/*.toml`; those named `allan:N` are separate."""
+
+
+def sketch_of(entry: Entry) -> Sketch:
+    """The sketch of an entry that has a drawing."""
+    kind, _, name = entry.drawing.partition(":")
+    if kind == "effect":
+        return effect_sketch(name)
+    return made_noise.allan(name) if kind == "allan" else MADE[kind]()
+
+
+def effect_sketch(identifier: str) -> Sketch:
+    """The sketch of an effect of any part of the bench."""
+    if identifier in effects():
+        return gyro_sketch(effects()[identifier])
+    if identifier in drive_effects():
+        return drive_sketch(drive_effects()[identifier])
+    return chamber_sketch(chamber_effects()[identifier])

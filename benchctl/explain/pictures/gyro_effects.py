@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchctl.explain.glossary import beside
-from benchctl.explain.pictures import noise_panels
+from benchctl.explain.glossary import extra
 from benchctl.explain.pictures.gyro_scenes import BY_COORDINATE, BY_NAME, CIRCUMSTANCES, T0_C, Make, Scene, long_rest
 from benchctl.explain.pictures.gyro_scenes import noisy_rest as noisy_rest_scene
-from benchctl.explain.pictures.sizing import Values, said_values, seen_values, stated_values, whole_values
-from benchctl.explain.pictures.sketch import Curve, FloatArray, Look, Panel, Sketch
+from benchctl.explain.pictures.sketch import (
+    Curve,
+    Look,
+    Panel,
+    Sketch,
+    Values,
+    described_values,
+    stated_values,
+    visible_values,
+    whole_values,
+)
 from benchctl.explain.sizes import K0_V_PER_DPS, NOISE_V, RANGE_DPS, middle_size
+from benchctl.metrology.allan import averaging_factors
+from benchctl.metrology.deviations import deviation
 from benchctl_instruments.errors import UsageError
+from benchctl_instruments.interfaces import FloatArray
 from benchctl_instruments.physics.chain import GRID_STAGES, Signals, run_chain
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
 from benchctl_instruments.physics.effects.kinds import ClockEffect, NoiseEffect
@@ -70,24 +81,24 @@ def gyro_sketch(kind: type[PhysicalEffect]) -> Sketch:
     known = stated_values(kind.identifier) or middle_size(kind.identifier)
     values = whole_values(kind, known)
     if not known:
-        values = seen_values(kind, lambda tried: _share(_run(kind, tried, make, RANGE_DPS)), _SEEN)
+        values = visible_values(kind, lambda tried: _share(_run(kind, tried, make, RANGE_DPS)), _SEEN)
     run = _run(kind, values, make, RANGE_DPS)
     top_dps = _zoomed(run)
     if top_dps is not None:
         run = _run(kind, values, make, top_dps)
-    panels, told = _panels(run)
+    panels, note = _panels(run)
     return Sketch(
         title=kind.identifier.replace("_", " ").capitalize(),
-        caption=f"{run.scene.says}; {said_values(kind, values)}.{told}",
+        caption=f"{run.scene.description}; {described_values(kind, values)}.{note}",
         panels=tuple(panels),
         difference=run.difference,
     )
 
 
 def _scene_of(kind: type[PhysicalEffect]) -> Make:
-    asked = beside("effects", kind.identifier).get("scene")
-    if asked is not None:
-        return BY_NAME[asked]
+    named = extra("effects", kind.identifier).get("scene")
+    if named is not None:
+        return BY_NAME[named]
     if issubclass(kind, NoiseEffect):
         return noisy_rest_scene
     return BY_COORDINATE.get(kind.coordinate, long_rest)
@@ -100,7 +111,7 @@ def _run(kind: type[PhysicalEffect], values: Values, make: Make, top_dps: float)
     by_encoder = np.array_equal(off.output_v, on.output_v) and not np.array_equal(off.encoder_deg, on.encoder_deg)
     run = _Run(scene=scene, off=off, on=on, by_encoder=by_encoder)
     if not np.isfinite(run.difference).all():
-        at = said_values(kind, values)
+        at = described_values(kind, values)
         raise UsageError(f"effect {kind.identifier}: expected finite outputs at {at}, got others; mend its apply")
     return run
 
@@ -134,9 +145,9 @@ def _height(y: FloatArray) -> float:
 
 
 def _zoomed(run: _Run) -> float | None:
-    """A smaller top of the rates, where all that an effect does is done at small ones, or too often to be seen."""
+    """A smaller top rate, for effects that act at small rates only, or repeat too often to be visible."""
     scene, changed = run.scene, np.abs(run.difference)
-    if scene.x_says != "rate (°/s)" or scene.noisy:
+    if scene.x_label != "rate (°/s)" or scene.noisy:
         return None
     top_dps = float(np.nanmax(scene.x))
     loud = run.difference[changed > _LOUD * changed.max()]
@@ -157,11 +168,11 @@ def _panels(run: _Run) -> tuple[list[Panel], str]:
     factor = _factor(run)
     stimulus = [] if scene.stimulus is None else [_with_coil(scene.stimulus, run)]
     if scene.noisy:
-        return [*stimulus, *noise_panels.panels(scene, run.off, run.on, GYRO, seen_in_rate=K0_V_PER_DPS)], ""
+        return [*stimulus, *panels(scene, run.off, run.on, GYRO, seen_in_rate=K0_V_PER_DPS)], ""
     what = "rate by the encoder (°/s)" if run.by_encoder else "output (V)"
     larger = f", {factor} × as large" if factor > 1 else ""
     compared = Panel(
-        x=scene.x_says,
+        x=scene.x_label,
         y=what,
         curves=(
             *_parts(scene, run.y_off, "off", "without the effect"),
@@ -177,11 +188,11 @@ def _difference_panels(run: _Run) -> Iterator[Panel]:
         unit, factor = ("°/s", 1.0) if np.max(np.abs(changed)) > 0.1 else ("0.001 °/s", 1e3)
         arcsec = 3600.0 * (run.on.encoder_deg - run.off.encoder_deg)
         error = Curve(x=x, y=arcsec, look="third")
-        yield Panel(x=run.scene.x_says, y="error of angle (″)", curves=(error,), zero=True, share=0.8)
+        yield Panel(x=run.scene.x_label, y="error of angle (″)", curves=(error,), zero=True, share=0.8)
     else:
         unit, factor = ("V", 1.0) if np.max(np.abs(changed)) > 1.0 else ("mV", 1e3)
     yield Panel(
-        x=run.scene.x_says,
+        x=run.scene.x_label,
         y=f"difference ({unit})",
         curves=tuple(_parts(run.scene, factor * changed, "on", "")),
         zero=True,
@@ -190,17 +201,17 @@ def _difference_panels(run: _Run) -> Iterator[Panel]:
 
 
 def _parts(scene: Scene, y: FloatArray, look: Look, label: str) -> Iterator[Curve]:
-    """A curve, or one for each part of the scene that has a name; what is without the effect is told apart by it."""
+    """Yield a curve, or one for each named part of the scene."""
     looks: tuple[Look, ...] = ("on", "third", "grey") if look == "on" else (look,) * len(scene.parts)
     for place, ((name, part), own) in enumerate(zip(scene.parts, looks, strict=False)):
-        told = f"{label}, {name}" if look == "on" else "" if place else label
-        yield Curve(x=scene.x[part], y=y[part], look=own, label=told if label else "")
+        text = f"{label}, {name}" if look == "on" else "" if place else label
+        yield Curve(x=scene.x[part], y=y[part], look=own, label=text if label else "")
     if not scene.parts:
         yield Curve(x=scene.x, y=y, look=look, label=label)
 
 
 def _factor(run: _Run) -> int:
-    """How many times larger than it is an effect is drawn beside the output."""
+    """Factor by which the effect is enlarged when drawn together with the output."""
     share = _share(run)
     if not run.scene.memoryless or share >= _PLAIN or share == 0.0:
         return 1
@@ -216,3 +227,81 @@ def _with_coil(panel: Panel, run: _Run) -> Panel:
 
 def _encoder_rate(signals: Signals) -> FloatArray:
     return np.gradient(signals.encoder_deg, signals.time_s)
+
+
+_DEG_PER_H = 3600.0
+_EXCERPT_S, _MEAN_S = 0.2, 10.0
+_LOOKS: Mapping[tuple[str, bool], Look] = {
+    ("on", True): "on dots",
+    ("off", True): "off dots",
+    ("on", False): "on",
+    ("off", False): "grey",
+}
+"""By whether the effect is on, and whether samples are drawn as dots."""
+
+
+def panels(
+    scene: Scene, off: Signals, on: Signals, gyro: ResponseParameters, *, seen_in_rate: float
+) -> Iterator[Panel]:
+    """Samples of the output less what the motion makes of it; `seen_in_rate` are the volts of one °/s."""
+    straight = gyro.U0_v + gyro.K0_v_per_dps * scene.signals.rate_dps
+    noises = [("off", "without the effect", off.output_v - straight), ("on", "with it", on.output_v - straight)]
+    dotted = scene.x_label == "rate (°/s)"
+    # the larger scatter is drawn first, so that it does not hide the other one
+    louder = sorted(noises, key=lambda one: -float(np.std(one[2])))
+    yield Panel(
+        x=scene.x_label,
+        y="means of 10 s (mV)" if scene.allan else "noise (mV)",
+        curves=tuple(
+            Curve(x=_shown(scene, scene.x), y=1e3 * _shown(scene, volts), look=_LOOKS[look, dotted], label=label)
+            for look, label, volts in louder
+        ),
+        share=1.3,
+    )
+    if scene.allan:
+        yield _allan(scene, noises, seen_in_rate)
+    if scene.spectrum:
+        yield _spectrum(scene, noises)
+    if dotted:
+        yield _scatter(scene, noises)
+
+
+def _shown(scene: Scene, values: FloatArray) -> FloatArray:
+    """What of the samples is drawn: means where they are many, an excerpt where they are quick."""
+    if scene.allan:
+        long = round(_MEAN_S / scene.signals.interval_s)
+        means: FloatArray = values[: values.size // long * long].reshape(-1, long).mean(axis=1)
+        return means
+    return values[scene.x <= _EXCERPT_S] if scene.spectrum else values
+
+
+def _allan(scene: Scene, noises: list[tuple[str, str, FloatArray]], v_per_dps: float) -> Panel:
+    interval_s = scene.signals.interval_s
+    factors = averaging_factors(scene.x.size)
+    curves = []
+    tau_s = np.asarray(factors * interval_s, dtype=np.float64)
+    for look, label, volts in noises:
+        deviations = _DEG_PER_H / v_per_dps * deviation(volts, factors, interval_s)
+        curves.append(Curve(x=tau_s, y=deviations, look="on" if look == "on" else "off", label=label))
+    return Panel(x="averaging time τ (s)", y="Allan deviation (°/h)", curves=tuple(curves), logarithmic="xy", share=1.3)
+
+
+def _spectrum(scene: Scene, noises: list[tuple[str, str, FloatArray]]) -> Panel:
+    frequency = np.asarray(np.fft.rfftfreq(scene.x.size, scene.signals.interval_s)[1:], dtype=np.float64)
+    curves = []
+    for look, label, volts in reversed(noises):
+        amplitude = 2.0 * np.abs(np.fft.rfft(volts - volts.mean()))[1:] / volts.size
+        curves.append(Curve(x=frequency, y=1e3 * amplitude, look="on" if look == "on" else "grey", label=label))
+    return Panel(x="frequency (Hz)", y="amplitude (mV)", curves=tuple(curves), logarithmic="xy", share=1.2)
+
+
+def _scatter(scene: Scene, noises: list[tuple[str, str, FloatArray]]) -> Panel:
+    """The standard deviation in slices of the rate."""
+    edges = np.linspace(float(scene.x.min()), float(scene.x.max()), 31)
+    place = np.clip(np.digitize(scene.x, edges) - 1, 0, edges.size - 2)
+    curves = []
+    for look, label, volts in noises:
+        spread = np.array([1e3 * np.std(volts[place == k]) for k in range(edges.size - 1)])
+        middle = 0.5 * (edges[1:] + edges[:-1])
+        curves.append(Curve(x=middle, y=spread, look="on" if look == "on" else "off", label=label))
+    return Panel(x=scene.x_label, y="its deviation (mV)", curves=tuple(curves), share=0.9)

@@ -1,4 +1,4 @@
-"""Motions and temperatures in which effects of the gyro are seen, as signals of the project's own chain."""
+"""Motions and temperatures that show the effects of the gyro, as signals of the project's own chain."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchctl.explain.pictures.sketch import Curve, FloatArray, Panel
+from benchctl.explain.pictures.sketch import Curve, Panel
 from benchctl.explain.sizes import RANGE_DPS
 from benchctl.reports import text
+from benchctl_instruments.interfaces import FloatArray
 from benchctl_instruments.physics.chain import Signals
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
 from benchctl_instruments.physics.effects.kinds import EncoderEffect
@@ -23,9 +24,9 @@ _SWING_SCANS = 2000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
-    """A motion. `x` is what its picture is drawn over, `says` the motion in words; `stimulus` is drawn above.
+    """A motion. `x` is what its picture is drawn over, `description` the motion in words; `stimulus` is drawn above.
 
-    `parts` of it have names, so that they can be told apart: what heats, what cools.
+    `parts` of it have names, to distinguish them: heating, cooling.
 
     `noisy`: with the noise of samples, on and off alike. `memoryless`: the output follows x, so that what an effect
     changes may be drawn larger than it is. `spectrum`: its picture ends with one.
@@ -33,8 +34,8 @@ class Scene:
 
     signals: Signals
     x: FloatArray
-    x_says: str
-    says: str
+    x_label: str
+    description: str
     stimulus: Panel | None = None
     parts: tuple[tuple[str, slice], ...] = ()
     noisy: bool = False
@@ -52,7 +53,7 @@ def sweep(effect: PhysicalEffect, top_dps: float) -> Scene:
     near = np.geomspace(1e-4 * top_dps, top_dps, 600)
     rate = np.unique(np.concatenate([np.linspace(-top_dps, top_dps, 8001), near, -near]))
     signals = _signals(np.linspace(0.0, 600.0, rate.size), rate)
-    return Scene(signals=signals, x=rate, x_says="rate (°/s)", says=f"Rates up to ±{top_dps:.3g} °/s")
+    return Scene(signals=signals, x=rate, x_label="rate (°/s)", description=f"Rates up to ±{top_dps:.3g} °/s")
 
 
 def noisy_sweep(effect: PhysicalEffect, top_dps: float) -> Scene:
@@ -61,8 +62,8 @@ def noisy_sweep(effect: PhysicalEffect, top_dps: float) -> Scene:
     return Scene(
         signals=_signals(_every(0.01, rate.size), rate),
         x=rate,
-        x_says="rate (°/s)",
-        says=f"Rates up to ±{top_dps:.3g} °/s, every sample",
+        x_label="rate (°/s)",
+        description=f"Rates up to ±{top_dps:.3g} °/s, every sample",
         noisy=True,
     )
 
@@ -77,8 +78,8 @@ def reversals(effect: PhysicalEffect, top_dps: float) -> Scene:
     return Scene(
         signals=_signals(time_s, rate, acceleration=acceleration),
         x=time_s,
-        x_says="time (s)",
-        says="Reversals from −100 to 100 °/s and back at 500 °/s²",
+        x_label="time (s)",
+        description="Reversals from −100 to 100 °/s and back at 500 °/s²",
         memoryless=False,
     )
 
@@ -91,8 +92,8 @@ def slow_sine(effect: PhysicalEffect, top_dps: float) -> Scene:
     return Scene(
         signals=_signals(time_s, rate, acceleration=_TURNING_DPS * turn * np.cos(turn * time_s)),
         x=time_s / 60.0,
-        x_says="time (min)",
-        says="A sine of ±100 °/s and two minutes, for an hour",
+        x_label="time (min)",
+        description="A sine of ±100 °/s and two minutes, for an hour",
         memoryless=False,
     )
 
@@ -104,14 +105,14 @@ def turns(effect: PhysicalEffect, top_dps: float) -> Scene:
     angle = np.linspace(0.0, span_deg, 2001)
     rate_dps = 36.0
     signals = _signals(angle / rate_dps, np.full_like(angle, rate_dps), angle=angle)
-    return Scene(signals=signals, x=angle, x_says="angle of the table (°)", says="Turning at 36 °/s")
+    return Scene(signals=signals, x=angle, x_label="angle of the table (°)", description="Turning at 36 °/s")
 
 
 def temperatures(effect: PhysicalEffect, top_dps: float) -> Scene:
     """At rest, every temperature, each for long."""
     celsius = np.linspace(-40.0, 60.0, 1001)
     signals = _signals(np.linspace(0.0, 100.0 * _HOUR_S, celsius.size), np.zeros_like(celsius), celsius=celsius)
-    return Scene(signals=signals, x=celsius, x_says="temperature of the gyro (°C)", says="At rest")
+    return Scene(signals=signals, x=celsius, x_label="temperature of the gyro (°C)", description="At rest")
 
 
 def temperature_cycle(effect: PhysicalEffect, top_dps: float) -> Scene:
@@ -121,8 +122,8 @@ def temperature_cycle(effect: PhysicalEffect, top_dps: float) -> Scene:
     return Scene(
         signals=_signals(time_s, np.full_like(time_s, _TURNING_DPS), celsius=celsius),
         x=celsius,
-        x_says="temperature of the gyro (°C)",
-        says="Turning at 100 °/s, from the cold to the heat and back, with long soaks",
+        x_label="temperature of the gyro (°C)",
+        description="Turning at 100 °/s, from the cold to the heat and back, with long soaks",
         parts=(("heating", slice(0, 1001)), ("cooling", slice(1000, None))),
     )
 
@@ -137,8 +138,8 @@ def sweeps_at_temperatures(effect: PhysicalEffect, top_dps: float) -> Scene:
     return Scene(
         signals=_signals(np.linspace(0.0, 30.0 * _HOUR_S, rate.size), rate, celsius=np.repeat(celsius, once.size)),
         x=rate,
-        x_says="rate (°/s)",
-        says=f"Rates up to ±{top_dps:.3g} °/s at three temperatures",
+        x_label="rate (°/s)",
+        description=f"Rates up to ±{top_dps:.3g} °/s at three temperatures",
         parts=tuple(parts),
     )
 
@@ -152,8 +153,8 @@ def ramps(effect: PhysicalEffect, top_dps: float) -> Scene:
     return Scene(
         signals=_signals(time_s, np.full_like(time_s, _TURNING_DPS), celsius=celsius),
         x=hours,
-        x_says="time (h)",
-        says="Turning at 100 °/s while the temperature rises and falls by 1 °C/min",
+        x_label="time (h)",
+        description="Turning at 100 °/s while the temperature rises and falls by 1 °C/min",
         stimulus=Panel(x="time (h)", y="temperature (°C)", curves=(warm,), share=0.7),
     )
 
@@ -162,14 +163,14 @@ def long_turning(effect: PhysicalEffect, top_dps: float) -> Scene:
     """A constant rate for two hours."""
     time_s = _every(2.0, 3600)
     signals = _signals(time_s, np.full_like(time_s, _TURNING_DPS))
-    return Scene(signals=signals, x=time_s / 60.0, x_says="time (min)", says="Turning at 100 °/s for two hours")
+    return Scene(signals=signals, x=time_s / 60.0, x_label="time (min)", description="Turning at 100 °/s for two hours")
 
 
 def long_rest(effect: PhysicalEffect, top_dps: float) -> Scene:
     """Rest for two hours."""
     time_s = _every(2.0, 3600)
     signals = _signals(time_s, np.zeros_like(time_s))
-    return Scene(signals=signals, x=time_s / 60.0, x_says="time (min)", says="Two hours at rest")
+    return Scene(signals=signals, x=time_s / 60.0, x_label="time (min)", description="Two hours at rest")
 
 
 def noisy_rest(effect: PhysicalEffect, top_dps: float) -> Scene:
@@ -178,8 +179,8 @@ def noisy_rest(effect: PhysicalEffect, top_dps: float) -> Scene:
     return Scene(
         signals=_signals(time_s, np.zeros_like(time_s)),
         x=time_s / 60.0,
-        x_says="time (min)",
-        says="Two hours at rest, two samples a second",
+        x_label="time (min)",
+        description="Two hours at rest, two samples a second",
         noisy=True,
         allan=True,
     )
@@ -191,8 +192,8 @@ def short_rest(effect: PhysicalEffect, top_dps: float) -> Scene:
     return Scene(
         signals=_signals(time_s, np.zeros_like(time_s)),
         x=time_s,
-        x_says="time (s)",
-        says="At rest, a hundred samples a second",
+        x_label="time (s)",
+        description="At rest, a hundred samples a second",
         noisy=True,
     )
 
@@ -203,8 +204,8 @@ def tone(effect: PhysicalEffect, top_dps: float) -> Scene:
     return Scene(
         signals=_signals(time_s, np.zeros_like(time_s)),
         x=time_s,
-        x_says="time (s)",
-        says="At rest, a thousand samples a second",
+        x_label="time (s)",
+        description="At rest, a thousand samples a second",
         noisy=True,
         spectrum=True,
     )
@@ -218,8 +219,8 @@ def swing(effect: PhysicalEffect, top_dps: float) -> Scene:
     return Scene(
         signals=_signals(time_s, rate, acceleration=_TURNING_DPS * turn * np.cos(turn * time_s)),
         x=time_s,
-        x_says="time (s)",
-        says="A sine of ±100 °/s and 0.2 Hz",
+        x_label="time (s)",
+        description="A sine of ±100 °/s and 0.2 Hz",
         memoryless=False,
     )
 
@@ -233,8 +234,8 @@ def supply(effect: PhysicalEffect, top_dps: float) -> Scene:
     return Scene(
         signals=_signals(time_s, np.full_like(time_s, _TURNING_DPS), auxiliary={"supply_v": volts}),
         x=minutes,
-        x_says="time (min)",
-        says="Turning at 100 °/s while the supply is changed",
+        x_label="time (min)",
+        description="Turning at 100 °/s while the supply is changed",
         stimulus=Panel(x="time (min)", y="supply (V)", curves=(stated,), share=0.6),
     )
 
@@ -254,7 +255,7 @@ BY_COORDINATE: Mapping[str, Make] = {
     "time": long_rest,
     "frequency": tone,
 }
-"""The scene of an effect that asks for no other, by the coordinate along which it is seen."""
+"""The default scene of an effect, by its coordinate."""
 
 BY_NAME: Mapping[str, Make] = {
     "noisy_rest": noisy_rest,

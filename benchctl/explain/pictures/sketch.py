@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-import numpy.typing as npt
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl.explain.glossary import as_written, extra
+from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.physics.effects.effect import DescribedEffect, Parameter
 
 Look = Literal["off", "on", "third", "grey", "faint", "off dots", "on dots", "third dots"]
 """`off` is without the effect, `on` with it; `grey` and `faint` stand back."""
@@ -37,7 +37,7 @@ class Band:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Panel:
-    """One pair of axes. `in_rate`: beside volts the rates that they stand for [°/s]. `share` of the height."""
+    """One pair of axes; `share` is its part of the height."""
 
     x: str
     y: str
@@ -51,9 +51,52 @@ class Panel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sketch:
-    """A whole picture; `difference`, shape (n,), is what the effect changes, where it shows one."""
+    """A complete picture; `difference`, shape (n,), is what the effect changes, where it shows one."""
 
     title: str
     caption: str
     panels: tuple[Panel, ...]
     difference: FloatArray | None = None
+
+
+Values = dict[str, float]
+
+
+def stated_values(identifier: str) -> Values:
+    """The size at which the glossary asks for an effect to be drawn; empty where it does not."""
+    return {name: float(value) for name, value in extra("effects", identifier).get("pictured", {}).items()}
+
+
+def visible_values(kind: type[DescribedEffect], share: Callable[[Values], float], target: float) -> Values:
+    """Values at which each size of an effect alone changes a share `target`; `share` computes the share of values.
+
+    Shapes are taken from the middle of where a search would begin, phases and choices from its beginning.
+    """
+    described = kind.parameters
+    values = {name: _start(one) for name, one in described.items()}
+    for name, one in described.items():
+        if one.role != "size":
+            continue
+        alone = {**values, **{other: 0.0 for other in described if described[other].role == "size"}, name: one.scan[0]}
+        changed = share(alone)
+        if changed > 0.0:
+            values[name] = _within(one, one.scan[0] * target / changed)
+    return values
+
+
+def described_values(kind: type[DescribedEffect], values: Mapping[str, float]) -> str:
+    """Values in a caption: `tau_s = 424, fraction = 0.004`."""
+    return ", ".join(f"{name} = {as_written(values[name])}" for name in kind.parameters)
+
+
+def whole_values(kind: type[DescribedEffect], values: Mapping[str, float]) -> Values:
+    """Values with those parameters that they leave out, each where a search would begin."""
+    return {**{name: _start(one) for name, one in kind.parameters.items()}, **values}
+
+
+def _start(one: Parameter) -> float:
+    return one.scan[len(one.scan) // 2] if one.role == "shape" else one.scan[0]
+
+
+def _within(one: Parameter, value: float) -> float:
+    return min(max(value, one.low), one.high)

@@ -1,1 +1,1 @@
-"""The tests of a gyro, one file a kind: each takes what a recording shows and gives results, or says what it lacks."""
+"""The tests of a gyro, one file a kind: each gives results from the observations, or states what is missing."""

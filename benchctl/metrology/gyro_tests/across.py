@@ -1,7 +1,7 @@
 """Misalignment: the angle by which the input axis misses the plane across the table's axis.
 
 The unit is mounted across; δ = (F₊ − F₋)/(2·K·Ω), here the slope of the line over all rates over the scale factor. The
-fixture's own error is part of it and stands in the budget.
+fixture's own error is part of it and in the budget.
 """
 
 from __future__ import annotations
@@ -10,38 +10,38 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from benchctl.metrology.lines import line
+from benchctl.metrology.observations import Observations, column, measured, refused
+from benchctl.metrology.points import line
 from benchctl.metrology.propagation import Offsets, as_read, propagated, single
-from benchctl.metrology.result import Measured
-from benchctl.metrology.said import said
-from benchctl.metrology.seen import FloatArray, Seen, column, measured, refused
+from benchctl.metrology.result import Measured, message
+from benchctl_instruments.interfaces import FloatArray
 
 _NAME = "misalignment"
 
 
-def across_tests(seen: Seen) -> Iterator[Measured]:
+def across_tests(obs: Observations) -> Iterator[Measured]:
     """The one result."""
-    across = [number for number, stretch in enumerate(seen.stretches) if stretch.across]
-    turned = [one for one in across if np.unique(seen.in_stretch(one).set_dps).size > 1]
+    across = [number for number, stretch in enumerate(obs.stretches) if stretch.across]
+    turned = [one for one in across if np.unique(obs.in_stretch(one).set_dps).size > 1]
     if not turned:
-        yield refused(_NAME, said("needs_across"))
+        yield refused(_NAME, message("needs_across"))
         return
-    if seen.reference is None:
-        yield refused(_NAME, said("needs_scale_factor"))
+    if obs.reference is None:
+        yield refused(_NAME, message("needs_scale_factor"))
         return
     where = turned[0]
-    points = seen.swept_in([seen.reference, where])
-    own, sweep = points.stretch == where, points.stretch == seen.reference
+    points = obs.swept_in([obs.reference, where])
+    own, sweep = points.stretch == where, points.stretch == obs.reference
 
     def milliradians(offsets: Offsets) -> FloatArray:
         rate_dps, output_v = points.moved(offsets)
         scale = line(rate_dps[:, sweep], output_v[:, sweep])[0]
         felt = line(rate_dps[:, own], output_v[:, own])[0] / scale
-        # a unit that nobody mounted across feels all of the rate
+        # a unit that was not mounted across senses all of the rate
         return np.asarray(1e3 * (np.arcsin(np.clip(felt, -1.0, 1.0)) + offsets["fixture"][:, 0]))
 
-    fixture = single("fixture", float(np.deg2rad(seen.stated.mounting_deg.standard)), seen.stated.mounting_deg.says)
-    quantities = [*seen.quantities(points), fixture]
+    fixture = single("fixture", float(np.deg2rad(obs.stated.mounting_deg.standard)), obs.stated.mounting_deg.says)
+    quantities = [*obs.quantities(points), fixture]
     yield measured(
         _NAME,
         float(as_read(milliradians, quantities)),

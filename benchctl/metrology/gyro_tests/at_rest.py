@@ -13,21 +13,29 @@ import numpy as np
 from scipy.linalg import toeplitz
 from scipy.special import chdtri
 
-from benchctl.calibration.earth import EARTH_DPS, earth_rate_dps
+from benchctl.calibration.model import EARTH_DPS, earth_rate_dps
 from benchctl.calibration.result import Contribution
 from benchctl.calibration.uncertainty import LEVEL, K, effective_dof
 from benchctl.metrology.allan import Allan, analysed
+from benchctl.metrology.coefficients import TERMS, Term, densities, unit_of
 from benchctl.metrology.drift import likeliest
-from benchctl.metrology.lines import line
 from benchctl.metrology.names import UNITS
-from benchctl.metrology.noise_terms import TERMS, Term, densities, unit_of
+from benchctl.metrology.observations import (
+    Observations,
+    celsius_of,
+    column,
+    has_rest,
+    measured,
+    refused,
+    same_set_point,
+)
+from benchctl.metrology.points import line
 from benchctl.metrology.propagation import Offsets, as_read, propagated, single
-from benchctl.metrology.result import Measured, Picture, Trace, Uncertainty
-from benchctl.metrology.said import Said, said
-from benchctl.metrology.seen import FloatArray, Seen, celsius_of, column, has_rest, measured, refused, same_set_point
+from benchctl.metrology.result import Measured, Message, Picture, Trace, Uncertainty, message
 from benchctl.metrology.series import series_of_step
 from benchctl.metrology.stretches import rest_of
 from benchctl_instruments.errors import UsageError
+from benchctl_instruments.interfaces import FloatArray
 
 _DEG_PER_H = 3600.0
 _TERMS: Mapping[str, Term] = {
@@ -43,45 +51,45 @@ _LOWEST = 0.1
 """Lowest frequency of the noise that makes means scatter, in reciprocals of the record: below, they move together."""
 
 
-def rest_tests(seen: Seen) -> Iterator[Measured]:
+def rest_tests(obs: Observations) -> Iterator[Measured]:
     """Bias, its stability, and five terms."""
-    if seen.reference is None:
-        yield from (refused(name, said("needs_scale_factor")) for name in ("bias", *_OF_NOISE))
+    if obs.reference is None:
+        yield from (refused(name, message("needs_scale_factor")) for name in ("bias", *_OF_NOISE))
         return
-    yield _bias(seen)
-    info = rest_of(seen.recording)
+    yield _bias(obs)
+    info = rest_of(obs.recording)
     length_s = 0.0 if info is None else info.t_end - info.t_start
-    if info is None or length_s < seen.settings.rest_s:
-        why = said("needs_long_rest", found_s=length_s, needed_s=seen.settings.rest_s)
+    if info is None or length_s < obs.settings.rest_s:
+        why = message("needs_long_rest", found_s=length_s, needed_s=obs.settings.rest_s)
         yield from (refused(name, why) for name in _OF_NOISE)
         return
-    scale = seen.scale_v_per_dps if seen.recording.meta.output_unit == "V" else None
+    scale = obs.scale_v_per_dps if obs.recording.meta.output_unit == "V" else None
     try:
-        found = analysed(series_of_step(seen.recording, "gyro_v", str(info.index), scale))
+        found = analysed(series_of_step(obs.recording, "gyro_v", str(info.index), scale))
     except UsageError as err:
-        why = said("term_refused", why=str(err))
+        why = message("term_refused", why=str(err))
         yield from (refused(name, why) for name in _OF_NOISE)
         return
-    yield _stability(seen, found, info.index)
-    yield from (_term(seen, found, name, info.index) for name in _TERMS)
+    yield _stability(obs, found, info.index)
+    yield from (_term(obs, found, name, info.index) for name in _TERMS)
 
 
-def _bias(seen: Seen) -> Measured:
+def _bias(obs: Observations) -> Measured:
     """Of the longest rest at the reference's set point."""
-    home = seen.stretches[seen.reference or 0]
+    home = obs.stretches[obs.reference or 0]
     longest, where = 0.0, None
-    for number, stretch in enumerate(seen.stretches):
-        points = seen.in_stretch(number)
+    for number, stretch in enumerate(obs.stretches):
+        points = obs.in_stretch(number)
         if not stretch.across and same_set_point(stretch.setpoint_c, home.setpoint_c) and has_rest(points):
             rest_s = float(points.duration_s[points.set_dps == 0.0][0])
             if rest_s > longest:
                 longest, where = rest_s, number
-    if where is None or seen.reference is None:
-        return refused("bias", said("needs_rest"))
-    points = seen.swept_in([where, seen.reference])
+    if where is None or obs.reference is None:
+        return refused("bias", message("needs_rest"))
+    points = obs.swept_in([where, obs.reference])
     rest = int(np.flatnonzero((points.stretch == where) & (points.set_dps == 0.0))[0])
-    sweep = np.flatnonzero(points.stretch == seen.reference)
-    latitude_deg = seen.recording.meta.bench.latitude_deg
+    sweep = np.flatnonzero(points.stretch == obs.reference)
+    latitude_deg = obs.recording.meta.bench.latitude_deg
     earth_dps = earth_rate_dps(latitude_deg)
 
     def deg_per_h(offsets: Offsets) -> FloatArray:
@@ -89,11 +97,11 @@ def _bias(seen: Seen) -> Measured:
         slope = line(rate_dps[:, sweep], output_v[:, sweep])[0]
         return _DEG_PER_H * (output_v[:, rest] / slope - earth_dps - offsets["Earth's rate"][:, 0])
 
-    quantities = [*seen.quantities(points, drifting=False), single("Earth's rate", *_earth(seen, latitude_deg))]
+    quantities = [*obs.quantities(points, drifting=False), single("Earth's rate", *_earth(obs, latitude_deg))]
     note = (
-        said("latitude_unknown")
+        message("latitude_unknown")
         if latitude_deg is None
-        else said("earth_taken_off", rate_deg_per_h=_DEG_PER_H * earth_dps)
+        else message("earth_taken_off", rate_deg_per_h=_DEG_PER_H * earth_dps)
     )
     return measured(
         "bias",
@@ -104,44 +112,45 @@ def _bias(seen: Seen) -> Measured:
     )
 
 
-def _earth(seen: Seen, latitude_deg: float | None) -> tuple[float, str]:
+def _earth(obs: Observations, latitude_deg: float | None) -> tuple[float, str]:
     """How well the Earth's rate about the axis is known [deg/s], and by what."""
     if latitude_deg is None:
         return EARTH_DPS / float(np.sqrt(3.0)), "latitude not known"
-    away = float(np.hypot(seen.stated.latitude_deg.standard, seen.stated.tilt_deg.standard))
+    away = float(np.hypot(obs.stated.latitude_deg.standard, obs.stated.tilt_deg.standard))
     slope = EARTH_DPS * abs(float(np.cos(np.deg2rad(latitude_deg))))
     return slope * float(
         np.deg2rad(away)
-    ), f"latitude: {seen.stated.latitude_deg.says}; tilt: {seen.stated.tilt_deg.says}"
+    ), f"latitude: {obs.stated.latitude_deg.says}; tilt: {obs.stated.tilt_deg.says}"
 
 
-def _stability(seen: Seen, found: Allan, step: int) -> Measured:
+def _stability(obs: Observations, found: Allan, step: int) -> Measured:
     """The deviation of means; its interval by how means of this noise scatter together."""
     series = found.series
-    long = max(1, round(seen.settings.mean_s / series.interval_s))
+    long = max(1, round(obs.settings.mean_s / series.interval_s))
     count = series.values.size // long
     if count < _FEWEST_MEANS:
         needed_s = _FEWEST_MEANS * long * series.interval_s
         return refused(
-            "bias_stability", said("needs_long_rest", found_s=series.values.size * series.interval_s, needed_s=needed_s)
+            "bias_stability",
+            message("needs_long_rest", found_s=series.values.size * series.interval_s, needed_s=needed_s),
         )
     means = _DEG_PER_H * series.values[: count * long].reshape(count, long).mean(axis=1)
     value = float(np.std(means, ddof=1))
-    covariance = _DEG_PER_H**2 * _covariance_of_means(seen, found, count, long)
+    covariance = _DEG_PER_H**2 * _covariance_of_means(obs, found, count, long)
     centred = covariance - covariance.mean(axis=0) - covariance.mean(axis=1)[:, None] + covariance.mean()
     freedom = float(np.trace(centred) ** 2 / np.sum(centred**2))
     return Measured(
         name="bias_stability",
         unit=UNITS["bias_stability"],
         value=value,
-        uncertainty=_of_chi_square(seen, value, freedom),
-        notes=(said("mean_of", seconds=seen.settings.mean_s, count=count), *_caution(found)),
-        temperature_c=_temperature_c(seen, step),
+        uncertainty=_of_chi_square(obs, value, freedom),
+        notes=(message("mean_of", seconds=obs.settings.mean_s, count=count), *_caution(found)),
+        temperature_c=_temperature_c(obs, step),
         steps=(step,),
     )
 
 
-def _covariance_of_means(seen: Seen, found: Allan, count: int, long: int) -> FloatArray:
+def _covariance_of_means(obs: Observations, found: Allan, count: int, long: int) -> FloatArray:
     """Of means over `long` samples of the noise that the Allan deviation found, (count, count), in its unit squared.
 
     A walk that one rest does not show, and all of them together do, is taken from these.
@@ -150,7 +159,7 @@ def _covariance_of_means(seen: Seen, found: Allan, count: int, long: int) -> Flo
     mean_s = long * interval_s
     frequency = np.geomspace(_LOWEST / (count * mean_s), 0.5 / interval_s, 4000)
     squares, walk = found.terms.squares.copy(), TERMS.index("K")
-    squares[walk] = max(float(squares[walk]), likeliest(seen.noises).walk / seen.scale_v_per_dps**2)
+    squares[walk] = max(float(squares[walk]), likeliest(obs.noises).walk / obs.scale_v_per_dps**2)
     density = densities(frequency, interval_s) @ squares
     through = np.sinc(frequency * mean_s) ** 2
     lags_s = mean_s * np.arange(count)
@@ -159,17 +168,17 @@ def _covariance_of_means(seen: Seen, found: Allan, count: int, long: int) -> Flo
     return np.asarray(toeplitz(np.cos(2.0 * np.pi * np.outer(lags_s, frequency)) @ weights))
 
 
-def _of_chi_square(seen: Seen, value: float, freedom: float) -> Uncertainty:
+def _of_chi_square(obs: Observations, value: float, freedom: float) -> Uncertainty:
     tails = np.array([0.5 * (1.0 - LEVEL), 0.5 * (1.0 + LEVEL)])
     low, high = (value * np.sqrt(freedom / chdtri(freedom, tails))).tolist()
-    return _by_scatter(seen, value, low, high, value / np.sqrt(2.0 * freedom), freedom)
+    return _by_scatter(obs, value, low, high, value / np.sqrt(2.0 * freedom), freedom)
 
 
 def _by_scatter(
-    seen: Seen, value: float, low: float, high: float, standard: float, dof: float = math.inf
+    obs: Observations, value: float, low: float, high: float, standard: float, dof: float = math.inf
 ) -> Uncertainty:
-    """Of a result whose own distribution is known: its interval, and beside it the gain of the converter."""
-    gain = value * 1e-6 * seen.stated.gain_ppm.standard
+    """Uncertainty of a result of known distribution: its interval combined with the converter's gain."""
+    gain = value * 1e-6 * obs.stated.gain_ppm.standard
     return Uncertainty(
         standard=float(np.hypot(standard, gain)),
         expanded=float(np.hypot(0.5 * (high - low), K * gain)),
@@ -177,17 +186,17 @@ def _by_scatter(
         monte_carlo=0.5 * (high - low),
         contributors=(
             Contribution(source="scatter", standard=standard, kind="A", says="length of the record", dof=dof),
-            Contribution(source="converter's gain", standard=gain, kind="B", says=seen.stated.gain_ppm.says),
+            Contribution(source="converter's gain", standard=gain, kind="B", says=obs.stated.gain_ppm.says),
         ),
-        says=said("chi_square", low=low, high=high),
+        says=message("chi_square", low=low, high=high),
     )
 
 
-def _term(seen: Seen, found: Allan, name: str, step: int) -> Measured:
+def _term(obs: Observations, found: Allan, name: str, step: int) -> Measured:
     term = _TERMS[name]
     one = found.terms.found.get(term)
     if one is None:
-        return refused(name, said("term_refused", why=found.terms.refused[term]))
+        return refused(name, message("term_refused", why=found.terms.refused[term]))
     factor = unit_of(term, "deg/s").factor
     low, high = (factor * limit for limit in one.ci95)
     value = factor * one.value
@@ -195,14 +204,14 @@ def _term(seen: Seen, found: Allan, name: str, step: int) -> Measured:
     if name == "bias_instability":
         lowest = int(np.argmin(found.deviation))
         least = _DEG_PER_H * float(found.deviation[lowest])
-        notes = (said("allan_minimum", value=least, tau_s=float(found.tau_s[lowest])), *notes)
+        notes = (message("allan_minimum", value=least, tau_s=float(found.tau_s[lowest])), *notes)
     return Measured(
         name=name,
         unit=UNITS[name],
         value=value,
-        uncertainty=_by_scatter(seen, value, low, high, 0.25 * (high - low)),
+        uncertainty=_by_scatter(obs, value, low, high, 0.25 * (high - low)),
         notes=notes,
-        temperature_c=_temperature_c(seen, step),
+        temperature_c=_temperature_c(obs, step),
         steps=(step,),
         picture=_picture(found) if name == "angle_random_walk" else None,
         table=(
@@ -213,13 +222,13 @@ def _term(seen: Seen, found: Allan, name: str, step: int) -> Measured:
     )
 
 
-def _caution(found: Allan) -> tuple[Said, ...]:
+def _caution(found: Allan) -> tuple[Message, ...]:
     """That the terms, and what is inferred from them, do not describe the rest; empty where they do."""
     misfit = found.misfit
     if misfit is None:
         return ()
     value, modelled = _DEG_PER_H * misfit.deviation, _DEG_PER_H * misfit.modelled
-    return (said("terms_misfit", tau_s=misfit.tau_s, value=value, modelled=modelled),)
+    return (message("terms_misfit", tau_s=misfit.tau_s, value=value, modelled=modelled),)
 
 
 def _picture(found: Allan) -> Picture:
@@ -237,6 +246,6 @@ def _picture(found: Allan) -> Picture:
     )
 
 
-def _temperature_c(seen: Seen, step: int) -> float | None:
-    own = [reading.temperature_c for stretch in seen.stretches for reading in stretch.readings if reading.step == step]
+def _temperature_c(obs: Observations, step: int) -> float | None:
+    own = [reading.temperature_c for stretch in obs.stretches for reading in stretch.readings if reading.step == step]
     return celsius_of(*own) if own else None

@@ -12,37 +12,37 @@ import numpy as np
 
 from benchctl.metrology.drift import white_variance
 from benchctl.metrology.names import UNITS
+from benchctl.metrology.observations import Observations, celsius_of, column, dots, refused
 from benchctl.metrology.propagation import Offsets, Quantity, as_read, propagated, single
-from benchctl.metrology.result import Measured
-from benchctl.metrology.said import said
-from benchctl.metrology.seen import FloatArray, Seen, celsius_of, column, dots, refused
+from benchctl.metrology.result import Measured, message
 from benchctl.metrology.swings import Swing, fitted
 from benchctl.recordings.model import StepInfo
+from benchctl_instruments.interfaces import FloatArray
 
 _NAME = "dead_zone"
 _WIDEST_DPS, _FASTEST_HZ = 2.0, 0.1
 _BINS = 25
 _USED = 0.95
-"""Of the amplitude: at its ends a sine stays long and says nothing new."""
+"""Share of the amplitude that is used: near its ends a sine adds no information."""
 _HALF = 0.5
 _DEG_PER_H = 3600.0
 
 
-def dead_zone_tests(seen: Seen) -> Iterator[Measured]:
+def dead_zone_tests(obs: Observations) -> Iterator[Measured]:
     """The one result."""
-    info = _slow_swing(seen)
+    info = _slow_swing(obs)
     if info is None or info.frequency_hz is None:
-        yield refused(_NAME, said("needs_slow_swing"))
+        yield refused(_NAME, message("needs_slow_swing"))
         return
-    step = seen.recording.step(info.index, ("time_s", "encoder_deg", "gyro_v"))
+    step = obs.recording.step(info.index, ("time_s", "encoder_deg", "gyro_v"))
     swing = fitted(step, info.frequency_hz)
     edges = _USED * (0.0 if swing is None else abs(swing.rate_phasor)) * np.linspace(-1.0, 1.0, _BINS + 1)
     if swing is None or not np.histogram(swing.rate_dps, edges)[0].all():
-        yield refused(_NAME, said("needs_slow_swing"))
+        yield refused(_NAME, message("needs_slow_swing"))
         return
     output_v, standard_v = _binned(swing, edges)
     middle, width_dps = 0.5 * (edges[1:] + edges[:-1]), float(edges[1] - edges[0])
-    slope = seen.scale_v_per_dps
+    slope = obs.scale_v_per_dps
 
     def slopes(offsets: Offsets) -> FloatArray:
         return np.asarray(np.diff(output_v + offsets["scatter"], axis=1) / (slope * width_dps))
@@ -51,7 +51,7 @@ def dead_zone_tests(seen: Seen) -> Iterator[Measured]:
         return _DEG_PER_H * (width_dps * _longest_run(slopes(offsets) < _HALF) + offsets["bins"][:, 0])
 
     quantities: list[Quantity] = [
-        Quantity(name="scatter", root=np.diag(standard_v), kind="A", says="scatter of the samples in a bin"),
+        Quantity(name="scatter", root=np.diag(standard_v), kind="A", note="scatter of the samples in a bin"),
         single("bins", width_dps / np.sqrt(6.0), "width of the bins, at both ends"),
     ]
     response = as_read(slopes, quantities)
@@ -71,10 +71,10 @@ def dead_zone_tests(seen: Seen) -> Iterator[Measured]:
     )
 
 
-def _slow_swing(seen: Seen) -> StepInfo | None:
-    if seen.reference is None:
+def _slow_swing(obs: Observations) -> StepInfo | None:
+    if obs.reference is None:
         return None
-    for info in seen.recording.infos:
+    for info in obs.recording.infos:
         slow = info.frequency_hz is not None and info.frequency_hz <= _FASTEST_HZ
         small = (info.amplitude_dps or np.inf) <= _WIDEST_DPS
         if info.kind == "sine" and info.whole and slow and small and not info.mounting:

@@ -9,22 +9,22 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from benchctl.metrology.observations import Observations, column, dots, measured, refused
 from benchctl.metrology.points import DOWN, UP, Points
 from benchctl.metrology.propagation import Offsets, as_read, largest_of
-from benchctl.metrology.result import Measured
-from benchctl.metrology.said import said
-from benchctl.metrology.seen import FloatArray, Seen, column, dots, measured, refused
+from benchctl.metrology.result import Measured, message
+from benchctl_instruments.interfaces import FloatArray
 
 _NAME = "hysteresis_rate"
 
 
-def hysteresis_tests(seen: Seen) -> Iterator[Measured]:
+def hysteresis_tests(obs: Observations) -> Iterator[Measured]:
     """The one result."""
-    points, up, down = _widest_cycle(seen)
+    points, up, down = _widest_cycle(obs)
     if up.size == 0:
-        yield refused(_NAME, said("needs_up_and_down"))
+        yield refused(_NAME, message("needs_up_and_down"))
         return
-    slope = seen.scale_v_per_dps
+    slope = obs.scale_v_per_dps
     largest_v = float(np.max(np.abs(slope * points.set_dps)))
 
     def differences(offsets: Offsets) -> FloatArray:
@@ -32,7 +32,7 @@ def hysteresis_tests(seen: Seen) -> Iterator[Measured]:
         at_set = output_v - slope * (rate_dps - points.set_dps)  # the table never turns twice at the very same rate
         return np.asarray(1e6 * (at_set[:, up] - at_set[:, down]) / largest_v)
 
-    quantities = seen.quantities(points)
+    quantities = obs.quantities(points)
     found = as_read(differences, quantities)
     table = column("rate", "deg/s", points.set_dps[up]), column("up_less_down", "ppm", found)
     yield measured(
@@ -44,12 +44,12 @@ def hysteresis_tests(seen: Seen) -> Iterator[Measured]:
     )
 
 
-def _widest_cycle(seen: Seen) -> tuple[Points, np.ndarray, np.ndarray]:
+def _widest_cycle(obs: Observations) -> tuple[Points, np.ndarray, np.ndarray]:
     """The stretch whose rates, reached from both sides, go furthest; and which of its points pair, up with down."""
-    best = seen.points.of(np.zeros(0, dtype=np.int64)), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    best = obs.points.of(np.zeros(0, dtype=np.int64)), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
     reached = 0.0
-    for number, stretch in enumerate(seen.stretches):
-        points = seen.in_stretch(number)
+    for number, stretch in enumerate(obs.stretches):
+        points = obs.in_stretch(number)
         pairs = _pairs(points)
         top = max((abs(float(points.set_dps[one])) for one, _ in pairs), default=0.0)
         if not stretch.across and top > reached:

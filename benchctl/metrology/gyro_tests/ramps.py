@@ -14,12 +14,12 @@ from benchctl.calibration.noise_model import walk_covariance
 from benchctl.calibration.uncertainty import Mixture
 from benchctl.metrology.drift import white_variance
 from benchctl.metrology.names import UNITS
+from benchctl.metrology.observations import Observations, column, dots, refused
 from benchctl.metrology.propagation import Offsets, as_read, propagated, scattered, single
-from benchctl.metrology.result import Measured
-from benchctl.metrology.said import said
-from benchctl.metrology.seen import FloatArray, Seen, column, dots, refused
+from benchctl.metrology.result import Measured, message
 from benchctl.metrology.stretches import LEAST_V2
 from benchctl.recordings.model import StepInfo
+from benchctl_instruments.interfaces import FloatArray
 
 _NAME = "bias_temperature_rate"
 _MEAN_S = 30.0
@@ -27,29 +27,29 @@ _FEWEST = 20
 _DEG_PER_H, _PER_MINUTE = 3600.0, 60.0
 
 
-def ramp_tests(seen: Seen) -> Iterator[Measured]:
+def ramp_tests(obs: Observations) -> Iterator[Measured]:
     """The one result."""
-    ramps = [(info, _means(seen, info)) for info in seen.recording.infos if _at_rest(info)]
+    ramps = [(info, _means(obs, info)) for info in obs.recording.infos if _at_rest(info)]
     parts = [part for _, part in ramps if part is not None]
     directions = {np.sign(celsius[-1] - celsius[0]) for _, _, celsius, _, _ in parts}
     if not {1.0, -1.0} <= directions:
-        yield refused(_NAME, said("needs_ramps"))
+        yield refused(_NAME, message("needs_ramps"))
         return
-    if seen.reference is None:
-        yield refused(_NAME, said("needs_scale_factor"))
+    if obs.reference is None:
+        yield refused(_NAME, message("needs_scale_factor"))
         return
     time_s, output_v, celsius, per_s, white_v2 = (np.concatenate([part[k] for part in parts]) for k in range(5))
     if time_s.size < _FEWEST:
-        yield refused(_NAME, said("needs_ramps"))
+        yield refused(_NAME, message("needs_ramps"))
         return
     middle_c = celsius - celsius.mean()
     columns = np.stack([np.ones_like(middle_c), middle_c, middle_c**2, per_s], axis=1)
-    factor = _DEG_PER_H / _PER_MINUTE / seen.scale_v_per_dps
-    solution, variance = _regressed(seen, columns, output_v, time_s, white_v2)
+    factor = _DEG_PER_H / _PER_MINUTE / obs.scale_v_per_dps
+    solution, variance = _regressed(obs, columns, output_v, time_s, white_v2)
     quantities = [
         scattered("scatter", np.array([[variance]]), "scatter along the ramps, drift of the bias included"),
-        single("clock", 1e-6 * seen.stated.clock_ppm.standard, seen.stated.clock_ppm.says),
-        single("converter's gain", 1e-6 * seen.stated.gain_ppm.standard, seen.stated.gain_ppm.says),
+        single("clock", 1e-6 * obs.stated.clock_ppm.standard, obs.stated.clock_ppm.says),
+        single("converter's gain", 1e-6 * obs.stated.gain_ppm.standard, obs.stated.gain_ppm.says),
     ]
 
     def coefficient(offsets: Offsets) -> FloatArray:
@@ -62,29 +62,29 @@ def ramp_tests(seen: Seen) -> Iterator[Measured]:
         unit=UNITS[_NAME],
         value=float(as_read(coefficient, quantities)),
         uncertainty=propagated(coefficient, quantities),
-        notes=(said("lag_included"),),
+        notes=(message("lag_included"),),
         temperature_c=float(celsius.mean()),
         steps=tuple(info.index for info, part in ramps if part is not None),
         picture=dots(
             column("temperature_rate", "degC/min", _PER_MINUTE * per_s),
-            column("bias", "deg/h", _DEG_PER_H * without / seen.scale_v_per_dps),
+            column("bias", "deg/h", _DEG_PER_H * without / obs.scale_v_per_dps),
         ),
     )
 
 
 def _regressed(
-    seen: Seen, columns: FloatArray, output_v: FloatArray, time_s: FloatArray, white_v2: FloatArray
+    obs: Observations, columns: FloatArray, output_v: FloatArray, time_s: FloatArray, white_v2: FloatArray
 ) -> tuple[FloatArray, float]:
     """Coefficients of the columns (n, p), shape (p,), and the variance of the last: over all walks that rest allows."""
     wiener = walk_covariance(time_s - time_s.min() + _MEAN_S, np.full(time_s.size, _MEAN_S))
     found, breads = [], []
-    for noise, _ in seen.noises:
+    for noise, _ in obs.noises:
         root = np.linalg.cholesky(noise.walk * wiener + noise.excess * np.diag(white_v2))
         white, target = (np.linalg.solve(root, one) for one in (columns, output_v))
         bread = np.linalg.inv(white.T @ white)
         found.append(bread @ (white.T @ target))
         breads.append(bread)
-    weights = np.array([weight for _, weight in seen.noises])
+    weights = np.array([weight for _, weight in obs.noises])
     mixture = Mixture(weights=weights, means=np.array(found), covariances=np.array(breads))
     return mixture.mean, float(mixture.covariance[-1, -1])
 
@@ -93,12 +93,12 @@ def _at_rest(info: StepInfo) -> bool:
     return info.kind == "thermal_ramp" and info.whole and not info.rate_dps and not info.amplitude_dps
 
 
-def _means(seen: Seen, info: StepInfo) -> tuple[FloatArray, ...] | None:
+def _means(obs: Observations, info: StepInfo) -> tuple[FloatArray, ...] | None:
     """Means over half a minute: time, volts, °C, °C/s, and the variance of the volts; (n,) each.
 
     None where output or thermistor are missing, or there are no two means.
     """
-    step = seen.recording.step(info.index, ("time_s", "gyro_v", "gyro_temp_c"))
+    step = obs.recording.step(info.index, ("time_s", "gyro_v", "gyro_temp_c"))
     if not {"gyro_v", "gyro_temp_c"} <= step.channels.keys():
         return None
     time_s, output_v, celsius = step["time_s"], step["gyro_v"], step["gyro_temp_c"]

@@ -1,7 +1,7 @@
 """Repeatability over turn-ons: the deviation of scale factor and of bias over cycles of the unit's supply.
 
 Of each turn-on the first stretch at the reference's set point counts; the scale factor is that of the rates that they
-share. The uncertainty is that of these cycles' deviation; what another set of as many cycles may show is said.
+share. The uncertainty is that of these cycles' deviation; a note states what another set of as many cycles may show.
 """
 
 from __future__ import annotations
@@ -11,45 +11,44 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.special import chdtri
 
-from benchctl.metrology.lines import line
-from benchctl.metrology.points import Points
+from benchctl.metrology.observations import Observations, column, has_rest, measured, refused, same_set_point
+from benchctl.metrology.points import Points, line
 from benchctl.metrology.propagation import Offsets, as_read, deviation_of
-from benchctl.metrology.result import Measured
-from benchctl.metrology.said import Said, said
-from benchctl.metrology.seen import FloatArray, Seen, column, has_rest, measured, refused, same_set_point
+from benchctl.metrology.result import Measured, Message, message
+from benchctl_instruments.interfaces import FloatArray
 
 _FEWEST = 3
 _NAMES = ("scale_factor_repeatability", "bias_repeatability")
 _DEG_PER_H = 3600.0
 
 
-def repeatability_tests(seen: Seen) -> Iterator[Measured]:
+def repeatability_tests(obs: Observations) -> Iterator[Measured]:
     """Of scale factor and bias."""
-    cycles = _cycles(seen)
+    cycles = _cycles(obs)
     if len(cycles) < _FEWEST:
-        why = said("needs_power_cycles", found=len(cycles), needed=_FEWEST)
+        why = message("needs_power_cycles", found=len(cycles), needed=_FEWEST)
         yield from (refused(name, why) for name in _NAMES)
         return
-    points = seen.swept_in(cycles)
+    points = obs.swept_in(cycles)
     rates = _common_rates(points, cycles)
     if rates.size > 1:
-        yield _of_scale(seen, points.of(np.isin(points.set_dps, rates)), cycles)
+        yield _of_scale(obs, points.of(np.isin(points.set_dps, rates)), cycles)
     else:
-        yield refused("scale_factor_repeatability", said("needs_rates", found=int(rates.size), needed=2))
+        yield refused("scale_factor_repeatability", message("needs_rates", found=int(rates.size), needed=2))
     if all(has_rest(points.of(points.stretch == cycle)) for cycle in cycles):
-        yield _of_bias(seen, points, cycles)
+        yield _of_bias(obs, points, cycles)
     else:
-        yield refused("bias_repeatability", said("needs_rest"))
+        yield refused("bias_repeatability", message("needs_rest"))
 
 
-def _cycles(seen: Seen) -> list[int]:
+def _cycles(obs: Observations) -> list[int]:
     """The first stretch with rates of each turn-on at the reference's set point."""
-    if seen.reference is None:
+    if obs.reference is None:
         return []
-    home_c = seen.stretches[seen.reference].setpoint_c
+    home_c = obs.stretches[obs.reference].setpoint_c
     first: dict[int, int] = {}
-    for number, stretch in enumerate(seen.stretches):
-        rates = np.unique(seen.swept_in([number]).set_dps)
+    for number, stretch in enumerate(obs.stretches):
+        rates = np.unique(obs.swept_in([number]).set_dps)
         if not stretch.across and same_set_point(stretch.setpoint_c, home_c) and rates.size > 1:
             first.setdefault(stretch.power_on, number)
     return sorted(first.values())
@@ -62,7 +61,7 @@ def _common_rates(points: Points, cycles: list[int]) -> FloatArray:
     return np.array(sorted(common))
 
 
-def _of_scale(seen: Seen, points: Points, cycles: list[int]) -> Measured:
+def _of_scale(obs: Observations, points: Points, cycles: list[int]) -> Measured:
     chosen = [points.stretch == cycle for cycle in cycles]
 
     def slopes(offsets: Offsets) -> FloatArray:
@@ -73,7 +72,7 @@ def _of_scale(seen: Seen, points: Points, cycles: list[int]) -> Measured:
         found = slopes(offsets)
         return np.asarray(1e6 * found / found.mean(axis=1, keepdims=True))
 
-    quantities = seen.quantities(points)
+    quantities = obs.quantities(points)
     value, uncertainty = deviation_of(ppm, quantities)
     return measured(
         "scale_factor_repeatability",
@@ -88,14 +87,14 @@ def _of_scale(seen: Seen, points: Points, cycles: list[int]) -> Measured:
     )
 
 
-def _of_bias(seen: Seen, points: Points, cycles: list[int]) -> Measured:
-    slope = seen.scale_v_per_dps
+def _of_bias(obs: Observations, points: Points, cycles: list[int]) -> Measured:
+    slope = obs.scale_v_per_dps
     first = np.array([np.flatnonzero((points.stretch == cycle) & (points.set_dps == 0.0))[0] for cycle in cycles])
 
     def biases(offsets: Offsets) -> FloatArray:
         return np.asarray(_DEG_PER_H * points.moved(offsets)[1][:, first] / slope)
 
-    quantities = seen.quantities(points)
+    quantities = obs.quantities(points)
     value, uncertainty = deviation_of(biases, quantities)
     return measured(
         "bias_repeatability",
@@ -110,8 +109,8 @@ def _of_bias(seen: Seen, points: Points, cycles: list[int]) -> Measured:
     )
 
 
-def _of_others(value: float, cycles: int) -> Said:
+def _of_others(value: float, cycles: int) -> Message:
     """Where the deviation of all turn-ons of the unit lies with 95 %, if theirs are normal."""
     freedom = cycles - 1
     low, high = (value * float(np.sqrt(freedom / chdtri(freedom, tail))) for tail in (0.025, 0.975))
-    return said("of_these_cycles", cycles=cycles, low=low, high=high)
+    return message("of_these_cycles", cycles=cycles, low=low, high=high)

@@ -14,12 +14,12 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from benchctl.metrology.names import UNITS
+from benchctl.metrology.observations import Observations, celsius_of, column, refused, same_set_point
 from benchctl.metrology.propagation import Offsets, Quantity, as_read, nothing, propagated, single
-from benchctl.metrology.result import Measured, Picture, Trace
-from benchctl.metrology.said import said
-from benchctl.metrology.seen import FloatArray, Seen, celsius_of, column, refused, same_set_point
+from benchctl.metrology.result import Measured, Picture, Trace, message
 from benchctl.metrology.swings import fitted
 from benchctl.recordings.model import Step
+from benchctl_instruments.interfaces import FloatArray
 
 _FEWEST = 3
 _LEAST_DPS = 1.0
@@ -42,20 +42,20 @@ class _Response:
     """Of the gain, relative; and of the phase, rad: noise is as large along the phasor as across."""
 
 
-def response_tests(seen: Seen) -> Iterator[Measured]:
+def response_tests(obs: Observations) -> Iterator[Measured]:
     """Bandwidth and delay."""
-    if seen.reference is None:
-        yield from (refused(name, said("needs_scale_factor")) for name in _NAMES)
+    if obs.reference is None:
+        yield from (refused(name, message("needs_scale_factor")) for name in _NAMES)
         return
-    swings = list(_responses(seen))
+    swings = list(_responses(obs))
     frequencies, gains, phases, standard = _by_frequency(swings)
     if frequencies.size < _FEWEST:
-        yield from (refused(name, said("needs_sines", found=frequencies.size, needed=_FEWEST)) for name in _NAMES)
+        yield from (refused(name, message("needs_sines", found=frequencies.size, needed=_FEWEST)) for name in _NAMES)
         return
     quantities = [
-        single("static curve", _curve_misfit(seen, swings), "what the curve through the sweep leaves", kind="A"),
-        Quantity(name="gain", root=np.diag(gains * standard), kind="A", says="scatter of the samples of a swing"),
-        Quantity(name="phase", root=np.diag(standard), kind="A", says="scatter of the samples of a swing"),
+        single("static curve", _curve_misfit(obs, swings), "what the curve through the sweep leaves", kind="A"),
+        Quantity(name="gain", root=np.diag(gains * standard), kind="A", note="scatter of the samples of a swing"),
+        Quantity(name="phase", root=np.diag(standard), kind="A", note="scatter of the samples of a swing"),
     ]
     table = (
         column("frequency", "Hz", frequencies),
@@ -78,7 +78,7 @@ def response_tests(seen: Seen) -> Iterator[Measured]:
 
     beyond = bool((gains <= _THREE_DB).any() or (phases <= -0.5 * np.pi).any())
     steps = tuple(sorted({one.step for one in swings}))
-    celsius = celsius_of(seen.stretches[seen.reference].temperature_c)
+    celsius = celsius_of(obs.stretches[obs.reference].temperature_c)
     yield Measured(
         name="bandwidth",
         unit=UNITS["bandwidth"],
@@ -109,14 +109,14 @@ def response_tests(seen: Seen) -> Iterator[Measured]:
     )
 
 
-def _responses(seen: Seen) -> Iterator[_Response]:
-    home_c = seen.stretches[seen.reference or 0].setpoint_c
-    points = seen.at_reference
+def _responses(obs: Observations) -> Iterator[_Response]:
+    home_c = obs.stretches[obs.reference or 0].setpoint_c
+    points = obs.at_reference
     curve = np.zeros(1) if points is None else np.polyfit(points.rate_dps, points.output_v, _order(points.rate_dps))
-    for info in seen.recording.infos:
+    for info in obs.recording.infos:
         near = same_set_point(info.chamber_setpoint_c, home_c)
         if info.kind == "sine" and info.whole and info.frequency_hz and near and not info.mounting:
-            step = seen.recording.step(info.index, ("time_s", "encoder_deg", "gyro_v"))
+            step = obs.recording.step(info.index, ("time_s", "encoder_deg", "gyro_v"))
             swing = _response(step, info.frequency_hz, curve)
             if swing is not None:
                 yield swing
@@ -134,15 +134,15 @@ def _by_frequency(swings: Sequence[_Response]) -> tuple[FloatArray, FloatArray, 
     )
 
 
-def _curve_misfit(seen: Seen, swings: Sequence[_Response]) -> float:
+def _curve_misfit(obs: Observations, swings: Sequence[_Response]) -> float:
     """How well the static gain at the swings' amplitude is known, relative: what the curve leaves of the sweep."""
-    points = seen.at_reference
+    points = obs.at_reference
     if points is None:
         return 0.0
     curve = np.polyfit(points.rate_dps, points.output_v, _order(points.rate_dps))
     left_v = float(np.std(points.output_v - np.polyval(curve, points.rate_dps)))
     smallest_dps = min(swing.amplitude_dps for swing in swings)
-    return left_v / (abs(seen.scale_v_per_dps) * smallest_dps)
+    return left_v / (abs(obs.scale_v_per_dps) * smallest_dps)
 
 
 def _order(rate_dps: FloatArray) -> int:

@@ -11,12 +11,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from benchctl.metrology.lines import line, misfit
-from benchctl.metrology.points import IntArray, Points
+from benchctl.metrology.observations import Observations, both_directions, column, dots, measured, refused
+from benchctl.metrology.points import Points, line, misfit
 from benchctl.metrology.propagation import Offsets, Quantity, as_read, largest_of, propagated, single
-from benchctl.metrology.result import Measured, Picture, Trace
-from benchctl.metrology.said import said
-from benchctl.metrology.seen import FloatArray, Seen, both_directions, column, dots, measured, refused
+from benchctl.metrology.result import Measured, Picture, Trace, message
+from benchctl_instruments.interfaces import FloatArray, IntArray
 
 _FEWEST = 3
 _NAMES = ("scale_factor", "nonlinearity", "nonlinearity_reading", "asymmetry", "input_range")
@@ -24,32 +23,32 @@ _LOWEST_SHARE = 0.2
 """Of the rates of the line at low rates: what is read below that is mostly bias."""
 
 
-def scale_factor_tests(seen: Seen) -> Iterator[Measured]:
+def scale_factor_tests(obs: Observations) -> Iterator[Measured]:
     """The five results of the reference's sweep."""
-    points = seen.at_reference
+    points = obs.at_reference
     if points is None:
-        rates = int(np.unique(seen.points.set_dps).size)
-        yield from (refused(name, said("needs_rates", found=rates, needed=_FEWEST)) for name in _NAMES)
+        rates = int(np.unique(obs.points.set_dps).size)
+        yield from (refused(name, message("needs_rates", found=rates, needed=_FEWEST)) for name in _NAMES)
         return
-    quantities = seen.quantities(points)
-    yield _scale_factor(seen, points, quantities)
+    quantities = obs.quantities(points)
+    yield _scale_factor(obs, points, quantities)
     yield _nonlinearity(points, quantities)
-    low = np.abs(points.set_dps) <= seen.settings.low_rate_dps
-    if int(low.sum()) < _FEWEST or not (np.abs(points.set_dps) > _LOWEST_SHARE * seen.settings.low_rate_dps).any():
-        why = said("needs_rates", found=int(low.sum()), needed=_FEWEST)
+    low = np.abs(points.set_dps) <= obs.settings.low_rate_dps
+    if int(low.sum()) < _FEWEST or not (np.abs(points.set_dps) > _LOWEST_SHARE * obs.settings.low_rate_dps).any():
+        why = message("needs_rates", found=int(low.sum()), needed=_FEWEST)
         yield from (refused(name, why) for name in ("nonlinearity_reading", "input_range"))
     else:
-        yield _of_reading(seen, points, quantities)
-        yield _input_range(seen, points, quantities)
+        yield _of_reading(obs, points, quantities)
+        yield _input_range(obs, points, quantities)
     if both_directions(points):
         yield _asymmetry(points, quantities)
     else:
-        yield refused("asymmetry", said("needs_both_directions"))
+        yield refused("asymmetry", message("needs_both_directions"))
 
 
-def _scale_factor(seen: Seen, points: Points, quantities: list[Quantity]) -> Measured:
-    warmth = single("thermometer", seen.stated.thermometer_c.standard, seen.stated.thermometer_c.says)
-    per_c = _slope_per_c(seen)
+def _scale_factor(obs: Observations, points: Points, quantities: list[Quantity]) -> Measured:
+    warmth = single("thermometer", obs.stated.thermometer_c.standard, obs.stated.thermometer_c.says)
+    per_c = _slope_per_c(obs)
 
     def millivolts(offsets: Offsets) -> FloatArray:
         warmer = 1.0 + per_c * offsets["thermometer"][:, 0]
@@ -84,11 +83,11 @@ def _scale_factor(seen: Seen, points: Points, quantities: list[Quantity]) -> Mea
     )
 
 
-def _slope_per_c(seen: Seen) -> float:
+def _slope_per_c(obs: Observations) -> float:
     """Relative change of K with temperature, 1/°C, by the stretches at other temperatures; 0 where there are none."""
     found = []
-    for number, stretch in enumerate(seen.stretches):
-        points = seen.swept_in([number])
+    for number, stretch in enumerate(obs.stretches):
+        points = obs.swept_in([number])
         enough = np.unique(points.set_dps).size >= _FEWEST
         if not stretch.across and enough and np.isfinite(stretch.temperature_c):
             found.append((stretch.temperature_c, float(np.polyfit(points.rate_dps, points.output_v, 1)[0])))
@@ -116,15 +115,15 @@ def _reading_errors(points: Points, offsets: Offsets, low: IntArray, high: IntAr
     return np.asarray(100.0 * (output_v[:, high] - intercept[:, None] - reads) / reads)
 
 
-def _ranges(seen: Seen, points: Points) -> tuple[IntArray, IntArray]:
+def _ranges(obs: Observations, points: Points) -> tuple[IntArray, IntArray]:
     """Which points the line at low rates is fitted to, and which are held against it."""
-    limit_dps = seen.settings.low_rate_dps
+    limit_dps = obs.settings.low_rate_dps
     absolute = np.abs(points.set_dps)
     return np.flatnonzero(absolute <= limit_dps), np.flatnonzero(absolute > _LOWEST_SHARE * limit_dps)
 
 
-def _of_reading(seen: Seen, points: Points, quantities: list[Quantity]) -> Measured:
-    low, high = _ranges(seen, points)
+def _of_reading(obs: Observations, points: Points, quantities: list[Quantity]) -> Measured:
+    low, high = _ranges(obs, points)
 
     def percent(offsets: Offsets) -> FloatArray:
         return _reading_errors(points, offsets, low, high)
@@ -135,16 +134,16 @@ def _of_reading(seen: Seen, points: Points, quantities: list[Quantity]) -> Measu
         "nonlinearity_reading",
         *largest_of(percent, quantities),
         points,
-        notes=(said("line_up_to", limit_dps=seen.settings.low_rate_dps),),
+        notes=(message("line_up_to", limit_dps=obs.settings.low_rate_dps),),
         table=table,
         picture=dots(*table),
     )
 
 
-def _input_range(seen: Seen, points: Points, quantities: list[Quantity]) -> Measured:
+def _input_range(obs: Observations, points: Points, quantities: list[Quantity]) -> Measured:
     """The rate at which the error of reading, the largest of all visits, passes the limit; straight between rates."""
-    low, high = _ranges(seen, points)
-    limit = seen.settings.linearity_percent
+    low, high = _ranges(obs, points)
+    limit = obs.settings.linearity_percent
     sizes = np.abs(points.set_dps[high])
     visits = [sizes == size for size in np.unique(sizes)]
 
@@ -164,7 +163,7 @@ def _input_range(seen: Seen, points: Points, quantities: list[Quantity]) -> Meas
         float(as_read(reached, quantities)),
         propagated(reached, quantities),
         points,
-        notes=(said("within_linearity", percent=limit),),
+        notes=(message("within_linearity", percent=limit),),
         bound="at least" if found[-1] <= limit else "at most" if found[0] > limit else "",
     )
 

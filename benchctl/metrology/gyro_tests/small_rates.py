@@ -10,13 +10,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
+from benchctl.metrology.observations import Observations, column, dots, measured, refused
 from benchctl.metrology.points import Points
 from benchctl.metrology.propagation import Offsets, as_read, propagated, single
-from benchctl.metrology.result import Bound, Measured
-from benchctl.metrology.said import Said, said
-from benchctl.metrology.seen import FloatArray, Seen, column, dots, measured, refused
+from benchctl.metrology.result import Bound, Measured, Message, message
+from benchctl_instruments.interfaces import FloatArray, IntArray
 
 _SMALL_DPS = 0.5
 _LOWEST_BASE_DPS = 1.0
@@ -24,25 +23,23 @@ _FEWEST = 3
 _HALF = 0.5
 _DEG_PER_H = 3600.0
 
-IntArray = npt.NDArray[np.int64]
 
-
-def small_rate_tests(seen: Seen) -> Iterator[Measured]:
+def small_rate_tests(obs: Observations) -> Iterator[Measured]:
     """Threshold about rest, resolution about a base rate."""
-    yield _smallest(seen, "threshold", at_rest=True, lacking=said("needs_small_rates"))
-    yield _smallest(seen, "resolution", at_rest=False, lacking=said("needs_rate_steps"))
+    yield _smallest(obs, "threshold", at_rest=True, lacking=message("needs_small_rates"))
+    yield _smallest(obs, "resolution", at_rest=False, lacking=message("needs_rate_steps"))
 
 
-def _smallest(seen: Seen, name: str, *, at_rest: bool, lacking: Said) -> Measured:
-    for number, stretch in enumerate(seen.stretches):
-        points = seen.in_stretch(number)
+def _smallest(obs: Observations, name: str, *, at_rest: bool, lacking: Message) -> Measured:
+    for number, stretch in enumerate(obs.stretches):
+        points = obs.in_stretch(number)
         base_dps = 0.0 if at_rest else _base_dps(points)
-        if stretch.across or seen.reference is None or base_dps is None:
+        if stretch.across or obs.reference is None or base_dps is None:
             continue
         steps = np.round(points.set_dps - base_dps, 9)
         near = np.flatnonzero((steps != 0.0) & (np.abs(steps) <= _SMALL_DPS))
         if np.unique(np.abs(steps[near])).size >= _FEWEST and (steps == 0.0).any():
-            return _found(seen, name, points, np.flatnonzero(steps == 0.0), near)
+            return _found(obs, name, points, np.flatnonzero(steps == 0.0), near)
     return refused(name, lacking)
 
 
@@ -54,8 +51,8 @@ def _base_dps(points: Points) -> float | None:
     return float(np.median(crowded)) if crowded and max(near) > _FEWEST and np.median(crowded) in bases else None
 
 
-def _found(seen: Seen, name: str, points: Points, base: IntArray, near: IntArray) -> Measured:
-    slope = seen.scale_v_per_dps
+def _found(obs: Observations, name: str, points: Points, base: IntArray, near: IntArray) -> Measured:
+    slope = obs.scale_v_per_dps
 
     def responses(offsets: Offsets) -> tuple[FloatArray, FloatArray]:
         """Sizes of the steps, growing, and the weaker response of either direction, (d, n) each."""
@@ -69,7 +66,7 @@ def _found(seen: Seen, name: str, points: Points, base: IntArray, near: IntArray
             np.stack([response[:, own].min(axis=1) for own in groups], axis=1),
         )
 
-    quantities = seen.quantities(points)
+    quantities = obs.quantities(points)
     none = {one.name: np.zeros((1, one.root.shape[0])) for one in quantities}
     sizes, weakest = (found[0] for found in responses(none))
     gap_dps = _gap(sizes, weakest)

@@ -12,13 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchctl.metrology.lines import line
 from benchctl.metrology.names import UNITS
-from benchctl.metrology.points import Points
+from benchctl.metrology.observations import SAME_C, Observations, column, dots, has_rest, measured, refused
+from benchctl.metrology.points import Points, line
 from benchctl.metrology.propagation import Offsets, as_read, independent, largest_of
-from benchctl.metrology.result import Measured
-from benchctl.metrology.said import said
-from benchctl.metrology.seen import SAME_C, FloatArray, Seen, column, dots, has_rest, measured, refused
+from benchctl.metrology.result import Measured, message
+from benchctl_instruments.interfaces import FloatArray
 
 _APART_C = 5.0
 _DEG_PER_H = 3600.0
@@ -29,36 +28,36 @@ Of = Callable[[Offsets], FloatArray]
 """A quantity at every chosen stretch, shape (d, k)."""
 
 
-def temperature_tests(seen: Seen) -> Iterator[Measured]:
+def temperature_tests(obs: Observations) -> Iterator[Measured]:
     """Sensitivity and hysteresis of scale factor and bias."""
-    usable = _usable(seen)
-    home = seen.reference
-    away = [] if home is None else [one for one in usable if abs(_celsius(seen, one) - _celsius(seen, home)) > _APART_C]
+    usable = _usable(obs)
+    home = obs.reference
+    away = [] if home is None else [one for one in usable if abs(_celsius(obs, one) - _celsius(obs, home)) > _APART_C]
     if home is None or not away:
-        why = said("needs_set_points", found=len({seen.stretches[one].setpoint_c for one in usable}), needed=2)
+        why = message("needs_set_points", found=len({obs.stretches[one].setpoint_c for one in usable}), needed=2)
         yield from (refused(name, why) for name in ("scale_factor_temperature", "bias_temperature"))
     else:
-        yield from _sensitivities(seen, home, away)
-    pairs = _legs(seen, usable)
+        yield from _sensitivities(obs, home, away)
+    pairs = _legs(obs, usable)
     if not pairs:
         names = ("hysteresis_temperature_scale", "hysteresis_temperature_bias")
-        yield from (refused(name, said("needs_both_legs")) for name in names)
+        yield from (refused(name, message("needs_both_legs")) for name in names)
     else:
-        yield from _memories(seen, pairs)
+        yield from _memories(obs, pairs)
 
 
-def _usable(seen: Seen) -> list[int]:
+def _usable(obs: Observations) -> list[int]:
     """Stretches with rest and two rates; of those of one soak the last, which has settled best."""
     found: dict[tuple[float, float], int] = {}
-    for number, stretch in enumerate(seen.stretches):
-        points = seen.swept_in([number])
+    for number, stretch in enumerate(obs.stretches):
+        points = obs.swept_in([number])
         if not stretch.across and has_rest(points) and np.unique(points.set_dps).size > 2:
             found[stretch.setpoint_c, stretch.before_c] = number
     return sorted(found.values())
 
 
-def _celsius(seen: Seen, number: int) -> float:
-    return seen.stretches[number].temperature_c
+def _celsius(obs: Observations, number: int) -> float:
+    return obs.stretches[number].temperature_c
 
 
 def _slopes(points: Points, chosen: Sequence[np.ndarray]) -> Of:
@@ -78,9 +77,9 @@ def _biases(points: Points, chosen: Sequence[np.ndarray], slope: float) -> Of:
     return biases
 
 
-def _together(seen: Seen, numbers: Sequence[int]) -> tuple[Points, list[np.ndarray]]:
+def _together(obs: Observations, numbers: Sequence[int]) -> tuple[Points, list[np.ndarray]]:
     """The points of some stretches at the rates that all of them have, and which belong to each."""
-    points = seen.swept_in(numbers)
+    points = obs.swept_in(numbers)
     common = set(points.set_dps.tolist())
     for number in numbers:
         common &= set(points.set_dps[points.stretch == number].tolist())
@@ -98,7 +97,7 @@ class _Kind:
     apart: Callable[[FloatArray, FloatArray], FloatArray]
 
 
-def _kinds(seen: Seen, points: Points, chosen: Sequence[np.ndarray]) -> tuple[_Kind, _Kind]:
+def _kinds(obs: Observations, points: Points, chosen: Sequence[np.ndarray]) -> tuple[_Kind, _Kind]:
     return (
         _Kind(
             name="scale_factor",
@@ -109,7 +108,7 @@ def _kinds(seen: Seen, points: Points, chosen: Sequence[np.ndarray]) -> tuple[_K
         _Kind(
             name="bias",
             unit="deg/h",
-            of=_biases(points, chosen, seen.scale_v_per_dps),
+            of=_biases(points, chosen, obs.scale_v_per_dps),
             apart=lambda there, here: there - here,
         ),
     )
@@ -119,17 +118,17 @@ def _rates(points: Points) -> int:
     return int(np.unique(points.set_dps).size)
 
 
-def _sensitivities(seen: Seen, home: int, away: Sequence[int]) -> Iterator[Measured]:
-    points, chosen = _together(seen, [home, *away])
-    celsius = np.array([_celsius(seen, number) for number in (home, *away)])
+def _sensitivities(obs: Observations, home: int, away: Sequence[int]) -> Iterator[Measured]:
+    points, chosen = _together(obs, [home, *away])
+    celsius = np.array([_celsius(obs, number) for number in (home, *away)])
     warmth = independent(
-        "thermometer", np.full(celsius.size, seen.stated.thermometer_c.standard), seen.stated.thermometer_c.says
+        "thermometer", np.full(celsius.size, obs.stated.thermometer_c.standard), obs.stated.thermometer_c.says
     )
-    quantities, order = [*seen.quantities(points), warmth], np.argsort(celsius)
-    for kind in _kinds(seen, points, chosen):
+    quantities, order = [*obs.quantities(points), warmth], np.argsort(celsius)
+    for kind in _kinds(obs, points, chosen):
         name = f"{kind.name}_temperature"
         if kind.name == "scale_factor" and _rates(points) < _FEWEST_RATES:
-            yield refused(name, said("needs_rates", found=_rates(points), needed=_FEWEST_RATES))
+            yield refused(name, message("needs_rates", found=_rates(points), needed=_FEWEST_RATES))
             continue
 
         def per_degree(offsets: Offsets, kind: _Kind = kind) -> FloatArray:
@@ -147,28 +146,28 @@ def _sensitivities(seen: Seen, home: int, away: Sequence[int]) -> Iterator[Measu
         )
 
 
-def _legs(seen: Seen, usable: Sequence[int]) -> list[tuple[int, int]]:
+def _legs(obs: Observations, usable: Sequence[int]) -> list[tuple[int, int]]:
     """Stretches at one set point, reached from colder and from warmer."""
     found = []
     for one in usable:
         for other in usable:
-            heated, cooled = seen.stretches[one], seen.stretches[other]
+            heated, cooled = obs.stretches[one], obs.stretches[other]
             same = abs(heated.setpoint_c - cooled.setpoint_c) < SAME_C
             if same and heated.before_c < heated.setpoint_c and cooled.before_c > cooled.setpoint_c:
                 found.append((one, other))
     return found
 
 
-def _memories(seen: Seen, pairs: Sequence[tuple[int, int]]) -> Iterator[Measured]:
+def _memories(obs: Observations, pairs: Sequence[tuple[int, int]]) -> Iterator[Measured]:
     numbers = sorted({number for pair in pairs for number in pair})
-    points, chosen = _together(seen, numbers)
+    points, chosen = _together(obs, numbers)
     heated, cooled = (np.array([numbers.index(pair[side]) for pair in pairs]) for side in (0, 1))
-    celsius = np.array([seen.stretches[one].setpoint_c for one, _ in pairs])
-    quantities = seen.quantities(points)
-    for kind in _kinds(seen, points, chosen):
+    celsius = np.array([obs.stretches[one].setpoint_c for one, _ in pairs])
+    quantities = obs.quantities(points)
+    for kind in _kinds(obs, points, chosen):
         name = f"hysteresis_temperature_{'scale' if kind.name == 'scale_factor' else 'bias'}"
         if kind.name == "scale_factor" and _rates(points) < _FEWEST_RATES:
-            yield refused(name, said("needs_rates", found=_rates(points), needed=_FEWEST_RATES))
+            yield refused(name, message("needs_rates", found=_rates(points), needed=_FEWEST_RATES))
             continue
 
         def apart(offsets: Offsets, kind: _Kind = kind) -> FloatArray:

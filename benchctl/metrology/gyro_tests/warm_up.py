@@ -17,12 +17,12 @@ from benchctl.calibration.noise_model import walk_covariance
 from benchctl.calibration.uncertainty import K
 from benchctl.metrology.drift import likeliest, white_variance
 from benchctl.metrology.names import UNITS
+from benchctl.metrology.observations import Observations, celsius_of, refused
 from benchctl.metrology.propagation import Offsets, as_read, largest_of, nothing, propagated, scattered
-from benchctl.metrology.result import Measured, Picture, Trace, Uncertainty
-from benchctl.metrology.said import said
-from benchctl.metrology.seen import FloatArray, Seen, celsius_of, refused
+from benchctl.metrology.result import Measured, Picture, Trace, Uncertainty, message
 from benchctl.metrology.stretches import LEAST_V2
 from benchctl.recordings.model import StepInfo
+from benchctl_instruments.interfaces import FloatArray
 
 _NAMES = ("warm_up_time", "warm_up_bias")
 _SHORTEST_S = 300.0
@@ -32,32 +32,32 @@ _SURE = 3.0
 _DEG_PER_H = 3600.0
 
 
-def warm_up_tests(seen: Seen) -> Iterator[Measured]:
+def warm_up_tests(obs: Observations) -> Iterator[Measured]:
     """Time and size, by the longest rest right after a turn-on."""
     after = [
         (on, rest)
-        for on, rest in pairwise(seen.recording.infos)
+        for on, rest in pairwise(obs.recording.infos)
         if on.kind == "power_cycle" and rest.kind == "static" and rest.whole and rest.t_end - rest.t_start > _SHORTEST_S
     ]
     if not after:
-        yield from (refused(name, said("needs_power_on")) for name in _NAMES)
+        yield from (refused(name, message("needs_power_on")) for name in _NAMES)
         return
-    if seen.reference is None:
-        yield from (refused(name, said("needs_scale_factor")) for name in _NAMES)
+    if obs.reference is None:
+        yield from (refused(name, message("needs_scale_factor")) for name in _NAMES)
         return
     on, rest = max(after, key=lambda pair: pair[1].t_end - pair[1].t_start)
-    yield from _found(seen, on, rest)
+    yield from _found(obs, on, rest)
 
 
-def _found(seen: Seen, on: StepInfo, rest: StepInfo) -> Iterator[Measured]:
-    means = _means(seen, rest)
+def _found(obs: Observations, on: StepInfo, rest: StepInfo) -> Iterator[Measured]:
+    means = _means(obs, rest)
     if means is None:
-        yield from (refused(name, said("needs_power_on")) for name in _NAMES)
+        yield from (refused(name, message("needs_power_on")) for name in _NAMES)
         return
     time_s, bias, white = means
     time_s = time_s - on.t_end
-    (c, amplitude, log_tau), covariance = _exponential(time_s, bias, white, seen)
-    within, deviation = seen.settings.warm_deg_per_h, float(np.sqrt(covariance[1, 1]))
+    (c, amplitude, log_tau), covariance = _exponential(time_s, bias, white, obs)
+    within, deviation = obs.settings.warm_deg_per_h, float(np.sqrt(covariance[1, 1]))
     scatter = scattered("scatter", covariance[1:, 1:], "scatter of the means, drift of the bias included")
     sure = abs(amplitude) > _SURE * deviation
 
@@ -69,9 +69,9 @@ def _found(seen: Seen, on: StepInfo, rest: StepInfo) -> Iterator[Measured]:
     def off(offsets: Offsets) -> FloatArray:
         return np.asarray(amplitude + offsets["scatter"][:, :1])
 
-    note = said("no_settling_seen")
+    note = message("no_settling_seen")
     if sure:
-        note = said("warm_up_law", amplitude=float(amplitude), tau_s=float(np.exp(log_tau)), within=within)
+        note = message("warm_up_law", amplitude=float(amplitude), tau_s=float(np.exp(log_tau)), within=within)
     law = c + amplitude * _decay(time_s, log_tau)
     common = {
         "notes": (note,),
@@ -111,11 +111,11 @@ def _result(name: str, value: float, uncertainty: Uncertainty, at_most: bool, co
     )
 
 
-def _means(seen: Seen, rest: StepInfo) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+def _means(obs: Observations, rest: StepInfo) -> tuple[FloatArray, FloatArray, FloatArray] | None:
     """Times, biases [deg/h] and their variances by the noise within; (n,) each. None where hardly a sample is good."""
-    step = seen.recording.step(rest.index, ("time_s", "gyro_v"))
+    step = obs.recording.step(rest.index, ("time_s", "gyro_v"))
     good = np.isfinite(step["gyro_v"])
-    factor = _DEG_PER_H / seen.scale_v_per_dps
+    factor = _DEG_PER_H / obs.scale_v_per_dps
     time_s, bias = step["time_s"][good], factor * step["gyro_v"][good]
     if time_s.size < _FEWEST_SAMPLES:
         return None
@@ -133,13 +133,15 @@ def _decay(time_s: FloatArray, log_tau: float) -> FloatArray:
     return np.asarray(np.exp(-time_s / np.exp(log_tau)) * np.sinh(half) / half)
 
 
-def _exponential(time_s: FloatArray, bias: FloatArray, white: FloatArray, seen: Seen) -> tuple[FloatArray, FloatArray]:
+def _exponential(
+    time_s: FloatArray, bias: FloatArray, white: FloatArray, obs: Observations
+) -> tuple[FloatArray, FloatArray]:
     """c, A and ln τ with their covariance, (3,) and (3, 3), under white noise and the likeliest walk of the bias.
 
     A settling of less than half a mean would be over before the first of them, and could have been of any size.
     """
-    noise = likeliest(seen.noises)
-    walk = noise.walk * (_DEG_PER_H / seen.scale_v_per_dps) ** 2
+    noise = likeliest(obs.noises)
+    walk = noise.walk * (_DEG_PER_H / obs.scale_v_per_dps) ** 2
     wide_s = float(np.median(np.diff(time_s)))
     wiener = walk_covariance(time_s - time_s[0] + wide_s, np.full(time_s.size, wide_s))
     root = np.linalg.cholesky(walk * wiener + noise.excess * np.diag(white))

@@ -1,6 +1,6 @@
 """The words of the acceptance report in each of its languages, from `en.toml` and `ru.toml`, which have the same keys.
 
-Whoever measures names what is said by keys (`benchctl.metrology.said`); here the keys become sentences. A key that a
+Whoever measures names what is said by keys (`benchctl.metrology.result`); here the keys become sentences. A key that a
 catalogue lacks is shown as it is, its underscores as spaces: a report with one plain word is better than none.
 """
 
@@ -15,7 +15,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any, Literal
 
-from benchctl.metrology.said import Said
+from benchctl.metrology.result import Message
 from benchctl.reports import text
 from benchctl_instruments.errors import UsageError
 
@@ -44,7 +44,7 @@ class Catalogue:
     language: Language
     tables: Mapping[str, Any]
 
-    def said(self, sentence: Said) -> str:
+    def said(self, sentence: Message) -> str:
         """A sentence with its numbers."""
         told = {name: self._filled(name, value) for name, value in sentence.values.items()}
         return str(self.tables["said"][sentence.key].format_map(told))

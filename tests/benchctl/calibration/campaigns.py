@@ -5,8 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 from benchctl.calibration.calibrate import calibrate
-from benchctl.calibration.options import CalibrationOptions
-from benchctl.calibration.result import CalibrationResult
+from benchctl.calibration.result import CalibrationOptions, CalibrationResult
 from benchctl.recordings.model import Step
 from tests.benchctl.calibration.synthetic import Truth, meta_of, steps, two_stage
 

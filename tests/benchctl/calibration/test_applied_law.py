@@ -9,10 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchctl.calibration.applied_law import AppliedLaw, Factors
+from benchctl.calibration.applied_law import FASTEST_DPS, FLATTEST, STEEPEST, AppliedLaw, Factors, odd_inverse, reach
 from benchctl.calibration.coefficients_law import applied_law, checked
 from benchctl.calibration.model import factor
-from benchctl.calibration.odd_inverse import FASTEST_DPS, FLATTEST, STEEPEST, odd_inverse, reach
 from tests.benchctl.calibration.made_coefficients import RATE_DPS, TEMPERATURE_C, contents
 
 

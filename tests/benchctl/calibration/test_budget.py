@@ -2,10 +2,10 @@ import math
 
 import pytest
 
-from benchctl.calibration.budget import contributions
 from benchctl.calibration.calibrate import calibrate
-from benchctl.calibration.earth import EARTH_DPS
-from benchctl.calibration.options import CalibrationOptions
+from benchctl.calibration.laws_fit import contributions
+from benchctl.calibration.model import EARTH_DPS
+from benchctl.calibration.result import CalibrationOptions
 from benchctl.recordings.model import BenchFacts
 from benchctl.recordings.stated import StatedUncertainties, stated_of
 from tests.benchctl.calibration.campaigns import TRUTH, recorded

@@ -12,11 +12,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from benchctl.calibration.c_header import c_header, export_c_header
-from benchctl.calibration.c_text import in_comment, number, polynomial, string
+from benchctl.calibration.c_header import c_header, export_c_header, in_comment, number, polynomial, string
 from benchctl.calibration.coefficients import coefficients, write_coefficients
-from benchctl.calibration.compensating import Compensation, read_compensation
-from benchctl.calibration.self_test import self_test_points
+from benchctl.calibration.compensating import Compensation, read_compensation, self_test_points
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.calibration.campaigns import calibrated
 from tests.benchctl.calibration.made_coefficients import (

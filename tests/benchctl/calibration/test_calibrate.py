@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchctl.calibration.calibrate import calibrate
-from benchctl.calibration.options import CalibrationOptions
+from benchctl.calibration.result import CalibrationOptions
 from benchctl.recordings.model import Step
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.calibration.campaigns import TRUTH, calibrated, recorded

@@ -57,8 +57,8 @@ def test_a_temperature_that_nobody_wrote_down_bounds_nothing(tmp_path: Path) -> 
     [
         ({"schema": "other/1"}, "found 'other/1'"),
         ({"K0_v_per_dps": "0.05"}, "K0_v_per_dps: expected a number, got '0.05'"),
-        ({"K0_v_per_dps": 0.0, "joint": None}, "is 0, which tells no rate"),
-        ({"joint": joint_of("sine", PLAIN | {"S_rad_per_dps": 0.0})}, "is 0, which tells no rate"),
+        ({"K0_v_per_dps": 0.0, "joint": None}, "is 0, which gives no rate"),
+        ({"joint": joint_of("sine", PLAIN | {"S_rad_per_dps": 0.0})}, "is 0, which gives no rate"),
         ({"joint": joint_of("sine", {"K0_v_per_dps": 1.0, "U0_v": 1.0})}, "law sine, has no S_rad_per_dps"),
         ({"joint": joint_of("guess", PLAIN)}, "joint.law"),
         ({"joint": joint_of("response", PLAIN | {"b3": 1.0})}, "has the terms b3, which are no polynomial's"),

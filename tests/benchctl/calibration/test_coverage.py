@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from benchctl.calibration.calibrate import calibrate
-from benchctl.calibration.options import CalibrationOptions
+from benchctl.calibration.result import CalibrationOptions
 from benchctl.recordings.model import Step
 from tests.benchctl.calibration.synthetic import Ask, Truth, meta_of, steps, two_stage
 

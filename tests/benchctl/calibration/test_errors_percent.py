@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchctl.calibration.errors_percent import largest, percent
+from benchctl.calibration.calibrate import largest, percent
 from tests.benchctl.calibration.campaigns import calibrated
 
 

@@ -268,7 +268,7 @@ def test_a_changed_recording_is_not_judged(here: Path, verb: Verb) -> None:
         (["short.h5", "--limits", "none.toml"], "none.toml"),
         (["none.h5", "--limits", "limits.toml"], "none.h5"),
         (["short.h5", "--limits", "short.h5"], "limits short.h5"),
-        (["swing.h5", "--limits", "limits.toml"], "swing.h5: has no whole step at rest or at a constant rate"),
+        (["swing.h5", "--limits", "limits.toml"], "swing.h5: has no complete step at rest or at a constant rate"),
         (["short.h5", "--limits", "limits.toml", "--out", "short.py"], "short.py"),
     ],
     ids=["unsaid", "no-limits", "no-recording", "no-text", "no-reading", "no-folder"],

@@ -10,9 +10,9 @@ import pytest
 from benchctl.diagnosis.result import COORDINATES, Verdict
 from benchctl.explain.book import entries, find
 from benchctl.explain.glossary import tables
-from benchctl.explain.pictures.sketches import MADE
+from benchctl.explain.pictures.drawn import MADE
+from benchctl.metrology.coefficients import NAMES, TERMS
 from benchctl.metrology.names import PROCEDURES, UNITS
-from benchctl.metrology.noise_terms import NAMES, TERMS
 from benchctl.plan.find import procedure_names
 from benchctl.recordings.model import Status
 from benchctl.reports.acceptance.catalogue import catalogue

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from benchctl.explain.book import entries, find
-from benchctl.explain.pictures.drawn import figure_of, picture, write_picture
+from benchctl.explain.pictures.drawn import effect_sketch, figure_of, picture, sketch_of, write_picture
 from benchctl.explain.pictures.sketch import Sketch
-from benchctl.explain.pictures.sketches import effect_sketch, sketch_of
 from benchctl.reports.figures import style
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.chamber_effects.registry import chamber_effects

@@ -7,7 +7,7 @@ import re
 import pytest
 
 from benchctl.explain.book import entries, find, grouped
-from benchctl.explain.entry import PART_OF_BENCH
+from benchctl.explain.glossary import PART_OF_BENCH
 from benchctl.explain.terminal import listing, page
 
 

@@ -114,7 +114,7 @@ def test_two_that_land_in_one_place_at_once_leave_one_whole_folder(tmp_path: Pat
 
 @pytest.mark.parametrize("where", ["http://lab/a.h5", "https://lab/a.h5", "zip://a.h5::file:///lab/a.zip"])
 def test_where_nothing_can_be_written_beside_a_recording_a_folder_for_all_is_asked_for(where: str) -> None:
-    with pytest.raises(UsageError, match=r"a\.h5.*: nothing can be written beside it; give --out"):
+    with pytest.raises(UsageError, match=r"a\.h5.*: nothing can be written next to it; give --out"):
         place_of(recording(where), "fit", None)
     assert Path(place_of(recording(where), "fit", "/out").where).name.startswith("a-")
 

@@ -11,8 +11,7 @@ from typing import Any
 import pytest
 
 from benchctl.campaign.stop import StopRequest
-from benchctl.fleet.cluster import connected
-from benchctl.fleet.running import outcomes
+from benchctl.fleet.cluster import connected, outcomes
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.fleet.clusters import LONGEST_S, dask_cluster
 from tests.benchctl.fleet.made import job_of, points
@@ -49,7 +48,7 @@ def test_an_outcome_that_died_with_its_worker_is_asked_of_another_one_and_the_jo
     results = tmp_path / "units" / "u0.fit" / "coefficients.json"
     with dask_cluster(tmp_path, workers=1) as (address, _), connected(address, 1) as client:
         stop = _KillsBeforeTheOutcomeIsTaken(client, results)
-        ended = [(one, outcome.state, outcome.says) for one, outcome in outcomes(client, [job], stop)]
+        ended = [(one, outcome.state, outcome.reason) for one, outcome in outcomes(client, [job], stop)]
     assert ended == [(job, "done", "")]
     assert results.stat().st_mtime_ns == stop.landed_ns > 0
 

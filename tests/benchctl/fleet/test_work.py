@@ -22,7 +22,7 @@ def do(job: Job) -> Outcome:
 def test_the_results_are_those_of_the_single_verb_and_a_record_says_what_was_done(tmp_path: Path) -> None:
     path = points(tmp_path / "a.h5", 1)
     outcome = do(job_of(path))
-    assert (outcome.state, outcome.says) == ("done", "")
+    assert (outcome.state, outcome.reason) == ("done", "")
     fit_recordings([path], tmp_path / "single")
     for name in ("coefficients.json", "report.html"):
         assert (tmp_path / "a.fit" / name).read_bytes() == (tmp_path / "single" / name).read_bytes()
@@ -38,7 +38,7 @@ def test_the_results_are_those_of_the_single_verb_and_a_record_says_what_was_don
 def test_what_is_fetched_is_fitted_alike_and_named_by_its_url(tmp_path: Path) -> None:
     path = points(tmp_path / "a.h5", 1)
     outcome = do(job_of(f"file://{path}", out=tmp_path / "out"))
-    assert (outcome.state, outcome.says) == ("done", "")
+    assert (outcome.state, outcome.reason) == ("done", "")
     (folder,) = (tmp_path / "out").iterdir()
     fit_recordings([path], tmp_path / "single")
     theirs, ours = (json.loads((one / "coefficients.json").read_text()) for one in (tmp_path / "single", folder))
@@ -51,7 +51,7 @@ def test_what_is_in_an_archive_is_fetched_and_kept_as_long_as_it_is_the_same(tmp
         archive.write(points(tmp_path / "a.h5", 1), "lab/a.h5")
     job = job_of(f"zip://lab/a.h5::{tmp_path}/all.zip", out=tmp_path / "out")
     outcome = do(job)
-    assert (outcome.state, outcome.says) == ("done", "")
+    assert (outcome.state, outcome.reason) == ("done", "")
     assert kept(job) is not None
     with zipfile.ZipFile(tmp_path / "all.zip", "w") as archive:
         archive.write(points(tmp_path / "a.h5", 2), "lab/a.h5")
@@ -107,8 +107,8 @@ def test_a_corrupt_recording_fails_in_one_line_and_leaves_nothing(tmp_path: Path
     path.write_bytes(path.read_bytes()[:9000])
     outcome = do(job_of(path))
     assert outcome.state == "failed"
-    assert str(path) in outcome.says
-    assert "\n" not in outcome.says
+    assert str(path) in outcome.reason
+    assert "\n" not in outcome.reason
     assert [one.name for one in tmp_path.iterdir()] == ["a.h5"]
 
 
@@ -117,13 +117,13 @@ def test_a_recording_that_a_worker_does_not_see_fails_without_making_folders(tmp
     (tmp_path / "elsewhere" / "a.h5").unlink()
     (tmp_path / "elsewhere").rmdir()
     outcome = do(job)
-    assert "is not there, as " in outcome.says
+    assert "is not there, as " in outcome.reason
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_worker_of_another_version_does_nothing(tmp_path: Path) -> None:
     outcome = work(job_of(points(tmp_path / "a.h5", 1)), "0.0.1")
-    assert outcome.says.endswith(f"has benchctl {benchctl.__version__}, not 0.0.1")
+    assert outcome.reason.endswith(f"has benchctl {benchctl.__version__}, not 0.0.1")
     assert not (tmp_path / "a.fit").exists()
 
 
@@ -143,6 +143,6 @@ def test_a_job_of_which_two_workers_died_is_given_up_but_tried_again_by_the_next
         job.place.begin("\n".join([*job.place.begun().splitlines(), "first host 1"]))  # as a killed worker leaves it
     outcome = do(job)
     assert outcome.state == "failed"
-    assert "2 workers died of it" in outcome.says
+    assert "2 workers died of it" in outcome.reason
     job.place.begin("first host 1\nfirst host 2")
     assert do(replace(job, run="second")).state == "done"

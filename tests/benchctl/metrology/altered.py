@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from benchctl.metrology.acceptance import measured_in
+from benchctl.metrology.observations import Settings
 from benchctl.metrology.result import Measured
-from benchctl.metrology.seen import Settings
 from benchctl.plan import Step as Planned
 from benchctl.recordings.model import Meta, Step, axis_of
 from benchctl.recordings.reader import Recording, StepsInMemory

@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 
 from benchctl.metrology.acceptance import accepted, measured_in
-from benchctl.metrology.limit_file import limits_of_text
-from benchctl.metrology.limits_template import limits_template
+from benchctl.metrology.limit_file import limits_of_text, limits_template
 from benchctl.metrology.names import PROCEDURES, UNITS
+from benchctl.metrology.observations import Settings
 from benchctl.metrology.result import Measured
-from benchctl.metrology.seen import Settings
 from benchctl.plan import Soak, Step, set_points
 from benchctl.plan.find import procedure_names
 from benchctl.recordings.model import Step as Recorded
@@ -275,10 +274,10 @@ def test_what_no_thermometer_measured_has_no_temperature() -> None:
 @pytest.mark.parametrize(
     ("recording", "says"),
     [
-        (lambda: altered(recorded(SMALL, QUIET, 1)[0], stating(kind="static_points")), "no whole step at rest"),
-        (lambda: altered(recorded(SMALL, QUIET, 1)[0], stating(whole=False)), "no whole step at rest"),
+        (lambda: altered(recorded(SMALL, QUIET, 1)[0], stating(kind="static_points")), "no complete step at rest"),
+        (lambda: altered(recorded(SMALL, QUIET, 1)[0], stating(whole=False)), "no complete step at rest"),
         (lambda: altered(recorded(SMALL, QUIET, 1)[0], without("gyro_v")), "gyro_v"),
-        (lambda: recorded([Soak(setpoint_c=20.0, hold_s=9.0)], QUIET, 1)[0], "no whole step at rest"),
+        (lambda: recorded([Soak(setpoint_c=20.0, hold_s=9.0)], QUIET, 1)[0], "no complete step at rest"),
         (lambda: recorded(sines((0.5, 1.0, 2.0)), QUIET, 1)[0], "`benchctl run acceptance` records"),
     ],
     ids=["static-points", "cut", "no-output", "soak", "swings"],

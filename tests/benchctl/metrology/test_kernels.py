@@ -8,14 +8,15 @@ import sys
 import numpy as np
 import pytest
 
-from benchctl.metrology.kernels import by_numpy, compiled, room
+from benchctl.metrology.deviations import compiled
+from benchctl.metrology.kernels import by_numpy, room
 
 _IN_A_NEW_PROCESS = """
 import sys
 import numpy as np
 {before}
 from benchctl.metrology.deviations import deviation
-from benchctl.metrology.kernels import kernels_for
+from benchctl.metrology.deviations import kernels_for
 assert np.allclose(deviation(np.array([1.0, 2.0, 4.0, 3.0]), np.array([1]), 1.0), np.sqrt(1.0))
 print(kernels_for({differences}).squares.__module__, "numba" in sys.modules)
 """
@@ -27,11 +28,11 @@ def taken(differences: int, before: str = "") -> str:
 
 
 def test_numba_is_not_loaded_for_a_record_of_ordinary_length() -> None:
-    assert taken(100_000_000) == "benchctl.metrology.kernels_numpy False"
+    assert taken(100_000_000) == "benchctl.metrology.kernels False"
 
 
 def test_without_numba_numpy_does_everything() -> None:
-    assert taken(10**10, "sys.modules['numba'] = None").startswith("benchctl.metrology.kernels_numpy")
+    assert taken(10**10, "sys.modules['numba'] = None").startswith("benchctl.metrology.kernels")
 
 
 def test_numba_is_taken_where_it_pays_or_is_loaded_already() -> None:

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from benchctl.metrology.limit_file import Limits, limits_of_text, read_limits
-from benchctl.metrology.limits_template import limits_template
+from benchctl.metrology.limit_file import Limits, limits_of_text, limits_template, read_limits
 from benchctl.metrology.names import PROCEDURES, UNITS
+from benchctl.metrology.observations import Settings
 from benchctl.metrology.result import Limit
-from benchctl.metrology.seen import Settings
 from benchctl.units import factor_between
 from benchctl_instruments.errors import UsageError
 

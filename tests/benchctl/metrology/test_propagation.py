@@ -25,7 +25,7 @@ from benchctl.metrology.propagation import (
     scattered,
     single,
 )
-from benchctl.metrology.seen import FloatArray
+from benchctl_instruments.interfaces import FloatArray
 
 
 def four(*standards: float, uniform: bool) -> list[Quantity]:

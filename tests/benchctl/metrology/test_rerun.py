@@ -3,8 +3,7 @@ import math
 import pytest
 
 from benchctl.metrology.rerun import Compared, compared
-from benchctl.metrology.result import Bound, Judged, Limit, Measured, Uncertainty, Verdict
-from benchctl.metrology.said import said
+from benchctl.metrology.result import Bound, Judged, Limit, Measured, Uncertainty, Verdict, message
 
 PPM = Limit(low=None, high=100.0, unit="ppm")
 
@@ -20,7 +19,7 @@ def _judged(
 ) -> Judged:
     uncertainty = None
     if expanded is not None:
-        agrees = said("gum_agrees", difference_percent=0.0)
+        agrees = message("gum_agrees", difference_percent=0.0)
         uncertainty = Uncertainty(
             standard=expanded / 2, expanded=expanded, monte_carlo=expanded, contributors=(), says=agrees
         )

@@ -138,7 +138,7 @@ def test_a_step_or_channel_that_is_not_there_is_said(channel: str | None, name: 
 
 
 def test_a_recording_without_a_static_step_asks_for_one() -> None:
-    with pytest.raises(UsageError, match="has no whole static step; name a step with --step"):
+    with pytest.raises(UsageError, match="has no complete static step; name a step with --step"):
         series_of_step(recording(step(1, "sine", 3.0)), None, None)
 
 

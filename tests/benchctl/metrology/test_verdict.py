@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from benchctl.calibration.result import Contribution
 from benchctl.calibration.uncertainty import K
-from benchctl.metrology.result import Bound, Judged, Limit, Measured, Uncertainty, Verdict
-from benchctl.metrology.said import said
+from benchctl.metrology.result import Bound, Judged, Limit, Measured, Uncertainty, Verdict, message
 from benchctl.metrology.verdict import in_unit, judged, overall, rule_of
 
 GUARDED, SIMPLE = rule_of(1.0), rule_of(0.0)
@@ -29,7 +28,7 @@ def uncertainty(scatter: float, other: float = 0.0, *, expanded: float | None = 
             Contribution(source="thermometer", standard=0.6 * other, kind="B", says="made"),
             Contribution(source="clock", standard=0.8 * other, kind="B", says="made"),
         ),
-        says=said("gum_agrees", difference_percent=0.0),
+        says=message("gum_agrees", difference_percent=0.0),
     )
 
 
@@ -121,13 +120,13 @@ def test_at_least_never_passes_a_maximum_and_at_most_never_a_minimum(value: floa
 
 def test_a_bound_that_decides_nothing_asks_for_the_procedure_that_goes_further() -> None:
     found = judged(bias(10.0, bound="at least"), limit(high=20.0), GUARDED)
-    assert found.remedy == said("run_procedure", procedure="stability")
+    assert found.remedy == message("run_procedure", procedure="stability")
 
 
 def test_a_test_that_was_refused_is_open_and_names_the_procedure_that_measures_it() -> None:
-    measured = Measured(name="hysteresis_rate", unit="ppm", refused=said("needs_up_and_down"))
+    measured = Measured(name="hysteresis_rate", unit="ppm", refused=message("needs_up_and_down"))
     found = judged(measured, limit(high=1.0, unit="%"), GUARDED)
-    assert (found.verdict, found.remedy) == ("INCONCLUSIVE", said("run_procedure", procedure="hysteresis"))
+    assert (found.verdict, found.remedy) == ("INCONCLUSIVE", message("run_procedure", procedure="hysteresis"))
     assert (found.measured.value, found.measured.unit) == (None, "%")
 
 
@@ -234,16 +233,16 @@ def test_measuring_so_many_times_as_long_makes_it_conclusive_and_one_time_less_d
 
 
 def test_a_value_on_its_limit_cannot_be_told_from_it_by_any_measurement() -> None:
-    assert judged(bias(5.0), limit(high=5.0), GUARDED).remedy == said("too_near")
+    assert judged(bias(5.0), limit(high=5.0), GUARDED).remedy == message("too_near")
 
 
 def test_a_guard_band_that_would_end_on_the_limit_is_not_narrow_enough_to_reject() -> None:
     """Four times as long the band would end on the limit, which an accepted unit may lie on."""
     found = judged(bias(5.5), limit(high=5.0), GUARDED)
-    assert found.remedy == said("longer", times=5, source="scatter")
+    assert found.remedy == message("longer", times=5, source="scatter")
 
 
 def test_an_interval_that_no_contribution_explains_asks_for_the_procedure() -> None:
     told = replace(uncertainty(0.0), expanded=2.0)
     found = judged(replace(bias(4.0), uncertainty=told), limit(high=5.0), GUARDED)
-    assert (found.verdict, found.remedy) == ("INCONCLUSIVE", said("run_procedure", procedure="stability"))
+    assert (found.verdict, found.remedy) == ("INCONCLUSIVE", message("run_procedure", procedure="stability"))

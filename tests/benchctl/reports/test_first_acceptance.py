@@ -8,8 +8,7 @@ from typing import Any
 import pytest
 
 from benchctl.metrology.limit_file import limits_of_text
-from benchctl.metrology.result import Judged, Limit, Measured, Uncertainty
-from benchctl.metrology.said import said
+from benchctl.metrology.result import Judged, Limit, Measured, Uncertainty, message
 from benchctl.reports.first_acceptance import acceptance_beside
 from benchctl_instruments.errors import UsageError
 
@@ -31,7 +30,7 @@ def _write(folder: Path, *, tests: Any = (BIAS,), limits: Any = None, **more: An
 
 
 def _found(value: float | None = 0.5) -> Judged:
-    agrees = said("gum_agrees", difference_percent=0.0)
+    agrees = message("gum_agrees", difference_percent=0.0)
     known = Uncertainty(standard=0.05, expanded=0.1, monte_carlo=0.1, contributors=(), says=agrees)
     measured = Measured(name="bias", unit="deg/h", value=value, uncertainty=None if value is None else known)
     return Judged(measured=measured, limit=Limit(low=-1.0, high=1.0, unit="deg/h"), verdict="PASS")

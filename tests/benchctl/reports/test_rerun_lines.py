@@ -8,8 +8,7 @@ import pytest
 from benchctl.campaign.differences import Differences
 from benchctl.metrology.names import UNITS
 from benchctl.metrology.rerun import compared
-from benchctl.metrology.result import Judged, Measured, Uncertainty
-from benchctl.metrology.said import said
+from benchctl.metrology.result import Judged, Measured, Uncertainty, message
 from benchctl.recordings.model import BenchFacts, Meta, Unit
 from benchctl.reports.rerun_lines import lines
 from benchctl.reports.rerunning import FirstRun, Rerun
@@ -19,7 +18,7 @@ SAME = Differences(procedure=(), parameters=(), bench=(), instruments=(), softwa
 
 
 def _judged(name: str, value: float | None, expanded: float) -> Judged:
-    agrees = said("gum_agrees", difference_percent=0.0)
+    agrees = message("gum_agrees", difference_percent=0.0)
     known = Uncertainty(standard=expanded / 2, expanded=expanded, monte_carlo=expanded, contributors=(), says=agrees)
     measured = Measured(name=name, unit=UNITS[name], value=value, uncertainty=None if value is None else known)
     return Judged(measured=measured, limit=None, verdict=None)

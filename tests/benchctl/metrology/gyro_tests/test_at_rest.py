@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchctl.metrology.acceptance import measured_in
-from benchctl.metrology.seen import Settings
+from benchctl.metrology.observations import Settings
 from benchctl.plan import Mount, PowerCycle, Static
 from tests.benchctl.metrology.altered import altered, nan_in, results, stating, with_line
 from tests.benchctl.metrology.made_unit import MadeUnit, recorded

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import chi2
 
 from benchctl.metrology.acceptance import measured_in
-from benchctl.metrology.seen import Settings
+from benchctl.metrology.observations import Settings
 from benchctl.plan import PowerCycle, Static, Step, turn_ons
 from tests.benchctl.metrology.altered import altered, results, stating
 from tests.benchctl.metrology.made_unit import recorded

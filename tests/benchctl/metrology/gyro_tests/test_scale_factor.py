@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchctl.metrology.seen import Settings
+from benchctl.metrology.observations import Settings
 from benchctl.plan import ConstantRate, Static
 from tests.benchctl.metrology.altered import results
 from tests.benchctl.metrology.made_unit import EARTH_DPS, LATITUDE_DEG

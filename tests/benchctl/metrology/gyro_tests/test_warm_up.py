@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchctl.metrology.seen import Settings
+from benchctl.metrology.observations import Settings
 from benchctl.plan import PowerCycle, Static, Step
 from tests.benchctl.metrology.altered import nan_in, results
 from tests.benchctl.metrology.made_unit import MadeUnit

@@ -21,8 +21,8 @@ from benchctl.metrology.result import (
     Rule,
     Trace,
     Uncertainty,
+    message,
 )
-from benchctl.metrology.said import said
 from benchctl.recordings.model import BenchFacts, Meta, StepInfo, Unit
 from benchctl.reports.acceptance.build import report_of
 from benchctl.reports.acceptance.document import Report
@@ -56,7 +56,7 @@ def uncertainty(standard: float, says: str = "gum_agrees") -> Uncertainty:
         expanded=2.0 * standard,
         monte_carlo=1.97 * standard,
         contributors=parts,
-        says=said(says, difference_percent=1.4 if says == "gum_agrees" else 12.0),
+        says=message(says, difference_percent=1.4 if says == "gum_agrees" else 12.0),
     )
 
 
@@ -98,7 +98,7 @@ def angle_random_walk() -> Measured:
         uncertainty=uncertainty(0.0009),
         temperature_c=20.0,
         steps=(32,),
-        notes=(said("gaps", count=2, step=32), said("mean_of", seconds=10.0, count=360)),
+        notes=(message("gaps", count=2, step=32), message("mean_of", seconds=10.0, count=360)),
         table=(
             Column(name="tau", unit="s", values=tuple(tau_s.tolist())),
             Column(name="allan_deviation", unit="deg/h", values=tuple(sigma.tolist())),
@@ -118,7 +118,7 @@ def angle_random_walk() -> Measured:
 
 
 def judged() -> tuple[Judged, ...]:
-    refused = Measured(name="misalignment", unit="mrad", refused=said("needs_across"))
+    refused = Measured(name="misalignment", unit="mrad", refused=message("needs_across"))
     return (
         Judged(measured=scale_factor(), limit=Limit(low=49.5, high=50.5, unit="mV/(deg/s)"), verdict="PASS"),
         Judged(
@@ -129,7 +129,7 @@ def judged() -> tuple[Judged, ...]:
                 uncertainty=uncertainty(0.02, "size_of_changes"),
                 temperature_c=20.1,
                 steps=STEPS[:5],
-                notes=(said("line_up_to", limit_dps=40.0),),
+                notes=(message("line_up_to", limit_dps=40.0),),
             ),
             limit=Limit(low=None, high=1.0, unit="%"),
             verdict="FAIL",
@@ -142,18 +142,18 @@ def judged() -> tuple[Judged, ...]:
                 uncertainty=uncertainty(2.1),
                 temperature_c=20.1,
                 steps=(32, 33),
-                notes=(said("earth_taken_off", rate_deg_per_h=12.824),),
+                notes=(message("earth_taken_off", rate_deg_per_h=12.824),),
             ),
             limit=Limit(low=-100.0, high=100.0, unit="deg/h"),
             verdict="INCONCLUSIVE",
-            remedy=said("longer", times=4.0, source="scatter"),
+            remedy=message("longer", times=4.0, source="scatter"),
         ),
         Judged(measured=angle_random_walk(), limit=Limit(low=None, high=0.06, unit="deg/sqrt(h)"), verdict="PASS"),
         Judged(
             measured=refused,
             limit=Limit(low=-5.0, high=5.0, unit="mrad"),
             verdict="INCONCLUSIVE",
-            remedy=said("run_procedure", procedure="misalignment"),
+            remedy=message("run_procedure", procedure="misalignment"),
         ),
         Judged(
             measured=Measured(
@@ -170,7 +170,7 @@ def judged() -> tuple[Judged, ...]:
             verdict=None,
         ),
         Judged(
-            measured=Measured(name="bandwidth", unit="Hz", refused=said("needs_sines", found=0, needed=4)),
+            measured=Measured(name="bandwidth", unit="Hz", refused=message("needs_sines", found=0, needed=4)),
             limit=None,
             verdict=None,
         ),
@@ -178,7 +178,7 @@ def judged() -> tuple[Judged, ...]:
             measured=Measured(
                 name="rate_ramp",
                 unit="(deg/h)/h",
-                refused=said("term_refused", why="its slope lies outside the record, or under the other terms"),
+                refused=message("term_refused", why="its slope lies outside the record, or under the other terms"),
             ),
             limit=None,
             verdict=None,
@@ -189,15 +189,15 @@ def judged() -> tuple[Judged, ...]:
 def acceptance(**changes: object) -> Acceptance:
     values: dict[str, object] = {
         "verdict": "FAIL",
-        "rule": Rule(guard=1.0, says=said("rule_guarded", guard=1.0, risk_percent=2.3)),
+        "rule": Rule(guard=1.0, says=message("rule_guarded", guard=1.0, risk_percent=2.3)),
         "judged": judged(),
         "papers": Papers(customer="АО «Заказчик»", standard="ТУ 6635-001", stage="after vibration", firmware="2.1.0"),
         "limits_name": "limits.toml",
         "limits_text": "guard = 1.0",
         "limits_sha256": hashlib.sha256(b"limits").hexdigest(),
         "anomalies": (
-            said("certificate_expired", role="chamber", model="Watlow F4T", date="2026-06-30"),
-            said("not_complete", status="interrupted"),
+            message("certificate_expired", role="chamber", model="Watlow F4T", date="2026-06-30"),
+            message("not_complete", status="interrupted"),
         ),
         "step_digests": DIGESTS,
     }

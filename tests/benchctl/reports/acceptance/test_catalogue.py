@@ -12,7 +12,7 @@ import pytest
 from matplotlib.ft2font import FT2Font
 
 from benchctl.metrology.names import UNITS
-from benchctl.metrology.said import PLACEHOLDERS, Said, said
+from benchctl.metrology.result import PLACEHOLDERS, Message, message
 from benchctl.reports.acceptance.catalogue import LANGUAGES, catalogue, short
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.reports.acceptance import spoken
@@ -43,7 +43,7 @@ def test_both_languages_have_the_same_keys_with_the_same_placeholders() -> None:
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_there_is_a_sentence_for_all_that_can_be_said_and_no_other(language: str) -> None:
     sentences = catalogue(language).tables["said"]
-    assert sorted(PLACEHOLDERS.keys() - sentences.keys()) == [], "said.py has keys without a sentence"
+    assert sorted(PLACEHOLDERS.keys() - sentences.keys()) == [], "PLACEHOLDERS has keys without a sentence"
     assert sorted(sentences.keys() - PLACEHOLDERS.keys()) == [], "the catalogue has sentences that nobody says"
     assert {key: placeholders(text) for key, text in sentences.items()} == {
         key: set(names) for key, names in PLACEHOLDERS.items()
@@ -116,20 +116,20 @@ def test_the_fields_of_a_russian_passport_are_named_as_it_names_them() -> None:
 
 
 def test_a_sentence_has_its_numbers_in_its_language() -> None:
-    told = said("of_these_cycles", cycles=5, low=0.01234, high=12345.6)
+    told = message("of_these_cycles", cycles=5, low=0.01234, high=12345.6)
     assert "Over 5 turn-ons" in catalogue("en").said(told)
     assert "0.0123 to 12346" in catalogue("en").said(told)
     assert "от 0,0123 до 12346" in catalogue("ru").said(told)
-    certificate = said("certificate_expired", role="rate_table", model="A.1", date="2026-01-31")
+    certificate = message("certificate_expired", role="rate_table", model="A.1", date="2026-01-31")
     assert "поворотный стол (A.1)" in catalogue("ru").said(certificate)
-    assert "12,8 °/ч" in catalogue("ru").said(said("earth_taken_off", rate_deg_per_h=12.8))
+    assert "12,8 °/ч" in catalogue("ru").said(message("earth_taken_off", rate_deg_per_h=12.8))
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_every_sentence_can_be_said_with_any_values(language: str) -> None:
     for key, names in PLACEHOLDERS.items():
         for value in (0.0, -1e-9, float("nan"), 1e12, "{x} <b>"):
-            assert "{}" not in catalogue(language).said(Said(key, dict.fromkeys(names, value)))
+            assert "{}" not in catalogue(language).said(Message(key, dict.fromkeys(names, value)))
 
 
 @pytest.mark.parametrize(

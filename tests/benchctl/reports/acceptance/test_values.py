@@ -6,8 +6,7 @@ import math
 
 import pytest
 
-from benchctl.metrology.result import Bound, Limit, Measured, Uncertainty
-from benchctl.metrology.said import said
+from benchctl.metrology.result import Bound, Limit, Measured, Uncertainty, message
 from benchctl.reports.acceptance.catalogue import catalogue
 from benchctl.reports.acceptance.values import column, duration, exact, limits, stated
 
@@ -20,7 +19,7 @@ def measured(value: float | None, expanded: float | None, unit: str = "deg/h", b
         expanded=expanded,
         monte_carlo=expanded,
         contributors=(),
-        says=said("gum_agrees", difference_percent=0.0),
+        says=message("gum_agrees", difference_percent=0.0),
     )
     return Measured(name="bias", unit=unit, value=value, uncertainty=found or None, bound=bound)
 

@@ -1,4 +1,4 @@
-"""What a recording shows, gathered once for all tests: its stretches, points, and the reference among them."""
+"""Collect from a recording what all tests of a gyro use: stretches, points, and the reference among them."""
 
 from __future__ import annotations
 
@@ -6,34 +6,31 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.metrology.drift import Noises, noises_of
 from benchctl.metrology.names import UNITS
 from benchctl.metrology.points import REST, Points, means_of, points_of
 from benchctl.metrology.propagation import Quantity
-from benchctl.metrology.result import Bound, Column, Measured, Picture, Trace, Uncertainty
-from benchctl.metrology.said import Said
+from benchctl.metrology.result import Bound, Column, Measured, Message, Picture, Trace, Uncertainty
 from benchctl.metrology.stretches import Stretch, stretches_of
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.stated import StatedUncertainties, stated_of
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.interfaces import FloatArray
 
 ROOM_C = 20.0
-"""The temperature of reference where nothing states another (ISO 1)."""
+"""Reference temperature where none is stated (ISO 1)."""
 SAME_C = 1.0
-"""Set points that are no further apart are one temperature."""
+"""Largest difference of set points that count as one temperature."""
 _FEWEST_RATES = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """What the tests may be told: thresholds that belong to a test's definition.
+    """Settings of the tests: thresholds that belong to a test's definition.
 
-    `low_rate_dps`: the line that readings are held against is fitted up to there. `linearity_percent` bounds the input
-    range. `warm_deg_per_h`: how near the final bias is warm. `mean_s` and `rest_s`: bias stability is the deviation of
-    means over so long, of a rest of so long at least.
+    `low_rate_dps`: upper end of the rates to which the line for errors of reading is fitted. `linearity_percent` bounds
+    the input range. `warm_deg_per_h`: distance from the final bias at which a unit counts as warm. Bias stability is
+    the deviation of means over `mean_s`, of a rest of at least `rest_s`.
     """
 
     low_rate_dps: float = 40.0
@@ -44,10 +41,10 @@ class Settings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
-    """A recording for the tests. `reference` counts stretches, None where no stretch has three rates.
+class Observations:
+    """A recording for the tests. `reference` is the index of a stretch, None where no stretch has three rates.
 
-    `noises` say how far the bias walks, by all the rest.
+    `noises` describe the random walk of the bias, estimated from all the rest.
     """
 
     recording: Recording
@@ -68,7 +65,7 @@ class Seen:
 
     @property
     def at_reference(self) -> Points | None:
-        """Those of the reference: the sweep that reaches furthest, at the temperature nearest to room's."""
+        """Points of the reference: the sweep with the highest rate, at the temperature nearest to room temperature."""
         return None if self.reference is None else self.swept_in([self.reference])
 
     @property
@@ -80,17 +77,17 @@ class Seen:
         return float(np.polyfit(points.rate_dps, points.output_v, 1)[0])
 
     def quantities(self, points: Points, *, drifting: bool = True) -> list[Quantity]:
-        """What is not known exactly of some points."""
+        """Return the uncertain quantities of some points."""
         return points.quantities(self.stated, drifting=drifting)
 
 
-def seen_in(recording: Recording, settings: Settings) -> Seen:
-    """Gather what a recording shows."""
+def observe(recording: Recording, settings: Settings) -> Observations:
+    """Collect the observations of a recording."""
     stretches = list(stretches_of(recording))
     noises = noises_of([means_of(stretch.readings) for stretch in stretches])
     points = points_of(stretches, noises)
     room_c = float((recording.meta.simulation or {}).get("T0_c", ROOM_C))
-    return Seen(
+    return Observations(
         recording=recording,
         stated=stated_of(recording.meta),
         settings=settings,
@@ -104,7 +101,7 @@ def seen_in(recording: Recording, settings: Settings) -> Seen:
 def _reference(stretches: Sequence[Stretch], points: Points, room_c: float) -> int | None:
     def merit(number: int) -> tuple[float, float, int]:
         rates = points.set_dps[(points.stretch == number) & points.swept]
-        away = np.round(abs(stretches[number].temperature_c - room_c) / SAME_C)  # a thermistor's noise decides nothing
+        away = np.round(abs(stretches[number].temperature_c - room_c) / SAME_C)
         return float(np.round(np.max(np.abs(rates)))), -float(away), -number
 
     usable = [
@@ -116,8 +113,8 @@ def _reference(stretches: Sequence[Stretch], points: Points, room_c: float) -> i
     return max(usable, key=merit, default=None)
 
 
-def refused(name: str, why: Said) -> Measured:
-    """A test that the recording does not hold."""
+def refused(name: str, why: Message) -> Measured:
+    """Return the result of a test that the recording does not contain."""
     return Measured(name=name, unit=UNITS[name], refused=why)
 
 
@@ -127,12 +124,12 @@ def measured(
     uncertainty: Uncertainty,
     points: Points,
     *,
-    notes: tuple[Said, ...] = (),
+    notes: tuple[Message, ...] = (),
     bound: Bound = "",
     table: tuple[Column, ...] = (),
     picture: Picture | None = None,
 ) -> Measured:
-    """A result of some points, with their steps and mean temperature."""
+    """Return a result of some points, with their steps and mean temperature."""
     return Measured(
         name=name,
         unit=UNITS[name],
@@ -148,32 +145,32 @@ def measured(
 
 
 def celsius_of(*celsius: float) -> float | None:
-    """The mean temperature; None where nobody states it."""
+    """Return the mean temperature; None where it is not stated."""
     mean = float(np.mean(celsius))
     return mean if np.isfinite(mean) else None
 
 
 def same_set_point(one_c: float, other_c: float) -> bool:
-    """Whether two set points are one temperature: two that nobody states are, too."""
+    """Return whether two set points are one temperature; two that are not stated are, too."""
     return abs(one_c - other_c) < SAME_C or bool(np.isnan(one_c) and np.isnan(other_c))
 
 
 def column(name: str, unit: str, values: FloatArray) -> Column:
-    """A column of a table of points."""
+    """Return a column of a table of points."""
     return Column(name=name, unit=unit, values=tuple(values.tolist()))
 
 
 def dots(x: Column, y: Column) -> Picture:
-    """A picture of one column over another."""
+    """Return a picture of one column over another."""
     trace = Trace(label="readings", x=np.array(x.values), y=np.array(y.values))
     return Picture(x=x.name, x_unit=x.unit, y=y.name, y_unit=y.unit, traces=(trace,))
 
 
 def both_directions(points: Points) -> bool:
-    """Whether there are at least two rates in either direction."""
+    """Return whether there are at least two rates in either direction."""
     return all(np.unique(points.set_dps[side]).size > 1 for side in (points.set_dps > 0, points.set_dps < 0))
 
 
 def has_rest(points: Points) -> bool:
-    """Whether there is a reading at rest."""
+    """Return whether there is a reading at rest."""
     return bool((points.leg == REST).any())
