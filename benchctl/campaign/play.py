@@ -204,6 +204,7 @@ class StepPlayer:
             if (air := self.supervisor.look_at_chamber()) is not None:
                 into.append_point(one_poll(self.now_s(), air, {}))
             self.notify("recording")
+        recorder.refuse_few_samples()
         # Where an error left the loop, the table comes before the stream: `bring_to_rest` stops both.
         self.opened.digitizer.stop_stream()
         self.frames.finish(recorder)

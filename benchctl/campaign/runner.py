@@ -24,7 +24,7 @@ from benchctl.campaign.resume import Past, soak_before, steps_to_play, whole_ste
 from benchctl.campaign.safety import SafeState, Supervisor, bring_to_rest, refuse_bench_in_use
 from benchctl.campaign.sameness import refuse_other_instruments
 from benchctl.campaign.stop import StoppedError, StopRequest
-from benchctl.campaign.stream import MotionError
+from benchctl.campaign.stream import StepError
 from benchctl.campaign.timing import timeline
 from benchctl.plan import Plan, Step, ThermalRamp
 from benchctl.recordings.campaign_folder import CampaignWriter
@@ -68,8 +68,9 @@ def run_campaign(
 
     Once it has begun to command the bench, whatever ends it, the table is brought to rest and the chamber sent to its
     safe set point, each read back, before the recording is closed; the outcome says what ended it. A step in which the
-    encoder shows another motion than was demanded is played once more. Errors that are no `BenchError` are faults of
-    this program: the bench is brought to rest and the recording closed all the same, then they go on up.
+    encoder shows another motion than was demanded, or that gaps have swallowed, is played once more. Errors that are no
+    `BenchError` are faults of this program: the bench is brought to rest and the recording closed all the same, then
+    they go on up.
 
     Raises
     ------
@@ -204,7 +205,7 @@ class _Run:
             hold_if_asked(self._player)
             try:
                 self._play_step(index, number, step)
-            except MotionError:
+            except StepError:
                 self._player.leave()
                 self.samples += self._player.close_torn(self._free_index())
                 if isinstance(step, ThermalRamp):

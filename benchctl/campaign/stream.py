@@ -26,8 +26,12 @@ PATIENCE = 0.5
 """Scans are waited for so much of `silence_s`, then the table and the chamber are looked at again."""
 
 
-class MotionError(SafetyError):
-    """The table does not do what the step demands."""
+LEAST_SHARE = 0.5
+"""A step with a smaller share of its scans is not complete: the rest is gaps, in which nobody saw the motion."""
+
+
+class StepError(SafetyError):
+    """What was recorded is not what the step demands; it can be played again."""
 
 
 class StreamRecorder:
@@ -91,7 +95,7 @@ class StreamRecorder:
     def take(self) -> None:
         """Take what is due by now and write it; less while the digitizer is silent for a moment.
 
-        Raises `MotionError` where the encoder shows another motion than the step demands.
+        Raises `StepError` where the encoder shows another motion than the step demands.
         """
         elapsed_s = self._opened.clock.now() - self._begin_s
         due = min(self._wanted, int(elapsed_s * self._stream.rate_hz) - IN_FLIGHT_SCANS)
@@ -101,6 +105,14 @@ class StreamRecorder:
             if block is None:
                 return
             self._write(block)
+
+    def refuse_few_samples(self) -> None:
+        """Raise `StepError` where gaps have left too little of a step that is over."""
+        if self.samples < LEAST_SHARE * self._wanted:
+            raise StepError(
+                f"digitizer: {self.samples} of {self._wanted} scans of a step came, the rest is missing; look for what "
+                "keeps this computer busy, and check the digitizer's cable"
+            )
 
     def _write(self, block: ScanBlock) -> None:
         if block.first_index > self._next_index:
@@ -152,7 +164,7 @@ class StreamRecorder:
             measured_dps=round(seen.measured_dps, 6),
             tolerance_dps=round(seen.tolerance_dps, 6),
         )
-        raise MotionError(f"rate_table: {says}; look whether another program commands it, and {FIND_OUT}")
+        raise StepError(f"rate_table: {says}; look whether another program commands it, and {FIND_OUT}")
 
     def _refuse_beyond(self, accelerations_dps2: FloatArray) -> None:
         limit_dps2 = self._opened.bench.limits.acceleration_dps2

@@ -72,8 +72,9 @@ class SerialLink:
         """The next bytes, at least one, within `timeout_s` of wall time."""
         if self._port is None:
             raise LinkCutError(f"{self.address}: the port was given up, nothing can be received; send something first")
+        timeout_s = max(timeout_s, 1e-3)
         try:
-            self._port.timeout = max(timeout_s, 1e-3)
+            self._port.timeout = timeout_s
             data = bytes(self._port.read(1))
             if data:
                 data += self._port.read(min(self._port.in_waiting, max_bytes - 1))

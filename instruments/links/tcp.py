@@ -82,7 +82,8 @@ class TcpLink:
         """The next bytes, at least one, within `timeout_s` of wall time."""
         if self._socket is None:
             raise LinkCutError(f"{self.address}: the connection was cut, nothing can be received; send something first")
-        self._socket.settimeout(max(timeout_s, 1e-3))  # 0 would mean: do not wait at all
+        timeout_s = max(timeout_s, 1e-3)  # what has come is taken, however late; 0 would mean: do not wait at all
+        self._socket.settimeout(timeout_s)
         try:
             data = self._socket.recv(max_bytes)
         except TimeoutError as err:

@@ -37,8 +37,8 @@ def bench_with(*faults: dict[str, Any], silence_s: float = 0.4) -> Bench:
     return Bench.model_validate({**document, "faults": faults})
 
 
-def run(bench: Bench, folder: Path) -> Outcome:
-    plan = Plan(procedure="mine", parameters={}, steps=(TURN,), calibrates=False)
+def run(bench: Bench, folder: Path, step: ConstantRate = TURN) -> Outcome:
+    plan = Plan(procedure="mine", parameters={}, steps=(step,), calibrates=False)
     with open_bench(bench) as opened:
         return run_campaign(plan, opened, folder)
 
@@ -107,6 +107,30 @@ def test_a_gap_that_reaches_beyond_the_step_ends_with_it(tmp_path: Path) -> None
         (gap,) = (event for event in events_of(recording) if event["kind"] == "gap")
     assert (info.samples, info.gaps, gap["scans"]) == (WANTED - 500, 1, 500)
     assert info.t_end - info.t_start == pytest.approx(TURN.duration_s, abs=0.002)
+
+
+SHORT = ConstantRate(rate_dps=50.0, duration_s=0.4, settle_s=1.0)
+"""Over before a stream that ended in it has been started anew: a gap takes all of it."""
+
+
+def test_a_step_that_a_gap_has_swallowed_is_not_complete_and_is_played_again(tmp_path: Path) -> None:
+    outcome = run(bench_with({"on": "digitizer_stream", "kind": "stream_ends", "nth": 1}), tmp_path / "c", SHORT)
+    assert (outcome.status, outcome.whole, outcome.error) == ("complete", 1, None)
+    with open_recording(outcome.recording) as recording:
+        again, aside = recording.infos
+    assert (again.index, again.whole, again.samples, again.gaps) == (1, True, 200, 0)
+    assert (aside.index, aside.whole, aside.samples, aside.gaps) == (2, False, 0, 1)
+    assert (aside.name, aside.role) == (f"cut attempt of step 1: {again.name}", "none")
+
+
+def test_where_a_gap_swallows_a_step_twice_the_run_ends_with_the_bench_at_rest(tmp_path: Path) -> None:
+    always = {"on": "digitizer_stream", "kind": "stream_ends", "pattern": "packet 1$"}
+    outcome = run(bench_with(always), tmp_path / "c", SHORT)
+    assert (outcome.status, outcome.whole, outcome.safe.problems) == ("aborted", 0, ())
+    assert isinstance(outcome.error, SafetyError)
+    assert str(outcome.error).startswith("digitizer: 0 of 200 scans of a step came")
+    with open_recording(outcome.recording) as recording:
+        assert [info.whole for info in recording.infos] == [False, False]
 
 
 def test_a_digitizer_that_never_streams_again_ends_the_run_with_the_bench_at_rest(tmp_path: Path) -> None:

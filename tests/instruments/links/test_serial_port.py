@@ -58,6 +58,11 @@ def test_a_silent_device_is_a_link_error_that_names_the_address_and_the_time(lin
         link.receive(64, 0.05)
 
 
+def test_a_wait_whose_time_is_over_names_no_negative_time(link: SerialLink) -> None:
+    with pytest.raises(LinkError, match=r"nothing came within 0.001 s"):
+        link.receive(4096, -0.215)
+
+
 def test_what_came_unasked_is_thrown_away_before_the_next_question(link: SerialLink) -> None:
     link.send(b"twice\r")
     assert link.receive(6, 2.0) == b"twice\r"[: len(b"twice\r")]

@@ -83,6 +83,11 @@ def test_silence_is_a_link_error_after_the_time_that_was_granted(link: TcpLink) 
     assert 0.09 < time.monotonic() - started_s < 1.0
 
 
+def test_a_wait_whose_time_is_over_takes_what_has_come_and_names_no_negative_time(link: TcpLink) -> None:
+    with pytest.raises(LinkError, match=r"nothing came within 0.001 s"):
+        link.receive(4096, -0.215)
+
+
 def test_a_cut_in_the_middle_of_a_dialogue_is_said_and_the_next_send_connects_again(
     server: TcpServer, link: TcpLink
 ) -> None:
