@@ -79,6 +79,8 @@ def run_campaign(
         no room for it, the folder cannot be written, or the instruments are not those of the `past`.
     InstrumentError
         Before anything is commanded: the table turns or the digitizer streams already, for another program.
+    LinkError
+        Before anything is commanded: the digitizer's stream is not where the bench says.
     """
     refuse_problems(plan, opened.bench, folder)
     to_play = steps_to_play(plan, past.infos if past else (), opened.bench.safe.chamber_c)

@@ -359,10 +359,15 @@ class LabJackT7:
             raise InstrumentError(f"{self._who}: reading its flash, {err}; have it calibrated") from err
 
     def _set_up_inputs(self) -> None:
-        """Set up encoder and analog inputs, at their first use."""
+        """Try the stream's address, then set up encoder and analog inputs, at their first use."""
         if self._is_set_up:
             return
         self._refuse_foreign_stream()
+        try:  # now, and not half an hour later, when the chamber has soaked
+            self._stream.open(self._timeout_s)
+        except LinkError as err:
+            raise LinkError(f"{self._who}: its stream: {err}") from err
+        self._stream.close()
         self._set_up_encoder()
         for channel in self._inputs:
             self._registers.set(reg.ain_range(channel), self._range_v)

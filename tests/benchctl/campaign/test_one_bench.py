@@ -105,6 +105,22 @@ def _ran(arguments: Sequence[str | Path], folder: Path) -> subprocess.CompletedP
     return subprocess.run(arguments, capture_output=True, text=True, timeout=150, env=_elsewhere(folder))
 
 
+def test_a_stream_that_cannot_be_reached_ends_a_run_before_anything_is_commanded(lab: Lab) -> None:
+    text = (lab.folder / "bench.toml").read_text(encoding="utf-8")
+    with socket.create_server(("127.0.0.1", 0)) as once:
+        nobody = f"tcp://127.0.0.1:{once.getsockname()[1]}"
+    (lab.folder / "moved.toml").write_text(text.replace(lab.addresses["digitizer_stream"], nobody), encoding="utf-8")
+    demand = lab.say(":dem:rate? 1")
+    refused = _ran(lab.run_arguments("refused", "moved.toml"), lab.folder)
+    assert refused.returncode == 3
+    assert len(refused.stderr.splitlines()) == 1
+    assert f"its stream: {nobody}: could not connect" in refused.stderr
+    assert not (lab.folder / "refused").exists()
+    assert lab.say(":dem:rate? 1") == demand
+    with LabJackT7(lab.addresses["digitizer"], lab.addresses["digitizer_stream"], clock=ScaledClock()) as t7:
+        t7.read_once()  # refused where a stream was left
+
+
 def test_a_second_run_in_another_environment_by_another_name_is_refused_and_the_first_one_goes_on(lab: Lab) -> None:
     with lab.running("first") as first:
         second = _ran(lab.run_arguments("second", "renamed.toml"), lab.folder)

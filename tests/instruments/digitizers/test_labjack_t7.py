@@ -429,14 +429,17 @@ def test_a_calibration_that_makes_no_sense_is_an_instrument_error(
         LabJackT7(server.address, server.stream_address, clock=inputs.clock).open()
 
 
-def test_a_stream_port_where_nobody_listens_is_a_link_error_and_leaves_no_stream_behind(
+def test_a_stream_port_where_nobody_listens_is_a_link_error_at_the_first_use_and_leaves_no_stream_behind(
     server: SimulatedLabJackT7, inputs: FakeInputs
 ) -> None:
     server._stream.stop()
     with LabJackT7(server.address, server.stream_address, clock=inputs.clock, timeout_s=0.5) as t7:
         with pytest.raises(LinkError, match=server.stream_address):
+            t7.read_once()
+        with pytest.raises(LinkError, match=server.stream_address):
             t7.start_stream(100.0)
-        assert t7.read_once().encoder_count == -500
+        server._stream.start()
+        assert t7.read_once().encoder_count == -500  # refused where a stream was left
 
 
 def test_closing_twice_is_safe_and_a_closed_one_can_be_opened_again(t7: LabJackT7) -> None:
