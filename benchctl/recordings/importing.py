@@ -97,9 +97,9 @@ def _read_unmapped(source: Path) -> tuple[Meta, list[Step]]:
     if kind in _TEXTS and (mapping := map_by_header(source)) is not None:
         return _read_points(source, mapping)
     raise UsageError(
-        f"{source}: name a map file (--map) that says which column is which; `benchctl import --help` shows one for"
-        " text, MAT, JSON and SQLite. Only an open recording's folder, or a CSV with the columns rate_dps and"
-        " gyro_v_mean, needs no map"
+        f"{source}: which column is which is not known; name a map file (--map), `benchctl import --help` shows one for"
+        " text, MAT, JSON and SQLite (an open recording's folder, or a CSV with the columns rate_dps and gyro_v_mean,"
+        " needs none)"
     )
 
 

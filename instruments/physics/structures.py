@@ -22,8 +22,7 @@ from functools import lru_cache
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-import scipy.interpolate
-import scipy.signal
+import scipy  # which loads interpolate and signal when they are first used
 
 from benchctl_instruments.interfaces import FloatArray
 from benchctl_instruments.physics.chain import Signals, Stage

@@ -82,7 +82,7 @@ def test_a_number_out_of_range_is_refused_at_once_by_every_verb_that_takes_one(
 def test_a_bench_of_a_million_keys_is_refused_unread(refused: Refused, tmp_path: Path) -> None:
     (tmp_path / "bench.toml").write_text("".join(f"k{number} = 1\n" for number in range(1_000_000)))
     line = refused("check", "static", "--bench", "bench.toml")
-    assert line == "bench bench.toml: is larger than 0.25 MB, which no such file needs"
+    assert line == "bench bench.toml: is larger than 0.15 MB, which no such file needs"
 
 
 def test_a_parameter_given_twice_is_refused(refused: Refused) -> None:

@@ -45,7 +45,7 @@ def fitted(folder: Path, scheduler: str, *, again: bool = False) -> Fleet:
         located([f"{folder}/*.h5"])[0],
         Options(),
         settings,
-        told=lambda job, outcome: None,
+        on_outcome=lambda job, outcome: None,
         say=lambda text: None,
         stop=StopRequest(),
     )

@@ -72,7 +72,7 @@ def test_a_stop_leaves_what_was_not_begun_to_the_next_run(tmp_path: Path, schedu
         located([str(tmp_path / "u0.h5")])[0],
         Options(),
         Settings(scheduler=scheduler),
-        told=lambda job, outcome: None,
+        on_outcome=lambda job, outcome: None,
         say=lambda text: None,
         stop=stop,
     )

@@ -64,7 +64,7 @@ FAULTS = {
     ),
     "a unit of another quantity": (
         MAP_EXAMPLE_CSV.replace('"K" ', '"V" '),
-        "line 36: channels.gyro_temp_c.unit: the unit 'V' is not known here; known are degC, K, degF",
+        "line 36: channels.gyro_temp_c.unit: the unit 'V' is not known here; known are degC, °C, K, degF",
     ),
     "a unit of time that is none": (
         MAP_EXAMPLE_MAT.replace('unit = "s"', 'unit = "V"'),

@@ -126,9 +126,9 @@ def test_recordings_of_two_days_begin_twice(tmp_path):
 def test_a_recording_of_few_steps_is_cut_so_that_some_can_be_held_out(tmp_path):
     with open_recording(write_moving(tmp_path / "few.h5")) as recording:
         problem = gyro_problem(recording)
-    assert len(problem.steps) > 12
+    assert len(problem.steps) > 36
     assert {info.kind for info in problem.steps} == {"static", "constant_rate", "sine"}
-    assert problem.step_names[0] == "static at +23, 1 of 12"
+    assert problem.step_names[0] == "static at +23, 1 of 36"
 
 
 @needs_shared("data/uiuc_encoder_imu")
