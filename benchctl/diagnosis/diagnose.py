@@ -25,7 +25,7 @@ from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.rest.named import named
 from benchctl.diagnosis.result import Diagnosis, Part
 from benchctl.diagnosis.rounded import unrounded, without_the_steps_own
-from benchctl.diagnosis.search.select import select, select_between
+from benchctl.diagnosis.search.select import select, select_between, without_nothing
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.structures.stated import with_structures
 from benchctl.diagnosis.unstated import other_answer, plainly_better
@@ -90,6 +90,7 @@ def _diagnosis(
     chosen, unexplained, owed = named(problem, chosen, rounding_v2=rounding_v2, seed=seed)
     fallen = tried - {effect.identifier for effect in chosen.after.point.effects}
     chosen, unexplained, owed = with_structures(problem, chosen, unexplained, owed, fallen=fallen, seed=seed)
+    chosen = without_nothing(problem, chosen)
     found = (*with_sine(problem, findings_of(problem, chosen)), *fault_findings(problem, faults))
     findings = tuple(finding_in(one, problem.unit) for one in found)
     unexplained = unexplained_in(unexplained, problem.unit, part)

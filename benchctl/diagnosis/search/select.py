@@ -121,6 +121,14 @@ def reduced(problem: Problem, chosen: Selection, keys: Collection[str]) -> Selec
     )
 
 
+def without_nothing(problem: Problem, chosen: Selection) -> Selection:
+    """The selection without effects that may be as small as nothing, as one may once others have been withdrawn."""
+    while places := _may_be_nothing(problem, chosen.whole):
+        keys = list(chosen.evidence)
+        chosen = reduced(problem, chosen, {keys[min(places)]})
+    return chosen
+
+
 def _dropped(point: Point, keys: Collection[str]) -> Point:
     named = zip(keys_of(point.effects), point.effects, strict=True)
     return replace(point, effects=tuple(effect for key, effect in named if key not in keys))
@@ -132,21 +140,27 @@ def _places(present: Fit) -> list[Place]:
 
 def _not_to_state(problem: Problem, present: Fit, evidence: Mapping[str, Evidence]) -> DescribedEffect | None:
     """The effect that makes held-out steps worst, stands at a bound, or may be as small as nothing; None if none is."""
-    errors = np.sqrt(np.diag(with_disturbance(problem, present).robust_covariance(problem.step)))
-    sizes = {
-        place: [
-            abs(effect.values[one.name]) <= Z95 * error
-            for one, error in zip(present.numbers, errors.tolist(), strict=True)
-            if one.effect == place and one.parameter is not None and one.parameter.role == "size"
-        ]
-        for place, effect in enumerate(present.point.effects)
-    }
+    nothing = _may_be_nothing(problem, with_disturbance(problem, present))
     worse = [
         (it.heldout, place)
         for place, (one, it) in enumerate(zip(present.point.effects, evidence.values(), strict=True))
-        if it.heldout < it.heldout_least or at_bound(one) or (sizes[place] and all(sizes[place]))
+        if it.heldout < it.heldout_least or at_bound(one) or place in nothing
     ]
     return present.point.effects[min(worse)[1]] if worse else None
+
+
+def _may_be_nothing(problem: Problem, fitted: Fit) -> set[int]:
+    """The places of the effects of which every size has zero within its 95 % interval."""
+    errors = np.sqrt(np.diag(fitted.robust_covariance(problem.step)))
+    sizes = [
+        [
+            abs(effect.values[one.name]) <= Z95 * error
+            for one, error in zip(fitted.numbers, errors.tolist(), strict=True)
+            if one.effect == place and one.parameter is not None and one.parameter.role == "size"
+        ]
+        for place, effect in enumerate(fitted.point.effects)
+    ]
+    return {place for place, small in enumerate(sizes) if small and all(small)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
