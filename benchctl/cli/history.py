@@ -40,6 +40,7 @@ def history(
     from benchctl.cli.places import report_folder
     from benchctl.history.archives import unpacked
     from benchctl.history.history import history_of
+    from benchctl.recordings.campaign_manifest import add_to_manifest
     from benchctl.reports import history_page, history_report
     from benchctl_instruments.errors import UsageError
 
@@ -58,5 +59,7 @@ def history(
         result.say(history_report.lines(found, units))
         if page_folder is not None:
             name = folder.resolve().name or str(folder.resolve())
-            result.values["report"] = history_page.write_page_of(found, units, page_folder, name)
-            result.say(f"report: {result.values['report']}")
+            report = history_page.write_page_of(found, units, page_folder, name)
+            add_to_manifest(page_folder, [report])  # where the folder is itself a campaign
+            result.values["report"] = report
+            result.say(f"report: {report}")

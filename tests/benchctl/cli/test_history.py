@@ -157,3 +157,12 @@ def test_a_real_campaign_of_the_simulated_bench_is_in_its_history(tmp_path: Path
     (unit,) = json.loads(ran.stdout)["units"]
     (one,) = unit["campaigns"]
     assert (one["path"], one["procedure"], one["status"]) == ("static.h5", "static", "complete")
+
+
+def test_the_history_of_a_single_campaign_leaves_it_verifiable(tmp_path: Path) -> None:
+    ran = benchctl("run", "static", "--bench", "simulated", "-p", "duration_s=2", "--out", tmp_path / "one", "--quiet")
+    assert ran.returncode == 0, ran.stderr
+    assert benchctl("history", tmp_path / "one", "--quiet").returncode == 0
+    assert (tmp_path / "one/history.html").is_file()
+    verified = benchctl("verify", tmp_path / "one")
+    assert verified.returncode == 0, verified.stdout
