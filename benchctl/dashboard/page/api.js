@@ -56,12 +56,19 @@ async function request(method, path, { body = null, token = null, signal = null 
   throw new ApiError(reply.status, said.error || `the server answered ${reply.status}`);
 }
 
-async function answered(path, options) {
+// A server that is busy for the moment (503) says after how many seconds to ask again; only reading is repeated.
+async function answered(path, options, tries = 10) {
+  let reply;
   try {
-    return await fetch(path, options);
+    reply = await fetch(path, options);
   } catch (error) {
     if (options.signal?.aborted) throw error;
     suspect();
     throw new ApiError(0, "the server does not answer");
   }
+  const wait_s = Number(reply.headers.get("Retry-After"));
+  if (reply.status !== 503 || !wait_s || options.method !== "GET" || tries <= 1) return reply;
+  await new Promise((resolve) => setTimeout(resolve, 1000 * wait_s));
+  options.signal?.throwIfAborted();
+  return answered(path, options, tries - 1);
 }

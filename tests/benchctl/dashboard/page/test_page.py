@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Page, Route, expect
 
 from tests.benchctl.dashboard.page.browsing import TELEPHONE, Seen, Served, a_page, picture, serving, sideways
 from tests.benchctl.dashboard.page.conftest import EVIL, REST, TURNS
@@ -70,6 +70,24 @@ def test_a_wrong_token_says_so_and_the_right_one_logs_in_and_out(browser: Browse
         expect(page.get_by_label("Token")).to_be_visible()
         page.reload()
         expect(page.get_by_label("Token")).to_be_visible()
+
+
+def test_a_campaign_that_a_busy_server_refuses_is_asked_for_again(seen: Seen) -> None:
+    seen.forgiven = ("503 (Service Unavailable)",)
+    refused: list[str] = []
+
+    def refuse_once(route: Route) -> None:
+        url = route.request.url
+        if url in refused:
+            route.continue_()
+        else:
+            refused.append(url)
+            route.fulfill(status=503, headers={"retry-after": "1"}, json={"error": "too much is asked for at once"})
+
+    seen.page.route("**/api/campaigns/*", refuse_once)
+    open_campaign(seen.page, TURNS)
+    expect(seen.page.get_by_role("link", name="Plots", exact=True)).to_be_visible()
+    assert refused
 
 
 def test_the_list_is_searched_and_walked_through_by_keys(seen: Seen) -> None:
