@@ -64,7 +64,7 @@ def test_points_go_through_a_step_and_back() -> None:
             r"points\.csv, line 3, column gyro_v_std: a standard deviation below 0, expected 0 or more",
         ),
         (("0.15", "nan"), r"points\.csv, line 3, column gyro_v_mean: expected a finite number"),
-        (("gyro_v_mean", "volts"), r"points\.csv: name a map file"),
+        (("gyro_v_mean", "volts"), r"points\.csv: which column is which is not known; name a map file"),
     ],
 )
 def test_a_fault_is_named(tmp_path: Path, spoil: tuple[str, str], says: str) -> None:

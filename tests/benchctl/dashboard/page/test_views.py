@@ -255,6 +255,7 @@ def test_verdicts_of_an_acceptance_are_on_the_screen(
         page = seen.page
         open_page(page, served, OVER, "Acceptance")
         expect(page.locator("tbody tr")).to_have_count(len(TESTS))
+        expect(page.locator("p.verdict .chip")).to_be_visible()
         picture(page, f"acceptance-{name}-{'dark' if dark else 'light'}", whole=True)
         assert is_inside(page, "p.verdict .chip") == [True]
         assert is_inside(page, "tbody .chip") == [True] * 3
