@@ -89,7 +89,10 @@ def _diagnosis(
     tried = {effect.identifier for effect in chosen.after.point.effects}
     chosen, unexplained, owed = named(problem, chosen, rounding_v2=rounding_v2, seed=seed)
     fallen = tried - {effect.identifier for effect in chosen.after.point.effects}
-    chosen, unexplained, owed = with_structures(problem, chosen, unexplained, owed, fallen=fallen, seed=seed)
+    spikes = any(fault.effect == "outliers" for fault in faults)
+    chosen, unexplained, owed = with_structures(
+        problem, chosen, unexplained, owed, fallen=fallen, spikes=spikes, seed=seed
+    )
     chosen = without_nothing(problem, chosen)
     found = (*with_sine(problem, findings_of(problem, chosen)), *fault_findings(problem, faults))
     findings = tuple(finding_in(one, problem.unit) for one in found)

@@ -53,11 +53,13 @@ def with_structures(
     owed: tuple[str, ...],
     *,
     fallen: Collection[str] = (),
+    spikes: bool = False,
     seed: int,
 ) -> tuple[Selection, Unexplained, tuple[str, ...]]:
     """The selection with what is unexplained modelled, and what is then said of it; as it is where no shapes fit.
 
-    Names that had `fallen`, because of what was left beside them, are tried again beside the structures.
+    Names that had `fallen`, because of what was left beside them, are tried again beside the structures. Where the
+    output has `spikes`, jumps of the encoder's angle are not looked for.
 
     What is little enough to be `owed` to the model of a finding is a structure all the same where a shape explains it
     over another coordinate than those along which findings act. Jumps of the encoder, and noise that is not of one
@@ -65,7 +67,7 @@ def with_structures(
     """
     if not isinstance(problem, GyroProblem):
         return chosen, unexplained, owed
-    chosen, stated, owed = _of_prediction(problem, chosen, unexplained, owed, fallen, seed)
+    chosen, stated, owed = _of_prediction(problem, chosen, unexplained, owed, fallen, spikes, seed)
     noisy = noise_structure(problem, chosen)
     if noisy is None:
         return chosen, stated, owed
@@ -78,11 +80,13 @@ def _of_prediction(
     unexplained: Unexplained,
     owed: tuple[str, ...],
     fallen: Collection[str],
+    spikes: bool,
     seed: int,
 ) -> tuple[Selection, Unexplained, tuple[str, ...]]:
     """The same of what changes the prediction."""
     bare = chosen
-    chosen, jumps = with_jumps(problem, chosen)
+    # a spike of one row that was not recognised as one looks like a jump of the angle
+    chosen, jumps = (chosen, ()) if spikes else with_jumps(problem, chosen)
     found = _modelled(problem, chosen, unexplained, owed, seed)
     if found is None and not jumps:
         return chosen, unexplained, owed
