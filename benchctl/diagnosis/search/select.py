@@ -27,6 +27,7 @@ from benchctl.diagnosis.search.selection import Evidence, Selection
 from benchctl.diagnosis.signals.blocks import step_starts
 from benchctl.diagnosis.signals.normal import Z95
 from benchctl_instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.physics.structures import Structure
 
 Better = Callable[[Problem, Fit, Whitener], Problem | None]
 
@@ -115,17 +116,24 @@ def reduced(problem: Problem, chosen: Selection, keys: Collection[str]) -> Selec
     return replace(
         chosen,
         after=after,
-        whole=fitted(chosen.whole),
+        whole=with_disturbance(problem, fitted(chosen.whole)),
         noise=noise,
         evidence=dict(zip(keys_of(after.point.effects), kept, strict=True)),
     )
 
 
 def without_nothing(problem: Problem, chosen: Selection) -> Selection:
-    """The selection without effects that may be as small as nothing, as one may once others have been withdrawn."""
-    while places := _may_be_nothing(problem, chosen.whole):
-        keys = list(chosen.evidence)
-        chosen = reduced(problem, chosen, {keys[min(places)]})
+    """The selection without findings that may be as small as nothing, as one may once others have been withdrawn.
+
+    Structures stay: what is stated of them is made.
+    """
+
+    def findings() -> list[int]:
+        effects = chosen.whole.point.effects
+        return [place for place in _may_be_nothing(problem, chosen.whole) if not isinstance(effects[place], Structure)]
+
+    while places := findings():
+        chosen = reduced(problem, chosen, {list(chosen.evidence)[min(places)]})
     return chosen
 
 
