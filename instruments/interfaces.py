@@ -10,14 +10,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol, Self
 
-import numpy as np
-import numpy.typing as npt
-
+from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.mounting import Position as Position
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

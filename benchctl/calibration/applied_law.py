@@ -20,7 +20,7 @@ import numpy as np
 
 from benchctl.calibration.compensation import bias
 from benchctl.calibration.model import factor
-from benchctl_instruments.interfaces import BoolArray, FloatArray
+from benchctl_instruments.arrays import BoolArray, FloatArray
 
 LawName = Literal["sine", "polynomial", "response"]
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
 from benchctl.calibration.angle_rate import Smoother, derivative_of, mean_derivative_of, places_of_rate
-from benchctl_instruments.interfaces import BoolArray, FloatArray
+from benchctl_instruments.arrays import BoolArray, FloatArray
 
 Numbers = npt.NDArray[Any]
 """Real or complex."""

@@ -35,8 +35,8 @@ from benchctl.calibration.thermistor import ThermalHistory
 from benchctl.recordings.model import Meta, Step
 from benchctl.recordings.stated import stated_of
 from benchctl.recordings.stored import StoredStep, stored_of
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.interfaces import FloatArray
 
 _MOVING_DPS = 2.0
 _CONSTANT = 1e-9  # relative; a 24-bit converter resolves 6e-8

@@ -32,8 +32,8 @@ from benchctl.calibration.free_motion import FreeMotionFit
 from benchctl.calibration.result import CalibrationResult, JointFit, Parameter, PolynomialFactor, Stage
 from benchctl.calibration.uncertainty import LEVEL
 from benchctl.documents import read_json
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.interfaces import FloatArray
 
 SCHEMA = "benchctl-coefficients/1"
 _KEYS = ("convention", "argument", "K0_v_per_dps", "U0_v", "T0_c", "stages")

@@ -16,8 +16,8 @@ from benchctl.calibration.coefficients_law import By, Coefficients, applied_law,
 from benchctl.calibration.result import ValidRange
 from benchctl.documents import json_document
 from benchctl.limits import MOST_DESCRIPTION_BYTES, read_whole, shown
+from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.interfaces import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,7 @@ import numpy as np
 from benchctl.calibration.model import Law, factor
 from benchctl.calibration.result import Stage, StraightLine
 from benchctl.calibration.rows import Rows
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 Compensator = Callable[[FloatArray, FloatArray], FloatArray]
 """Output [V] and T − T0 [°C], of one shape, to the sensed rate [°/s]."""

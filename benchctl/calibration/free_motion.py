@@ -18,8 +18,8 @@ from benchctl.calibration.angle_rate import unwrap_deg
 from benchctl.calibration.rows import clustered_covariance
 from benchctl.calibration.uncertainty import coverage_factor
 from benchctl.recordings.model import Step
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.interfaces import FloatArray
 
 BAND_HZ = (0.02, 10.0)
 CLUSTER_S = 60.0

@@ -30,8 +30,8 @@ from benchctl.calibration.reduce import ReducedStep
 from benchctl.calibration.rows import Rows, gather
 from benchctl.calibration.thermistor import ThermalHistory
 from benchctl.calibration.uncertainty import Mixture
+from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.interfaces import FloatArray, IntArray
 
 ENCODER_TERMS = (
     "encoder_sin1_arcsec",

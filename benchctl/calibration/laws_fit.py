@@ -18,8 +18,8 @@ from benchctl.calibration.thermistor import ThermalHistory
 from benchctl.calibration.uncertainty import LEVEL, coverage_factor, dof_of_factor, effective_dof
 from benchctl.recordings.model import BenchFacts
 from benchctl.recordings.stated import Stated, StatedUncertainties
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.interfaces import FloatArray
 
 _CURVED_FROM_DPS = 60.0
 _SURE_OF_BEND = 10.0

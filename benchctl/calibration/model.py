@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchctl.calibration.result import Argument, Convention
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.interfaces import FloatArray
 
 _NEWTON_STEPS = 30
 _CONVERGED_DPS = 1e-10

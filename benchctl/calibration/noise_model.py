@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize
 
-from benchctl_instruments.interfaces import FloatArray, IntArray
+from benchctl_instruments.arrays import FloatArray, IntArray
 
 _FEWEST_STEPS_FOR_WALK = 4
 _FEWEST_STEPS_FOR_EXCESS = 12

@@ -20,7 +20,7 @@ from benchctl.calibration.calibrate import calibrate
 from benchctl.calibration.model import factor
 from benchctl.calibration.result import CalibrationOptions, CalibrationResult
 from benchctl.recordings.model import Meta, Step
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 K_T_1 = (1.315e-4, -2.066e-6)
 K_OMEGA_1 = (3.02e-6, 5.89e-11)

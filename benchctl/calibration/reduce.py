@@ -23,8 +23,8 @@ from benchctl.calibration.step_reduction import CHANNELS, QUIET_KINDS, StepReduc
 from benchctl.recordings.model import Meta, Step, StepInfo
 from benchctl.recordings.stored import StoredStep, stored_of
 from benchctl.side_by_side import cores, in_order
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.interfaces import FloatArray
 
 Made = TypeVar("Made")
 

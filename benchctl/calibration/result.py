@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from benchctl.calibration.free_motion import FreeMotionFit
+from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.interfaces import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

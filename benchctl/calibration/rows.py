@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchctl.calibration.reduce import ReducedStep
-from benchctl_instruments.interfaces import FloatArray, IntArray
+from benchctl_instruments.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

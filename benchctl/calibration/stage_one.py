@@ -16,8 +16,8 @@ from benchctl.calibration.model import factor
 from benchctl.calibration.reduce import ReducedStep
 from benchctl.calibration.result import MeanPoints, PolynomialFactor, StraightLine, TemperaturePoint
 from benchctl.calibration.rows import LinearFit, Rows, fit_linear
+from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.interfaces import FloatArray, IntArray
 
 K0_LIMIT_DPS = 40.0
 SLOPE_LIMIT_DPS = 50.0

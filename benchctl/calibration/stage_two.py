@@ -16,7 +16,7 @@ import numpy as np
 from benchctl.calibration.compensation import by_stages, mean_rate
 from benchctl.calibration.result import BeforeAfter, PolynomialFactor, Share, Stage
 from benchctl.calibration.rows import Rows, clustered_covariance
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 _TURNS = 12
 _CURVED_FROM_DPS = 60.0

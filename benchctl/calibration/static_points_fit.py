@@ -16,8 +16,8 @@ from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import t as student
 
 from benchctl.calibration.uncertainty import coverage_factor
+from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.errors import UsageError, in_line
-from benchctl_instruments.interfaces import BoolArray, FloatArray
 
 FEWEST_RATES = 5
 """So many rates other than rest tell a line from a sine."""

@@ -19,7 +19,7 @@ from benchctl.calibration.blocks import Blocks, Span, block_means, delay_of, pla
 from benchctl.calibration.thermistor import TemperatureLine
 from benchctl.recordings.mapped import FILLED
 from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo
-from benchctl_instruments.interfaces import BoolArray, FloatArray
+from benchctl_instruments.arrays import BoolArray, FloatArray
 
 QUIET_BAND_HZ = 5.0
 FREE_MOTION_BAND_HZ = 2.0

@@ -10,7 +10,7 @@ import numpy as np
 
 from benchctl.bench import Bench
 from benchctl.plan import ConstantRate, Sine, Step, ThermalRamp
-from benchctl_instruments.interfaces import FloatArray, IntArray
+from benchctl_instruments.arrays import FloatArray, IntArray
 
 LOOK_S = 0.05
 """A rate is taken over this time: a count of a coarse encoder is then no great rate."""

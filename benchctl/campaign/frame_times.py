@@ -21,7 +21,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from benchctl_instruments.interfaces import BoolArray, FloatArray, GyroBlock, IntArray
+from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
+from benchctl_instruments.interfaces import GyroBlock
 
 UNKNOWN = 256.0
 """What is added to the status of a sample for which its gyro does not vouch, so that it is never 0."""

@@ -13,8 +13,9 @@ from benchctl.campaign.safety import Supervisor
 from benchctl.campaign.stream import StreamRecorder
 from benchctl.recordings.campaign_folder import StepWriter
 from benchctl.recordings.model import FRAME_CHANNELS, StepInfo
+from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.errors import BenchError, LinkError
-from benchctl_instruments.interfaces import FloatArray, Gyro, GyroCounts, IntArray
+from benchctl_instruments.interfaces import Gyro, GyroCounts
 
 PATIENCE_S = 0.25
 """Wall time to wait for frames that should have come: the digitizer buffers its scans for longer."""

@@ -19,8 +19,9 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TypeVar
 
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import LinkError
-from benchctl_instruments.interfaces import Clock, Digitizer, FloatArray, ScanBlock
+from benchctl_instruments.interfaces import Clock, Digitizer, ScanBlock
 from benchctl_instruments.links.recovered import note_recovered
 
 Instant = TypeVar("Instant", float, FloatArray)

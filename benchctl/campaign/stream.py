@@ -13,8 +13,9 @@ from benchctl.campaign.opened import OpenBench
 from benchctl.campaign.safety import FIND_OUT, RATE_MARGIN, Supervisor
 from benchctl.plan import Step
 from benchctl.recordings.campaign_folder import StepWriter
+from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.errors import SafetyError
-from benchctl_instruments.interfaces import FloatArray, IntArray, ScanBlock
+from benchctl_instruments.interfaces import ScanBlock
 
 POLL_CHANNELS = ("poll_time_s", "poll_chamber_temp_c", "poll_chamber_setpoint_c")
 STREAM_CHANNELS = ("time_s", "encoder_deg", "gyro_v", "gyro_temp_c", *POLL_CHANNELS)

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.chamber.problem import ChamberProblem
 from benchctl.diagnosis.faults import Fault, faults_in, spikes_in
@@ -17,10 +16,8 @@ from benchctl.diagnosis.gyro.points import PointsProblem, without_overload
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Finding, Where
+from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.physics.effects.registry import effect
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 _HASTIEST = 0.05
 """Share of the rows that count as sudden by their acceleration."""

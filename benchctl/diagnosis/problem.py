@@ -9,15 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Protocol, Self
 
-import numpy as np
-import numpy.typing as npt
-
 from benchctl.recordings.model import StepInfo
+from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 
 class Problem(Protocol):

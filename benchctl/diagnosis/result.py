@@ -13,9 +13,8 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.effect import COORDINATES as COORDINATES
-
-FloatArray = npt.NDArray[np.float64]
 
 SCHEMA = "benchctl-diagnosis/2"
 

@@ -7,14 +7,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Protocol, Self
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.signals.series import Pieces
 from benchctl.recordings.model import StepInfo
+from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 
 class Stepped(ABC):

@@ -10,14 +10,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.fitting.fit import Fit, Point, fit, solve
 from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.selection import Selection
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.arrays import FloatArray
 
 BEYOND_CHANCE = 6.0
 """Twice the log likelihood that the less natural answer must gain: odds of twenty to one."""

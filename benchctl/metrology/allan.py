@@ -10,8 +10,8 @@ from scipy.special import chdtr, chdtrc
 from benchctl.metrology.coefficients import DIGITS, LONGEST_SHARE, AllanScatter, Terms, interval_of, terms_of
 from benchctl.metrology.deviations import deviation
 from benchctl.metrology.series import Series
+from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.interfaces import FloatArray, IntArray
 
 _NEAR = 0.05
 """Relative misfit up to which a coefficient is still useful."""

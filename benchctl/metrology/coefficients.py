@@ -26,7 +26,7 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import lsq_linear
 from scipy.special import chdtri
 
-from benchctl_instruments.interfaces import FloatArray, IntArray
+from benchctl_instruments.arrays import FloatArray, IntArray
 
 Term = Literal["Q", "N", "B", "K", "R"]
 TERMS: tuple[Term, ...] = get_args(Term)

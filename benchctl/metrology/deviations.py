@@ -22,8 +22,8 @@ from threadpoolctl import threadpool_limits
 
 from benchctl.metrology.kernels import RUN, Kernels, by_numpy, room
 from benchctl.side_by_side import cores, in_order
+from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.interfaces import FloatArray, IntArray
 
 Kind = Literal["adev", "oadev", "mdev", "tdev", "hdev", "ohdev", "totdev"]
 

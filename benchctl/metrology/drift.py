@@ -14,7 +14,7 @@ import numpy as np
 
 from benchctl.calibration.noise_model import MeansNoise, estimate, likely_noises, linear_means, walk_covariance
 from benchctl.calibration.uncertainty import Mixture, dof_of_mixture
-from benchctl_instruments.interfaces import BoolArray, FloatArray
+from benchctl_instruments.arrays import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

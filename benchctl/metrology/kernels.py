@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchctl_instruments.interfaces import FloatArray, IntArray
+from benchctl_instruments.arrays import FloatArray, IntArray
 
 RUN = 1 << 15
 """Points processed at a time, which fit into a core's cache."""

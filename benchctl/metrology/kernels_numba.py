@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from benchctl.metrology.kernels import RUN
-from benchctl_instruments.interfaces import FloatArray, IntArray
+from benchctl_instruments.arrays import FloatArray, IntArray
 
 # squares may be added up in any order, several at once; no other relaxation of floating point is allowed
 _ANY_ORDER = {"reassoc", "contract"}

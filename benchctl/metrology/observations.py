@@ -15,7 +15,7 @@ from benchctl.metrology.result import Bound, Column, Measured, Message, Picture,
 from benchctl.metrology.stretches import Stretch, stretches_of
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.stated import StatedUncertainties, stated_of
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 ROOM_C = 20.0
 """Reference temperature where none is stated (ISO 1)."""

@@ -12,7 +12,7 @@ from benchctl.metrology.drift import Means, Noises, settled
 from benchctl.metrology.propagation import Offsets, Quantity, independent, scattered, single
 from benchctl.metrology.stretches import Reading, Stretch
 from benchctl.recordings.stated import StatedUncertainties
-from benchctl_instruments.interfaces import BoolArray, FloatArray, IntArray
+from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 
 UP, DOWN, REST = 1, -1, 0
 _ALIKE_DPS = 1e-6

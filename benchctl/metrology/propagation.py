@@ -18,7 +18,7 @@ import numpy as np
 from benchctl.calibration.result import Contribution
 from benchctl.calibration.uncertainty import LEVEL, coverage_factor, effective_dof
 from benchctl.metrology.result import Uncertainty, message
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 Offsets = Mapping[str, FloatArray]
 """Offsets of each quantity, by name, shape (d, n): d draws at once."""

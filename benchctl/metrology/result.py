@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from benchctl.calibration.result import Contribution
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 PLACEHOLDERS: Mapping[str, tuple[str, ...]] = {
     # why a test has no value

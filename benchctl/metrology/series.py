@@ -16,8 +16,8 @@ from benchctl.recordings.model import FRAME_CHANNELS, UNITS, StepInfo, axis_of
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.stored import StoredStep
 from benchctl.recordings.text_file import read_bytes
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.interfaces import FloatArray
 
 DEG_PER_S = "deg/s"
 _GYRO_OUTPUT, _DIGITAL_RATE = "gyro_v", FRAME_CHANNELS[1]

@@ -9,7 +9,7 @@ import numpy as np
 
 from benchctl.calibration.angle_rate import unwrap_deg
 from benchctl.recordings.model import Step
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 _MOST_HARMONICS, _OF_NYQUIST = 40, 0.8
 _STRIP = 4096

@@ -17,7 +17,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import brentq
 
 from benchctl.diagnosis.fitting.disturbance import disturbance_of
@@ -30,10 +29,9 @@ from benchctl.diagnosis.result import Part
 from benchctl.proof.draw import alike
 from benchctl.recordings.model import Step, axis_of
 from benchctl.recordings.reader import Recording
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.effects.effect import DescribedEffect, PhysicalEffect
-
-FloatArray = npt.NDArray[np.float64]
 
 FAIR = (0.5, 2.0)
 """A fair size, in rms of what the untouched recording's diagnosis leaves; drawn evenly in the logarithm."""

@@ -19,7 +19,7 @@ from scipy.ndimage import uniform_filter1d
 from benchctl.diagnosis.fitting.noise import Slow, Whitener, flicker, walk
 from benchctl.plan import ConstantRate, Plan, Sine, Step, ThermalRamp
 from benchctl.proof.unit import TrialUnit
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import STAGES, Signals, gyro_baseline, run_chain
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
 from benchctl_instruments.physics.effects.kinds import ClockEffect, EncoderEffect

@@ -13,10 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from benchctl.limits import cut, shown
-from benchctl.recordings.model import FloatArray
+from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
-
-IntArray = npt.NDArray[np.int64]
 
 _COMMA, _NEWLINE, _DOT, _MINUS, _ZERO = b",\n.-0"
 

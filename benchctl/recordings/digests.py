@@ -32,10 +32,11 @@ from benchctl.recordings.hdf5_guard import (
     names_in,
     plain_errors,
 )
-from benchctl.recordings.model import FloatArray, axis_of
+from benchctl.recordings.model import axis_of
 from benchctl.recordings.schema import STEPS
 from benchctl.recordings.unpacking import read_samples
 from benchctl.side_by_side import cores, in_order
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
 BLOCK = 1 << 17

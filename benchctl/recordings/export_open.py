@@ -22,9 +22,10 @@ from typing import Any
 import numpy as np
 
 from benchctl.atomic import whole_folder
-from benchctl.recordings.model import FloatArray, Meta, Step, StepInfo
+from benchctl.recordings.model import Meta, Step, StepInfo
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.text_rows import csv_rows
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
 COLUMNS = ("time_s", "encoder_deg", "gyro_v", "gyro_temp_c", "chamber_temp_c")

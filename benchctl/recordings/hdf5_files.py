@@ -28,13 +28,14 @@ from benchctl.recordings.hdf5_guard import (
     plain_errors,
 )
 from benchctl.recordings.hdf5_trial import is_own, require_harmless
-from benchctl.recordings.model import Axis, FloatArray, Meta, Step, StepInfo, axis_of
+from benchctl.recordings.model import Axis, Meta, Step, StepInfo, axis_of
 from benchctl.recordings.opening import open_closed, open_growing
 from benchctl.recordings.read_digests import ReadDigests
 from benchctl.recordings.schema import FORMAT, PART_SUFFIX, STEPS, group_name
 from benchctl.recordings.stored import SCANS_AT_ONCE, StoredStep
 from benchctl.recordings.unpacking import fill
 from benchctl.side_by_side import cores, in_order
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError, in_line, reason
 
 _FAMILY, _VERSION = FORMAT.split("/")

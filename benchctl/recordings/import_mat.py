@@ -22,8 +22,8 @@ from benchctl.limits import cut, listed, memory_bytes, require_file
 from benchctl.own_process import limit_itself, run_limited
 from benchctl.recordings.column_map import ColumnMap
 from benchctl.recordings.hdf5_guard import attribute, check_samples, child, names_in, plain_errors
-from benchctl.recordings.model import FloatArray
 from benchctl.recordings.raw_columns import RawColumns, Wanted, wanted_columns
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError, reason
 
 _MOST_ROWS = 1 << 53

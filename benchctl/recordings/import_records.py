@@ -13,8 +13,8 @@ import numpy as np
 
 from benchctl.limits import cut, listed, require_file, require_memory, shown
 from benchctl.recordings.column_map import ColumnMap
-from benchctl.recordings.model import FloatArray
 from benchctl.recordings.raw_columns import RawColumns, Wanted, wanted_columns
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError, reason
 
 _MEMORY_PER_BYTE = 20

@@ -13,7 +13,7 @@ from benchctl.limits import HIGHEST_RATE_HZ
 from benchctl.recordings import units
 from benchctl.recordings.column_map import ColumnMap, TimeEntry
 from benchctl.recordings.import_open import Description
-from benchctl.recordings.model import BenchFacts, FloatArray, Meta, Step, Unit
+from benchctl.recordings.model import BenchFacts, Meta, Step, Unit
 from benchctl.recordings.raw_columns import TIME, RawColumns, converted
 from benchctl.recordings.stamps import (
     StampError,
@@ -26,6 +26,7 @@ from benchctl.recordings.stamps import (
     require_uniform,
 )
 from benchctl.recordings.step_entries import StepEntry, cut_into_steps
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
 FILLED = "filled"

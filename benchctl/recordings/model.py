@@ -15,10 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
-import numpy as np
-import numpy.typing as npt
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.arrays import FloatArray
 
 Status = Literal["running", "complete", "interrupted", "aborted", "imported", "simulated"]
 Axis = Literal["time_s", "poll_time_s", "frame_time_s"]

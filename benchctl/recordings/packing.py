@@ -20,9 +20,9 @@ import numpy as np
 import numpy.typing as npt
 
 from benchctl.recordings.digests import SampleDigest, blocks
-from benchctl.recordings.model import FloatArray
 from benchctl.recordings.schema import CHUNK, DEFLATE_LEVEL
 from benchctl.side_by_side import cores, in_order
+from benchctl_instruments.arrays import FloatArray
 
 _BLOCK = 32 * CHUNK
 """Samples of one task, 4 MiB; as many tasks as cores are in memory at once, and a few more."""

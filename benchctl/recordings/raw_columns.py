@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from benchctl.recordings.column_map import Column, ColumnMap
-from benchctl.recordings.model import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
 TIME = "time_s"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from benchctl.recordings.digests import SampleDigest
-from benchctl.recordings.model import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 
 class ReadDigests:

@@ -12,10 +12,11 @@ from benchctl.confined import entries_in
 from benchctl.recordings.campaign_state import state_of
 from benchctl.recordings.hdf5_files import RecordingFile
 from benchctl.recordings.import_open import read_open_recording
-from benchctl.recordings.model import FloatArray, Meta, Step, StepInfo
+from benchctl.recordings.model import Meta, Step, StepInfo
 from benchctl.recordings.read_digests import ReadDigests
 from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, PART_SUFFIX, RECORDING, STEPS
 from benchctl.recordings.stored import StoredStep, stored_of
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError, reason
 
 OPEN_DESCRIPTION = "recording.json"

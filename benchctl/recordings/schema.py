@@ -35,15 +35,8 @@ import numpy as np
 
 from benchctl.limits import shown
 from benchctl.recordings.attributes import Plain, plain, write_attribute
-from benchctl.recordings.model import (
-    DESCRIPTIONS,
-    UNITS,
-    Axis,
-    FloatArray,
-    Meta,
-    StepInfo,
-    axis_of,
-)
+from benchctl.recordings.model import DESCRIPTIONS, UNITS, Axis, Meta, StepInfo, axis_of
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
 FORMAT = "benchctl-recording/1"

@@ -12,13 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.limits import HIGHEST_RATE_HZ, LONGEST_TIME_S
-from benchctl.recordings.model import FloatArray
-
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.int64]
+from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 
 LONGEST_FILL = 2
 """Missing samples in a row that a fill may bridge; longer gaps split the recording."""

@@ -19,9 +19,10 @@ import numpy as np
 from benchctl.recordings.column_map import ColumnMap, PointsEntry
 from benchctl.recordings.delimited import Layout, header_names
 from benchctl.recordings.mapped import bench_of, unit_of
-from benchctl.recordings.model import FloatArray, Meta, Step, StepInfo
+from benchctl.recordings.model import Meta, Step, StepInfo
 from benchctl.recordings.raw_columns import RawColumns, converted
 from benchctl.recordings.text_file import read_bytes
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
 KIND = "static_points"

@@ -11,7 +11,8 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from benchctl.limits import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
-from benchctl.recordings.model import FloatArray, Step, StepInfo
+from benchctl.recordings.model import Step, StepInfo
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.interfaces import Position
 

@@ -22,7 +22,7 @@ import h5py
 
 from benchctl.atomic import disk_errors, whole_file
 from benchctl.recordings.digests import seal_recording
-from benchctl.recordings.model import AXES, Axis, FloatArray, Meta, StepInfo, axis_of
+from benchctl.recordings.model import AXES, Axis, Meta, StepInfo, axis_of
 from benchctl.recordings.opening import reserve
 from benchctl.recordings.schema import (
     FINISHED_SUFFIX,
@@ -38,6 +38,7 @@ from benchctl.recordings.schema import (
 )
 from benchctl.recordings.waiting import Waiting
 from benchctl.recordings.writer import finished_file, new_file, require_intact, write_step
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
 CLOSING_S_PER_SCAN = 1e-5

@@ -9,8 +9,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from benchctl.recordings.model import AXES, FloatArray, Step, StepInfo, axis_of
+from benchctl.recordings.model import AXES, Step, StepInfo, axis_of
 from benchctl.side_by_side import cores
+from benchctl_instruments.arrays import FloatArray
 
 SCANS_AT_ONCE = 1 << 18
 """Scans that are worked on at once: 2 MiB a channel, whole chunks of a file of ours."""

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from benchctl.recordings.model import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 _ROWS = 1 << 13
 

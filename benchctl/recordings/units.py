@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchctl.recordings.model import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 COUNTS = "counts"
 """An angle in counts of the encoder: its factor needs the counts of a revolution."""

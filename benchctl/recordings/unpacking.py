@@ -12,7 +12,7 @@ import zlib
 import h5py
 import numpy as np
 
-from benchctl.recordings.model import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 _PACKED = [h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_DEFLATE]
 _BYTES = 8

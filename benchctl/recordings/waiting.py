@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from benchctl.recordings.model import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
 

@@ -12,7 +12,7 @@ import h5py
 from benchctl.atomic import whole_file
 from benchctl.recordings.digests import Written, problems_of_recording, seal_recording, seal_step
 from benchctl.recordings.hdf5_trial import note_own
-from benchctl.recordings.model import FloatArray, Meta, Step, StepInfo
+from benchctl.recordings.model import Meta, Step, StepInfo
 from benchctl.recordings.opening import create_hdf5, give_back, reserve
 from benchctl.recordings.packing import write_samples
 from benchctl.recordings.schema import (
@@ -25,6 +25,7 @@ from benchctl.recordings.schema import (
     meta_attributes,
     write_attributes,
 )
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
 

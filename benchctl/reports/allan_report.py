@@ -13,12 +13,12 @@ from matplotlib.figure import Figure
 from benchctl.atomic import whole_file
 from benchctl.metrology.allan import Allan
 from benchctl.metrology.coefficients import DIGITS, NAMES, TERMS, Coefficient, Term, unit_of, variances
-from benchctl.recordings.model import FloatArray
 from benchctl.recordings.text_rows import csv_rows
 from benchctl.reports import text
 from benchctl.reports.figures import GREY, INK, Drawing, inline_svg, new_figure, style
 from benchctl.reports.html import render, write_page
 from benchctl.reports.results import make_folder
+from benchctl_instruments.arrays import FloatArray
 
 REPORT, TABLE = "allan.html", "allan.csv"
 _COLOURS = dict(zip(TERMS, ("#D55E00", "#0072B2", "#009E73", "#E69F00", "#CC79A7"), strict=True))

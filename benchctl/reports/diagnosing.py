@@ -13,7 +13,7 @@ import numpy as np
 
 from benchctl import diagnosis
 from benchctl.atomic import whole_file
-from benchctl.diagnosis.result import COORDINATE_UNITS, Diagnosis, FloatArray, Part, Slice
+from benchctl.diagnosis.result import COORDINATE_UNITS, Diagnosis, Part, Slice
 from benchctl.model_file import Model, read_model, write_model
 from benchctl.part_models import EFFECTS
 from benchctl.recordings.joined import join
@@ -22,6 +22,7 @@ from benchctl.recordings.reader import open_recording
 from benchctl.reports import diagnosis_words as words
 from benchctl.reports.diagnosis_words import estimate
 from benchctl.reports.results import make_folder, name_of, source_digest
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
 REPORT, SUMMARY, MODEL = "diagnosis.html", "diagnosis.json", "model.toml"

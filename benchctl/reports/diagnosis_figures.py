@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from benchctl.diagnosis.result import Slice, StepFigures, Trace
-from benchctl.reports.figures import INK, FloatArray, new_figure
+from benchctl.reports.figures import INK, new_figure
 from benchctl.reports.mismatch_figures import (
     AFTER,
     AS_IT_CAME,
@@ -26,6 +26,7 @@ from benchctl.reports.mismatch_figures import (
     spoilt_key,
     step_by_step,
 )
+from benchctl_instruments.arrays import FloatArray
 
 ONLY = replace(AFTER, label="model, its own parameters refitted")
 """How the one model is drawn where nothing was found that changes what it predicts."""

@@ -12,8 +12,7 @@ from benchctl.calibration.laws_fit import law_of
 from benchctl.calibration.model import Law, factor
 from benchctl.calibration.result import CalibrationResult, JointFit, MeanPoints, PolynomialFactor, Stage
 from benchctl.calibration.uncertainty import coverage_factor
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.arrays import FloatArray
 
 Z95 = 1.959964
 """Half-width of a 95 % interval in standard uncertainties, normal distribution."""

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from benchctl.calibration.laws_fit import law_of
 from benchctl.calibration.model import Law
 from benchctl.calibration.result import CalibrationResult, JointFit
-from benchctl.reports.figures import GREY, INK, LEVEL_COLOURS, FloatArray, new_figure
+from benchctl.reports.figures import GREY, INK, LEVEL_COLOURS, new_figure
 from benchctl.reports.law_curves import (
     Z95,
     Curve,
@@ -22,6 +22,7 @@ from benchctl.reports.law_curves import (
     joint_curve,
     zero_reading,
 )
+from benchctl_instruments.arrays import FloatArray
 
 LAW_NAMES = {"sine": "sine law", "polynomial": "polynomial", "response": "response polynomial"}
 

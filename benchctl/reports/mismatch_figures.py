@@ -11,16 +11,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from benchctl.reports import diagnosis_words as words
-from benchctl.reports.figures import GREY, INK, LEVEL_COLOURS, FloatArray, dots
+from benchctl.reports.figures import GREY, INK, LEVEL_COLOURS, dots
 from benchctl.reports.reduction import binned
-
-BoolArray = npt.NDArray[np.bool_]
+from benchctl_instruments.arrays import BoolArray, FloatArray
 
 BAND = "#e4e7ea"
 _TICKS = 7

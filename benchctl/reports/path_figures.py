@@ -16,12 +16,12 @@ from benchctl.reports.figures import (
     LEVEL_COLOURS,
     LEVEL_MARKERS,
     PATH_LEVELS,
-    FloatArray,
     dots,
     level_names,
     new_figure,
 )
 from benchctl.reports.reduction import binned, spread, thinned
+from benchctl_instruments.arrays import FloatArray
 
 _BINS = 24
 _ONE_TEMPERATURE_C = 1.0

@@ -11,9 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from benchctl.calibration.result import CalibrationResult
-from benchctl.reports.figures import FAINT, GREY, INK, LEVEL_COLOURS, FloatArray, dots, level_names, new_figure
+from benchctl.reports.figures import FAINT, GREY, INK, LEVEL_COLOURS, dots, level_names, new_figure
 from benchctl.reports.law_curves import Z95
 from benchctl.reports.reduction import binned, spread, thinned
+from benchctl_instruments.arrays import FloatArray
 
 _BINS = 24
 _FEWEST_FOR_A_HISTOGRAM = 50

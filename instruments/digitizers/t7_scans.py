@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.errors import InstrumentError
-from benchctl_instruments.interfaces import FloatArray, IntArray, ScanBlock
+from benchctl_instruments.interfaces import ScanBlock
 from benchctl_instruments.protocols.t7_stream import SampleArray, ScanRun, StreamReader
 
 SCAN_LENGTH = 4

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import InstrumentError
-from benchctl_instruments.interfaces import FloatArray, ScanBlock
+from benchctl_instruments.interfaces import ScanBlock
 
 SPARE_COUNTS = 100.0
 """Beside what the fastest table makes in one scan interval: an encoder's own errors, and vibration."""

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchctl_instruments.interfaces import BoolArray, FloatArray, GyroBlock, GyroCounts, GyroGap, IntArray
+from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
+from benchctl_instruments.interfaces import GyroBlock, GyroCounts, GyroGap
 from benchctl_instruments.protocols.crc32_mpeg2 import ByteArray
 from benchctl_instruments.protocols.frames import FrameFormat, FrameReader, FrameRun
 from benchctl_instruments.protocols.sequence_numbers import SequenceNumbers

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchctl_instruments.interfaces import FloatArray, IntArray
+from benchctl_instruments.arrays import FloatArray, IntArray
 
 
 def codes_from_volts(volts: FloatArray, *, range_v: float, bits: int = 16) -> IntArray:

@@ -19,7 +19,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.gyro import GyroParameters, bias_v, low_pass, sine_output_v
 
 Stage = Literal["motion", "sensed_rate", "coil_temperature", "scale", "bias", "electronics", "sampling"]

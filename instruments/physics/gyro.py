@@ -16,8 +16,8 @@ from functools import cached_property
 import numpy as np
 import scipy  # which loads signal when it is first used
 
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.interfaces import FloatArray
 
 EARTH_RATE_DPH = 15.041
 """Rate of the Earth [deg/h]."""

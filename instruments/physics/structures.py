@@ -24,7 +24,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import scipy  # which loads interpolate and signal when they are first used
 
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import Signals, Stage
 from benchctl_instruments.physics.effects.draws import normals
 from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffect, Role

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchctl_instruments.interfaces import BoolArray, IntArray
+from benchctl_instruments.arrays import BoolArray, IntArray
 from benchctl_instruments.protocols.crc32_mpeg2 import ByteArray, crc32_mpeg2_of_rows
 
 CRC_BYTES = 4

@@ -11,7 +11,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from benchctl_instruments.interfaces import IntArray
+from benchctl_instruments.arrays import IntArray
 
 
 class SequenceNumbers:

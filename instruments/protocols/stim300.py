@@ -23,7 +23,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from benchctl_instruments.interfaces import FloatArray, IntArray
+from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.protocols.crc32_mpeg2 import ByteArray
 from benchctl_instruments.protocols.frames import FrameFormat
 

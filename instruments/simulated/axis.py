@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.interfaces import FloatArray
 from benchctl_instruments.physics.servo import Motion, Segment, coast, follow, with_ripple
 from benchctl_instruments.physics.table import Piece, TableParameters, to_angle, to_rate, to_sine
 from benchctl_instruments.simulated.machines import TableMotion

@@ -17,8 +17,8 @@ from typing import Self
 
 import numpy as np
 
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.interfaces import FloatArray
 from benchctl_instruments.simulated.machines import AnalogInputs
 from benchctl_instruments.simulated.push_line import PushLine
 from benchctl_instruments.simulated.settings import WorldSettings

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Self
 
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
 from benchctl_instruments.interfaces import (
     ChamberReading,
-    FloatArray,
     Identity,
     ScanBlock,
     SingleScan,

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchctl_instruments.interfaces import BoolArray, FloatArray, Position
+from benchctl_instruments.arrays import BoolArray, FloatArray
+from benchctl_instruments.interfaces import Position
 from benchctl_instruments.simulated.timebase import Timebase
 
 _ROUNDING = 1e-6

@@ -6,8 +6,8 @@ import re
 
 import numpy as np
 
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.interfaces import FloatArray
 from benchctl_instruments.protocols import kvh1760 as kvh
 from benchctl_instruments.simulated.digital_gyro import DigitalGyro, axis_index, on_axis
 from benchctl_instruments.simulated.machines import AnalogInputs

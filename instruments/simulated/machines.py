@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from benchctl_instruments.interfaces import FloatArray, IntArray
+from benchctl_instruments.arrays import FloatArray, IntArray
 
 SINGLE_READING_S = 1e-3
 """One unhurried reading averages the gyro's white noise over this time, whichever instrument takes it."""

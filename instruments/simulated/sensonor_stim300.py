@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.interfaces import FloatArray
 from benchctl_instruments.protocols import stim300 as stim
 from benchctl_instruments.protocols import stim300_answers as answers
 from benchctl_instruments.protocols.stim300_answers import StimConfiguration

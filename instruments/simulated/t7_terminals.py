@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from benchctl_instruments.interfaces import FloatArray, IntArray
+from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.physics.adc import codes_from_volts, volts_from_codes
 from benchctl_instruments.simulated.machines import SINGLE_READING_S, AnalogInputs
 from benchctl_instruments.simulated.t7_register_map import ANALOG_INPUTS, DIGITAL_LINES

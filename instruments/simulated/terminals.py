@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.interfaces import FloatArray, IntArray
 from benchctl_instruments.physics.chain import GRID_STAGES, Baseline, Effect, Signals, run_chain
 from benchctl_instruments.physics.effects.kinds import ClockEffect, FilterEffect
 from benchctl_instruments.physics.encoder import encoder_angle_deg, quadrature_count

@@ -22,8 +22,8 @@ import numpy as np
 
 from benchctl.recordings.campaign_folder import CampaignWriter
 from benchctl.recordings.digests import SampleDigest, digest_of
-from benchctl.recordings.model import FloatArray
 from benchctl.recordings.reader import open_recording
+from benchctl_instruments.arrays import FloatArray
 from tests.benchctl.recordings import made
 from tests.benchmarks.comparison import Comparison
 from tests.benchmarks.peers import h5py_by_hand

@@ -26,10 +26,11 @@ from multiprocessing.connection import Connection
 
 import numpy as np
 
+from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.digitizers.labjack_t7 import LabJackT7
 from benchctl_instruments.digitizers.t7_scans import SCAN_LENGTH
 from benchctl_instruments.errors import BenchError, LinkError
-from benchctl_instruments.interfaces import FloatArray, IntArray, ScanBlock
+from benchctl_instruments.interfaces import ScanBlock
 from benchctl_instruments.physics.adc import codes_from_volts
 from benchctl_instruments.protocols.t7_stream import MOST_SAMPLES
 from benchctl_instruments.simulated.clock import ScaledClock

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchctl.recordings.model import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 FIRST, LAST, LOW, HIGH, COUNT = range(5)
 COLUMNS = 5

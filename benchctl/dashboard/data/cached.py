@@ -19,7 +19,7 @@ from typing import IO
 import numpy as np
 
 from benchctl.dashboard.data.blocks import COLUMNS
-from benchctl.recordings.model import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 MOST_BYTES = 2 << 30
 """What the overviews take in the cache at the most."""

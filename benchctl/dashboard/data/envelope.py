@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchctl.dashboard.data.blocks import COUNT, FIRST, HIGH, LAST, LOW
-from benchctl.recordings.model import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 
 class Envelope:

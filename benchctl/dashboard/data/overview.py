@@ -11,7 +11,7 @@ from benchctl.dashboard.data.blocks import BLOCK, COLUMNS
 from benchctl.dashboard.data.envelope import Envelope
 from benchctl.dashboard.data.pyramid import Pyramid, Run
 from benchctl.dashboard.data.tracks import Track
-from benchctl.recordings.model import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
 MOST_SAMPLES = 2_000_000

@@ -8,7 +8,7 @@ import numpy as np
 
 from benchctl.dashboard.data.blocks import COLUMNS, FANOUT, FIRST, LAST, coarser, runs
 from benchctl.dashboard.data.envelope import Envelope
-from benchctl.recordings.model import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 Run = tuple[int, int]
 """Blocks from the first until before the second."""

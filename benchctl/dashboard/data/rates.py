@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from benchctl.dashboard.data.stored import Samples
-from benchctl.recordings.model import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 WINDOW_S = 0.05
 _TURN_DEG = 360.0

@@ -10,7 +10,8 @@ import numpy as np
 from benchctl.dashboard.data.channels import ANGLE, MADE, RATE, recorded_as
 from benchctl.dashboard.data.rates import GrowingRate
 from benchctl.dashboard.data.step_feed import News
-from benchctl.recordings.model import FloatArray, axis_of
+from benchctl.recordings.model import axis_of
+from benchctl_instruments.arrays import FloatArray
 
 NOISE_S = 1.0
 _FEWEST = 10

@@ -24,10 +24,11 @@ from benchctl.recordings.hdf5_guard import (
     names_in,
     plain_errors,
 )
-from benchctl.recordings.model import Axis, FloatArray, StepInfo, axis_of
+from benchctl.recordings.model import Axis, StepInfo, axis_of
 from benchctl.recordings.opening import open_growing
 from benchctl.recordings.reader import campaign_files
 from benchctl.recordings.schema import FINISHED_SUFFIX, PART_SUFFIX, STEPS
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
 _STRIDE = 1 << 17

@@ -20,9 +20,9 @@ import numpy.typing as npt
 
 from benchctl.confined import descriptor_of, stat_of
 from benchctl.recordings.hdf5_guard import child, child_group, length_of, plain_errors
-from benchctl.recordings.model import FloatArray
 from benchctl.recordings.opening import open_closed, open_growing
 from benchctl.recordings.schema import group_name
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
 _PLAIN = [h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_DEFLATE]

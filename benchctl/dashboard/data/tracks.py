@@ -15,8 +15,9 @@ from benchctl.dashboard.data.contents import KnownFile
 from benchctl.dashboard.data.rates import RateSamples
 from benchctl.dashboard.data.stored import Samples, samples_of
 from benchctl.recordings.hdf5_files import open_ours
-from benchctl.recordings.model import FloatArray, StepInfo, axis_of
+from benchctl.recordings.model import StepInfo, axis_of
 from benchctl.recordings.opening import open_growing
+from benchctl_instruments.arrays import FloatArray
 
 _PLACES = 1 << 14
 """Samples from one place of an axis that is looked at to the next: a chunk."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from benchctl.dashboard.data.blocks import COLUMNS, COUNT, FANOUT, FIRST, LAST, LOW, coarser
 from benchctl.dashboard.data.envelope import Envelope, or_none
-from benchctl.recordings.model import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 ROWS = 1 << 16
 """Rows of a level that are kept at least: sixteen for each pixel of the widest page."""

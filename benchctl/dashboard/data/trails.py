@@ -16,7 +16,8 @@ from benchctl.dashboard.data.stored import ChangedError
 from benchctl.dashboard.data.tracks import Stretch, track_of
 from benchctl.dashboard.data.trail import Trail
 from benchctl.dashboard.data.watch import Watch
-from benchctl.recordings.model import FloatArray, axis_of
+from benchctl.recordings.model import axis_of
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
 _MOST_TRAILS = 24

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.chamber.rows import ChamberRows
 from benchctl_instruments.physics.chamber_effects.effect import ChamberEffect
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 
-FloatArray = npt.NDArray[np.float64]
 Bounds = Mapping[str, tuple[float, float]]
 
 LENGTHS = 5.0

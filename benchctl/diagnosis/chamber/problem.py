@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import scipy.optimize
 
 from benchctl.diagnosis.chamber.plausible import baseline_bounds, bounded_kinds, fair_sizes, first_air_c, lasting_s
@@ -19,14 +18,11 @@ from benchctl.diagnosis.keys import tables_of
 from benchctl.diagnosis.stepped import MadeOfRows, MadeRows
 from benchctl.part_models import EFFECTS, numbers_of
 from benchctl.recordings.reader import Recording
+from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.physics.chamber_effects.air import air_c, slowest_s
 from benchctl_instruments.physics.chamber_effects.effect import ChamberEffect, ChamberSignals
 from benchctl_instruments.physics.chamber_effects.registry import chamber_effects
 from benchctl_instruments.physics.effects.effect import DescribedEffect
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 _STAGES = ("loss", "source", "transport")
 """Effects in this order: what held the air before a run is known by its losses, and is what a transport begins with."""

@@ -9,17 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.chamber.spoilt import open_in, spikes_in
 from benchctl.diagnosis.faults.fault import Fault
 from benchctl.diagnosis.signals.series import Pieces, Series, block_mean, channels_of, consecutive, cut, series_of
 from benchctl.recordings.reader import Recording
+from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.chamber_effects.effect import Drive
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 _AIR, _SETPOINT, _ROOM = "chamber_temp_c", "chamber_setpoint_c", "ambient_temp_c"
 _SECOND, _OPEN = "second_temp_c", "chamber_temp_open"

@@ -17,9 +17,8 @@ from scipy.signal import correlate
 
 from benchctl.diagnosis.comparison.parting import ComparedStep
 from benchctl.diagnosis.gyro.frame import Frame
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
-
-FloatArray = npt.NDArray[np.float64]
 
 _LEAST_OVERLAP = 0.5
 _AS_GOOD = 0.01

@@ -12,12 +12,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.ndimage import uniform_filter1d
 
 from benchctl.diagnosis.signals.bins import bin_of
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.arrays import FloatArray
 
 _BINS = 24
 _BLOCKS = 40

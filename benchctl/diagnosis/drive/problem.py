@@ -8,21 +8,17 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.drive.rows import BLOCK, THIRD_DIFFERENCE, DriveRows, drive_rows_of
 from benchctl.diagnosis.keys import tables_of
 from benchctl.diagnosis.stepped import MadeOfRows, MadeRows
 from benchctl.part_models import EFFECTS, numbers_of
 from benchctl.recordings.reader import Recording
+from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.drive_effects.effect import DriveEffect, DriveSignals
 from benchctl_instruments.physics.drive_effects.registry import drive_effects
 from benchctl_instruments.physics.effects.effect import DescribedEffect
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 NAMES = ("inertia_kg_m2", "viscous_nm_s")
 UNITS = ("kg m2", "N m s rad-1")

@@ -11,16 +11,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.signals.band_limited import half_of
 from benchctl.diagnosis.signals.motion import motion_of
 from benchctl.diagnosis.signals.series import Pieces, Series, block_mean, consecutive, cut, series_of
 from benchctl.recordings.reader import Recording
+from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.errors import UsageError
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 _SAMPLE_RATE_HZ = 100.0
 """Samples are averaged down to this rate or a little above: the band of the motion ends below 20 Hz."""

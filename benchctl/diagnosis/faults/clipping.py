@@ -9,18 +9,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from scipy.ndimage import binary_dilation, median_filter
 
 from benchctl.diagnosis.faults.fault import Fault, bounded_gain
 from benchctl.diagnosis.faults.standing import Output, Runs
 from benchctl.diagnosis.result import Estimate
+from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
 from benchctl_instruments.physics.effects.saturation import Saturation
 from benchctl_instruments.physics.effects.two_rails import TwoRails
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 _VISITS = 2
 """Runs at the same extreme value that make it a rail rather than a held sample; one will do where nothing is held

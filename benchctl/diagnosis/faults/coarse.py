@@ -15,17 +15,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from scipy.ndimage import uniform_filter1d
 
 from benchctl.diagnosis.faults.fault import Fault, bounded_gain
 from benchctl.diagnosis.faults.grid import Grid
 from benchctl.diagnosis.faults.standing import Output
 from benchctl.diagnosis.result import Estimate
+from benchctl_instruments.arrays import BoolArray
 from benchctl_instruments.physics.effects.adc_coarse import AdcCoarse
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 _STRETCHES_S = (0.25, 1.0, 4.0, 16.0)
 _EXCESS = 3.0

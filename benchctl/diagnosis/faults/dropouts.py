@@ -5,16 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.faults.fault import Fault, bounded_gain
 from benchctl.diagnosis.faults.standing import Output, Runs, evidence_of
 from benchctl.diagnosis.result import Estimate
 from benchctl.diagnosis.signals.normal import Z95
+from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.physics.effects.dropouts import Dropouts
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 _PRETENDED = 300
 """Places at which a hold is pretended, to learn how many of them would be seen."""

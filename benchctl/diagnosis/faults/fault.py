@@ -6,11 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.result import Estimate, Where
-
-BoolArray = npt.NDArray[np.bool_]
+from benchctl_instruments.arrays import BoolArray
 
 CHANCE = 1e-3
 """How often a kind of fault may be found, anywhere in a recording, where there is none."""

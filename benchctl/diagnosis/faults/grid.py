@@ -10,12 +10,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.faults.fault import CHANCE
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from benchctl_instruments.arrays import FloatArray, IntArray
 
 _ON_GRID = 0.999
 """Share of the rows that must stand on a grid; the rest may be of another converter's making."""

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.ndimage import binary_dilation
 from scipy.special import ndtr
 from scipy.stats import binom
@@ -16,11 +15,8 @@ from benchctl.diagnosis.faults.fault import Fault, Faults, bounded_gain
 from benchctl.diagnosis.faults.single_rows import HALF, SingleRows, single_rows
 from benchctl.diagnosis.result import Estimate
 from benchctl.diagnosis.signals.normal import Z95
+from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.physics.effects.outliers import EXPONENTIAL, NORMAL, Outliers
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.int64]
 
 _SEEN, _MASKED = 10.0, 5.0
 """Sizes of the noise beyond which a row is a spike; beyond which it is masked where spikes are known to come.

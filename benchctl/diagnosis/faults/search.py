@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.faults.clipping import rail_in
 from benchctl.diagnosis.faults.coarse import coarse_in, stairs_in
@@ -12,9 +11,7 @@ from benchctl.diagnosis.faults.fault import Faults
 from benchctl.diagnosis.faults.grid import grid_of
 from benchctl.diagnosis.faults.quiet import quiet_noise_v
 from benchctl.diagnosis.faults.standing import Output, standing_runs
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from benchctl_instruments.arrays import BoolArray, FloatArray
 
 _LEAST_STEP_V = 1e-9
 """Stands for no step at all."""

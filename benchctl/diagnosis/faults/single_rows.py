@@ -12,14 +12,10 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 from scipy.ndimage import median_filter
 
 from benchctl.diagnosis.signals.normal import DEVIATION_OF_MEDIAN
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
+from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 
 HALF = 8
 """Rows on either side that a row is told from."""

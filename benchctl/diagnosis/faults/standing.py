@@ -14,15 +14,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import log_ndtr
 
 from benchctl.diagnosis.faults.fault import CHANCE
 from benchctl.diagnosis.signals.normal import DEVIATION_OF_MEDIAN
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
+from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 
 _FEWEST = 3
 _BESIDE, _AROUND = 8, 32

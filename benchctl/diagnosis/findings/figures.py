@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from scipy.stats import chi2
 
 from benchctl.diagnosis.findings.located import left_of
@@ -14,10 +13,7 @@ from benchctl.diagnosis.fitting.noise_model import between_rows
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import FitFigures
 from benchctl.diagnosis.search.selection import Selection
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
+from benchctl_instruments.arrays import BoolArray, FloatArray
 
 _BLOCK_S, _FEWEST = 1.0, 20
 """Rest is compared with a straight line over so long, of at least so many rows: a bias may drift meanwhile."""

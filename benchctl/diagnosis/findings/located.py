@@ -16,8 +16,7 @@ from benchctl.diagnosis.result import Slice, StepFigures, Where
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.signals.bins import bin_of
 from benchctl.diagnosis.signals.threads import shared_out
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.arrays import FloatArray
 
 _BINS = 41
 """An odd number: rest, where most rows are, lies in the middle of a bin."""

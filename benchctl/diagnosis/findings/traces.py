@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.faults import Fault
 from benchctl.diagnosis.findings.located import left_of
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Trace
 from benchctl.diagnosis.search.selection import Selection
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.arrays import FloatArray
 
 _LASTS_S = 3.0
 _FEWEST, _MOST = 60, 600

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.fitting.fit import Fit, Free, Point, solve
+from benchctl_instruments.arrays import FloatArray
 
-FloatArray = npt.NDArray[np.float64]
 Column = Callable[[FloatArray], FloatArray]
 Predict = Callable[[FloatArray, Sequence[Any]], FloatArray]
 

@@ -11,16 +11,13 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 import scipy.optimize
 import scipy.signal
 
 from benchctl.diagnosis.fitting.fit import Fit, fit
 from benchctl.diagnosis.fitting.noise import Slow, Whitener
 from benchctl.diagnosis.problem import Problem
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from benchctl_instruments.arrays import BoolArray, FloatArray
 
 _MEMORIES, _RATIOS = 5, 6
 _LEAST_RATIO, _MOST_RATIO = 1e-4, 1e4

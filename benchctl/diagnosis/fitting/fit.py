@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.fitting.point import Free as Free
@@ -21,10 +20,7 @@ from benchctl.diagnosis.fitting.products import Spectral, products_of, squares_o
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.signals.blocks import block_products
 from benchctl.diagnosis.signals.threads import cores, do_all, parts_of
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.int64]
+from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 
 _LEAST_KNOWN = 0.05
 _MOST_ROUNDS = 12

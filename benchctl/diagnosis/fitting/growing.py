@@ -10,11 +10,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from benchctl_instruments.arrays import BoolArray, FloatArray
 
 _MOST = math.log(100.0**2 - 1.0)
 _LEAST = math.log(1e-4)

@@ -19,14 +19,11 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
-import numpy.typing as npt
 import scipy.optimize
 import scipy.signal
 
 from benchctl.diagnosis.fitting.runs import filtered, without_innovations
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from benchctl_instruments.arrays import FloatArray, IntArray
 
 _FLICKER_RATIO = 5.0
 """Between the time constants of the processes that make flicker: its spectrum then ripples by less than 2 percent."""

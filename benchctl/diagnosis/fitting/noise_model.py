@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.fitting.fit import Fit
 from benchctl.diagnosis.fitting.growing import growing
@@ -17,8 +16,7 @@ from benchctl.diagnosis.fitting.noisy import Noisy
 from benchctl.diagnosis.fitting.wandering import PROCESSES, wandering
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.signals.normal import QUARTILE
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.arrays import FloatArray
 
 GROWING = "noise_rate_dependent"
 

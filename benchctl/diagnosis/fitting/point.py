@@ -6,12 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-import numpy.typing as npt
-
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect, Parameter
-
-FloatArray = npt.NDArray[np.float64]
 
 _SMALLEST = 1e-300
 """Below it a number that is moved in its logarithm does not go."""

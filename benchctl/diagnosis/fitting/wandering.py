@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable, Mapping
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 
 from benchctl.diagnosis.fitting.fit import Fit, inverse, whitened_columns
@@ -20,9 +19,8 @@ from benchctl.diagnosis.fitting.noisy import Noisy
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.signals.blocks import gram
 from benchctl.diagnosis.signals.threads import shared_out
+from benchctl_instruments.arrays import BoolArray, FloatArray
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 Process = Callable[[float, float, float], tuple[Slow, ...]]
 
 PROCESSES: Mapping[str, Process] = {

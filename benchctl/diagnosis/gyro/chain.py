@@ -16,7 +16,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.gyro.filtering import Filters, spline_at
 from benchctl.diagnosis.gyro.frame import Frame
@@ -24,13 +23,12 @@ from benchctl.diagnosis.gyro.laid import Laid, laid_out
 from benchctl.diagnosis.signals.blocks import in_cache
 from benchctl.diagnosis.signals.motion import rates_of
 from benchctl.diagnosis.signals.threads import do_all, parts_of
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import STAGES, Signals, Stage
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
 from benchctl_instruments.physics.effects.kinds import ClockEffect, EncoderEffect, FilterEffect
 from benchctl_instruments.physics.response_gyro import scaled_v
 from benchctl_instruments.physics.structures import Structure
-
-FloatArray = npt.NDArray[np.float64]
 
 _KEPT = 2
 """So many results of each stage are kept: what others begin with, and what was asked for last."""

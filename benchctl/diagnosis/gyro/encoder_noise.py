@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 from scipy.ndimage import uniform_filter1d
 
 from benchctl.diagnosis.gyro.frame import Frame
 from benchctl.diagnosis.signals.motion import Motion
 from benchctl.diagnosis.signals.normal import QUARTILE
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.arrays import FloatArray
 
 _STEADY_S, _STEADY = 0.5, 9.0
 """A table turns steadily where the rate's variance in so many seconds is below so many times that of its noise."""

@@ -6,14 +6,11 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 import scipy.fft
 from scipy.ndimage import map_coordinates, spline_filter1d
 
+from benchctl_instruments.arrays import ComplexArray, FloatArray
 from benchctl_instruments.physics.effects.kinds import FilterEffect
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 
 _TURNED_ROWS = 64
 _LEAST_S, _LONGER, _MOST_S = 0.25, 4.0, 60.0

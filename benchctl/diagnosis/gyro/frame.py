@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.gyro.taken import AIR, FILLED, NEEDED, THERMISTOR, Taken, taken_of
 from benchctl.diagnosis.signals.free_band import goes_beyond, wide_motion
@@ -18,12 +17,9 @@ from benchctl.diagnosis.signals.setpoint import way_of_setpoint
 from benchctl.diagnosis.signals.temperature import Pause, Readings, Thermistor, thermistor_of
 from benchctl.recordings.model import Step, StepInfo, axis_of
 from benchctl.recordings.reader import Recording
+from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.structures import CHAMBER_C, SETPOINT_WAY
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 _FEWEST_ROWS = 2000
 _GAP = 1.5

@@ -10,13 +10,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.gyro.frame import Frame
+from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.physics.chain import Signals
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 PAUSE = -1
 """The first index of what is no stretch of samples, but what was known in between."""

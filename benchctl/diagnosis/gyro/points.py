@@ -14,7 +14,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.stats import t as student
 
 from benchctl.calibration.static_points_fit import RESTING_DPS
@@ -27,14 +26,11 @@ from benchctl.diagnosis.stepped import Stepped
 from benchctl.recordings.model import StepInfo
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.static_points import KIND, StaticPoints
+from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.chain import Signals
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 from benchctl_instruments.physics.effects.registry import effects
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 _LAWS = (
     "dead_zone",

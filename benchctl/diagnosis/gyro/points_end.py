@@ -14,7 +14,6 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 
 from benchctl.calibration.static_points_fit import (
@@ -26,11 +25,9 @@ from benchctl.calibration.static_points_fit import (
 from benchctl.diagnosis.faults.fault import Fault, bounded_gain
 from benchctl.diagnosis.result import Estimate, Where
 from benchctl.recordings.static_points import StaticPoints
+from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.physics.effects.fringe_ambiguity import folded_dps
 from benchctl_instruments.physics.effects.overload import Overload
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 _WITHIN = 3.0
 """Times the worst residual within the law: means that differ by less agree."""

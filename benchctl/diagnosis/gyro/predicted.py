@@ -5,17 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from benchctl.diagnosis.gyro.frame import Frame
 from benchctl.diagnosis.gyro.problem import gyro_problem
 from benchctl.recordings.reader import Recording
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.effects.kinds import NoiseEffect
 from benchctl_instruments.physics.effects.making import make_effects
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def predict(recording: Recording, model: Mapping[str, Any]) -> tuple[Frame, FloatArray]:

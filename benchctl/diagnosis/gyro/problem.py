@@ -9,7 +9,6 @@ from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.gyro.chain import GyroChain, Law
 from benchctl.diagnosis.gyro.encoder_noise import rate_variance, steadied_rate
@@ -28,16 +27,13 @@ from benchctl.diagnosis.signals.series import cut
 from benchctl.diagnosis.stepped import Stepped
 from benchctl.recordings.model import StepInfo
 from benchctl.recordings.reader import Recording
+from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 from benchctl_instruments.physics.effects.kinds import NoiseEffect
 from benchctl_instruments.physics.effects.registry import effects
 from benchctl_instruments.physics.gyro import earth_rate_dps
 from benchctl_instruments.physics.structures import SETPOINT_WAY
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 _TURN = 360.0
 _MANY, _PIECE = 3_000_000, 8

@@ -16,15 +16,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.signals.band_limited import WIDE, edges_hz
 from benchctl.signals.windows import INDEPENDENT, Windows, windows_of
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
+from benchctl_instruments.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 
 _WINDOW_S = 1.28
 _FEWEST_WINDOWS = 16

@@ -13,10 +13,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import ndtr
 
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.arrays import FloatArray
 
 _LEAST, _MOST, _TRIED = 0.02, 0.5, 25
 """Deviations of the noise that are tried, in steps; by more than the largest nothing is left of the steps."""

@@ -10,14 +10,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 from scipy.ndimage import median_filter, uniform_filter1d
 
 from benchctl.diagnosis.signals.turns import line_scores
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-ComplexArray = npt.NDArray[np.complex128]
+from benchctl_instruments.arrays import BoolArray, ComplexArray, FloatArray
 
 _LOWEST, _HIGHEST = 9, 400
 """Below so many waves a turn a line cannot be told from the sweep of the motion itself."""

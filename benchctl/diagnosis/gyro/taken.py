@@ -10,16 +10,13 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.signals.temperature import Readings
 from benchctl.limits import memory_bytes
 from benchctl.recordings.model import Step, StepInfo, axis_of
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.stored import StoredStep
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from benchctl_instruments.arrays import BoolArray, FloatArray
 
 NEEDED = ("time_s", "encoder_deg", "gyro_v")
 THERMISTOR, AIR, FILLED = "gyro_temp_c", "chamber_temp_c", "filled"

@@ -13,13 +13,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.gyro.frame import Frame
 from benchctl.diagnosis.signals.temperature import Pause
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from benchctl_instruments.arrays import IntArray
 
 _ALONG = ("time_s", "step", "encoder_deg", "angle_deg", "rate_dps", "acceleration_dps2", "sudden", "volts")
 _OF_AIR = ("temp_c", "temp_rate_c_per_s", "chamber_c")

@@ -11,9 +11,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from benchctl.bench import Bench
 from benchctl.campaign.check import bench_time_s
 from benchctl.diagnosis.fitting.closest import Known, distance, known_from
@@ -25,8 +22,6 @@ from benchctl.diagnosis.next_run.planned import Planned, planned
 from benchctl.diagnosis.next_run.sampled import SampleNoise
 from benchctl.diagnosis.result import NextExperiment
 from benchctl.plan import Plan
-
-FloatArray = npt.NDArray[np.float64]
 
 ALIKE = 10.0
 """Two effects are alike where twice the log likelihood parts them by less: odds of 150 to 1 at the most."""

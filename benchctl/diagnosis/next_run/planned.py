@@ -12,7 +12,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.bench import Bench
 from benchctl.campaign.timing import timeline
@@ -21,9 +20,8 @@ from benchctl.diagnosis.signals.motion import motions_of
 from benchctl.plan import ConstantRate, Plan, Sine, Soak, Step, ThermalRamp
 from benchctl.plan.steps import ByHand, positions
 from benchctl.recordings.model import StepInfo
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chamber import ChamberParameters, ChamberState, advance, settled, switched
-
-FloatArray = npt.NDArray[np.float64]
 
 _EXCERPT_S = 2.0
 _PERIODS = 3.0

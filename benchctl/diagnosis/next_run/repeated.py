@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.bench import Bench
 from benchctl.campaign.check import bench_time_s
@@ -14,8 +13,7 @@ from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.next_run.candidates import LONGEST_H, called, candidates, shown_bench, two_digits
 from benchctl.diagnosis.next_run.planned import planned
 from benchctl.diagnosis.result import NextExperiment
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.arrays import FloatArray
 
 _MOVED_BY = {
     "output": "rate",

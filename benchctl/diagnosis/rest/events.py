@@ -19,8 +19,7 @@ from benchctl.diagnosis.rest.leftover import Leftover
 from benchctl.diagnosis.search.scan_mains import FAINTEST
 from benchctl.diagnosis.signals.blocks import BLOCK, block_starts
 from benchctl.diagnosis.signals.threads import shared_out
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.arrays import FloatArray
 
 _SLOW_HZ = 0.1
 """Below it a line is a swing in time."""

@@ -17,9 +17,8 @@ import numpy.typing as npt
 import scipy.sparse
 
 from benchctl.diagnosis.rest.leftover import Columns
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.thermal_hysteresis import play
-
-FloatArray = npt.NDArray[np.float64]
 
 _TURN = 360.0
 _ROUND = 36

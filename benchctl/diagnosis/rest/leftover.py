@@ -24,9 +24,8 @@ import scipy.special
 import scipy.stats
 
 from benchctl.diagnosis.signals.blocks import block_products, block_starts, gram
+from benchctl_instruments.arrays import BoolArray, FloatArray
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 Columns = npt.NDArray[np.floating[Any]] | scipy.sparse.csr_array
 
 _UNSEEN = 1e-6

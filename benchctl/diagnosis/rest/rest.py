@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.rest.events import bump, jump, lines
@@ -25,9 +24,8 @@ from benchctl.diagnosis.rest.leftover import Columns, Leftover, Seen, for_entrie
 from benchctl.diagnosis.result import COORDINATE_UNITS
 from benchctl.diagnosis.signals.bins import bin_of
 from benchctl.diagnosis.signals.threads import shared_out
+from benchctl_instruments.arrays import BoolArray, FloatArray
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 Whitened = Callable[[Columns], Columns]
 
 CHANCE = 0.003

@@ -5,13 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.problem import Problem
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.int64]
+from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 
 _HELD_OUT = 6
 """One step in so many of a kind chooses nothing and fits nothing."""

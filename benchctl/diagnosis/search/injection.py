@@ -9,9 +9,6 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any, Self, cast
 
-import numpy as np
-import numpy.typing as npt
-
 from benchctl.diagnosis.fitting.fit import fit, gain_kept, inverse
 from benchctl.diagnosis.fitting.point import at_bound
 from benchctl.diagnosis.problem import Problem
@@ -21,9 +18,8 @@ from benchctl.diagnosis.search.probes import Probe
 from benchctl.diagnosis.search.scatter import scatter
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.signals.blocks import block_starts, step_starts
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect
-
-FloatArray = npt.NDArray[np.float64]
 
 _ROUNDS = 3
 """Of a fit that begins beside the truth."""

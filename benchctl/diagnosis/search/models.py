@@ -8,7 +8,6 @@ from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.fitting.disturbance import deviance_beside
 from benchctl.diagnosis.fitting.fit import Fit, Point, fit, gain_alone, gain_kept, gain_of
@@ -24,9 +23,8 @@ from benchctl.diagnosis.search.scans import SCANNED, proposals
 from benchctl.diagnosis.search.scatter import scatter
 from benchctl.diagnosis.search.screen import Scored, Screening, screen
 from benchctl.diagnosis.signals.blocks import block_starts
+from benchctl_instruments.arrays import IntArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect
-
-IntArray = npt.NDArray[np.int64]
 
 _TRIED = 6
 _WORTH_TRYING = 0.2

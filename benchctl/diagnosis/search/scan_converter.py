@@ -9,8 +9,7 @@ import numpy.typing as npt
 import scipy.fft
 
 from benchctl.diagnosis.search.pull import Place, Pull, between, peaks
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.arrays import FloatArray
 
 _BINS_A_PERIOD = 8
 _MOST_BINS = 1 << 17

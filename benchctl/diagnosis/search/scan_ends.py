@@ -13,13 +13,11 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.search.pull import Place, Pull, peaks
 from benchctl.diagnosis.signals.bins import bin_of
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.fringe_ambiguity import folded_dps
-
-FloatArray = npt.NDArray[np.float64]
 
 _BINS = 2000
 _PLACES = 400

@@ -9,16 +9,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 import scipy.fft
 
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.search.pull import Place, Pull, paid, peaks
 from benchctl.diagnosis.signals.band_limited import NARROW, differentiator, edges_hz, transposed
 from benchctl.diagnosis.signals.turns import line_scores
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from benchctl_instruments.arrays import FloatArray
 
 _FEWEST = 9
 """Fewer lines to a turn are an encoder's eccentricity and its like."""

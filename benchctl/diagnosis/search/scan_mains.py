@@ -5,15 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 import scipy.fft
 from scipy.special import chdtri
 
 from benchctl.diagnosis.fitting.fit import inverse
 from benchctl.diagnosis.search.pull import Place, Pull, between, paid, peaks, unweighted
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from benchctl_instruments.arrays import FloatArray, IntArray
 
 _LONGEST = 1 << 22
 _FINE = 4

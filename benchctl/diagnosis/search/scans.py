@@ -11,7 +11,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.fitting.fit import Fit
 from benchctl.diagnosis.fitting.noise import Whitener
@@ -25,8 +24,7 @@ from benchctl.diagnosis.search.scan_ends import fold_places, limit_places, onset
 from benchctl.diagnosis.search.scan_lines import line_places
 from benchctl.diagnosis.search.scan_mains import mains_places
 from benchctl.diagnosis.signals.threads import shared_out
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.arrays import FloatArray
 
 SCANNED = frozenset(
     {

@@ -8,10 +8,8 @@ West, Econometrica 55, 1987).
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from benchctl_instruments.arrays import FloatArray, IntArray
 
 
 def scatter(explained: FloatArray, white: FloatArray, starts: IntArray) -> float:

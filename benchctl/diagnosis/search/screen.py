@@ -28,10 +28,8 @@ from benchctl.diagnosis.search.scatter import Scatter
 from benchctl.diagnosis.signals.blocks import block_starts, in_cache
 from benchctl.diagnosis.signals.series import consecutive
 from benchctl.diagnosis.signals.threads import shared_out
+from benchctl_instruments.arrays import BoolArray, FloatArray
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 SingleArray = npt.NDArray[np.float32]
 
 _UNSEEN = 1e-7

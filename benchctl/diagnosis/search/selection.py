@@ -12,9 +12,8 @@ from benchctl.diagnosis.fitting.fit import Fit, Point
 from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.fitting.noise_model import NoiseModel
 from benchctl.diagnosis.search.screen import Screening
+from benchctl_instruments.arrays import BoolArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect
-
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

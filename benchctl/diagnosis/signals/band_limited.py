@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 from scipy.signal import oaconvolve
 
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.arrays import FloatArray
 
 _FEWEST, _REACH_S = 32, 0.256
 """Samples on either side that a rate is made of, and the time that they reach over at least.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.arrays import FloatArray
 
 
 def bin_of(values: FloatArray, edges: FloatArray) -> npt.NDArray[np.int64]:

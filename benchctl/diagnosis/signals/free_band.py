@@ -14,14 +14,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from scipy.signal import csd, firwin, kaiserord, welch
 
 from benchctl.diagnosis.signals.band_limited import NARROW, WIDE, differentiator, edges_hz, filtered, half_of
 from benchctl.diagnosis.signals.motion import Motion, motion_of
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from benchctl_instruments.arrays import FloatArray, IntArray
 
 _BEYOND = 0.01
 """Share of the rate, rms, beyond the wide filter's band, from which on the motion is taken to go beyond it.

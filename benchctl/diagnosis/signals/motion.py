@@ -15,14 +15,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from benchctl.diagnosis.signals.band_limited import NARROW, WIDE, differentiator, edges_hz, filtered_each
 from benchctl.diagnosis.signals.ripple import NO_RIPPLE, Ripple
 from benchctl.diagnosis.signals.threads import shared_out
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.arrays import FloatArray
 
 _LEVEL_S = 0.2
 _RESTING = 6.0

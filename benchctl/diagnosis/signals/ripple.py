@@ -16,14 +16,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
 from benchctl.diagnosis.signals.band_limited import NARROW, differentiator, edges_hz, filtered
 from benchctl.diagnosis.signals.turns import line_scores
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from benchctl_instruments.arrays import FloatArray, IntArray
 
 _MOST_ORDERS = 6
 _HIGHEST_ORDER = 100_000

@@ -11,16 +11,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.limits import listed, require_memory
 from benchctl.recordings.model import StepInfo
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.step_entries import UNASSIGNED
+from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 _PIECES = 36
 _FEWEST_IN_A_PIECE = 8

@@ -10,13 +10,11 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 import scipy.optimize
 import scipy.signal
 
 from benchctl.recordings.model import StepInfo
-
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.arrays import FloatArray
 
 _MOST_POINTS, _MOST_RAMPS = 6000, 40
 _LEAST_C, _LEAST_S = 1.0, 20.0

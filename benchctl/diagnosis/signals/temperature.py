@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.signal import oaconvolve
 
-FloatArray = npt.NDArray[np.float64]
+from benchctl_instruments.arrays import FloatArray
 
 _CELL_S = 1.0
 _REACHES_S = (6.0, 10.0, 20.0, 40.0, 80.0, 160.0, 320.0, 640.0)

@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 import scipy.optimize
 
 from benchctl.diagnosis.fitting.fit import fit, inverse
@@ -22,11 +21,8 @@ from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.signals.bins import bin_of
 from benchctl.diagnosis.signals.normal import Z95
 from benchctl.diagnosis.structures.scan import coordinates_of
+from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.physics.structures import OVER, Span, Structure, structure
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 _BINS = 400
 _FEWEST = 2000

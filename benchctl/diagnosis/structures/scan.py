@@ -13,7 +13,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import scipy.signal
 from scipy.signal import oaconvolve
 
@@ -22,6 +21,7 @@ from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.search.pull import Pull, peaks
 from benchctl.diagnosis.signals.bins import bin_of
 from benchctl.diagnosis.signals.threads import shared_out
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.structures import (
     CHAMBER_C,
     OVER,
@@ -31,9 +31,6 @@ from benchctl_instruments.physics.structures import (
     last_sign,
     structure,
 )
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 _BINS = 1000
 _EDGES, _STEPS = 60, 160

@@ -13,7 +13,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.diagnosis.fitting.fit import Fit, Point, fit, gain_of
 from benchctl.diagnosis.fitting.point import at_bound
@@ -28,8 +27,6 @@ from benchctl.diagnosis.signals.blocks import block_starts
 from benchctl.diagnosis.structures.scan import Begun, begun_everywhere, clock_s, encoder_jumps
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 from benchctl_instruments.physics.structures import OVER, Structure, unmoved
-
-FloatArray = npt.NDArray[np.float64]
 
 _NEAR_THE_BEST = 0.4
 """Share of the best promise below which a shape is not fitted."""

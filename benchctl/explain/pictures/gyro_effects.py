@@ -24,8 +24,8 @@ from benchctl.explain.pictures.sketch import (
 from benchctl.explain.sizes import K0_V_PER_DPS, NOISE_V, RANGE_DPS, middle_size
 from benchctl.metrology.allan import averaging_factors
 from benchctl.metrology.deviations import deviation
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.interfaces import FloatArray
 from benchctl_instruments.physics.chain import GRID_STAGES, Signals, run_chain
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
 from benchctl_instruments.physics.effects.kinds import ClockEffect, NoiseEffect

@@ -10,7 +10,7 @@ import numpy as np
 from benchctl.explain.pictures.sketch import Curve, Panel
 from benchctl.explain.sizes import RANGE_DPS
 from benchctl.reports import text
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import Signals
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
 from benchctl_instruments.physics.effects.kinds import EncoderEffect

@@ -7,7 +7,7 @@ import numpy as np
 from benchctl.explain.pictures.sketch import Band, Curve, Look, Panel, Sketch
 from benchctl.metrology.coefficients import NAMES, TERMS, Term, unit_of, variances
 from benchctl.reports.acceptance.catalogue import catalogue
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.gyro import earth_rate_dps
 
 _SIZES = (1e-4, 1.2e-4, 2.5e-5, 1.2e-6, 6e-9)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchctl.explain.pictures.sketch import Band, Curve, Panel, Sketch
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.gyro import GyroParameters, bias_v, sine_output_v
 
 _GYRO = GyroParameters()

@@ -16,7 +16,7 @@ from benchctl.explain.pictures.sketch import (
     stated_values,
     visible_values,
 )
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chamber_effects.air import air_c
 from benchctl_instruments.physics.chamber_effects.effect import ChamberEffect, ChamberSignals, Drive
 from benchctl_instruments.physics.drive_effects.effect import DriveEffect, DriveSignals

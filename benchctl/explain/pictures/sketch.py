@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from benchctl.explain.glossary import as_written, extra
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect, Parameter
 
 Look = Literal["off", "on", "third", "grey", "faint", "off dots", "on dots", "third dots"]

@@ -14,7 +14,7 @@ from benchctl.metrology.observations import Observations, column, measured, refu
 from benchctl.metrology.points import line
 from benchctl.metrology.propagation import Offsets, as_read, propagated, single
 from benchctl.metrology.result import Measured, message
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 _NAME = "misalignment"
 

@@ -34,8 +34,8 @@ from benchctl.metrology.propagation import Offsets, as_read, propagated, single
 from benchctl.metrology.result import Measured, Message, Picture, Trace, Uncertainty, message
 from benchctl.metrology.series import series_of_step
 from benchctl.metrology.stretches import rest_of
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.interfaces import FloatArray
 
 _DEG_PER_H = 3600.0
 _TERMS: Mapping[str, Term] = {

@@ -17,7 +17,7 @@ from benchctl.metrology.propagation import Offsets, Quantity, as_read, propagate
 from benchctl.metrology.result import Measured, message
 from benchctl.metrology.swings import Swing, fitted
 from benchctl.recordings.model import StepInfo
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 _NAME = "dead_zone"
 _WIDEST_DPS, _FASTEST_HZ = 2.0, 0.1

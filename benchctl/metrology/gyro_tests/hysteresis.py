@@ -13,7 +13,7 @@ from benchctl.metrology.observations import Observations, column, dots, measured
 from benchctl.metrology.points import DOWN, UP, Points
 from benchctl.metrology.propagation import Offsets, as_read, largest_of
 from benchctl.metrology.result import Measured, message
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 _NAME = "hysteresis_rate"
 

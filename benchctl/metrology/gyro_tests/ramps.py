@@ -19,7 +19,7 @@ from benchctl.metrology.propagation import Offsets, as_read, propagated, scatter
 from benchctl.metrology.result import Measured, message
 from benchctl.metrology.stretches import LEAST_V2
 from benchctl.recordings.model import StepInfo
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 _NAME = "bias_temperature_rate"
 _MEAN_S = 30.0

@@ -15,7 +15,7 @@ from benchctl.metrology.observations import Observations, column, has_rest, meas
 from benchctl.metrology.points import Points, line
 from benchctl.metrology.propagation import Offsets, as_read, deviation_of
 from benchctl.metrology.result import Measured, Message, message
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 _FEWEST = 3
 _NAMES = ("scale_factor_repeatability", "bias_repeatability")

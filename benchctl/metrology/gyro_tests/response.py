@@ -19,7 +19,7 @@ from benchctl.metrology.propagation import Offsets, Quantity, as_read, nothing, 
 from benchctl.metrology.result import Measured, Picture, Trace, message
 from benchctl.metrology.swings import fitted
 from benchctl.recordings.model import Step
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 _FEWEST = 3
 _LEAST_DPS = 1.0

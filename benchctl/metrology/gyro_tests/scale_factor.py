@@ -15,7 +15,7 @@ from benchctl.metrology.observations import Observations, both_directions, colum
 from benchctl.metrology.points import Points, line, misfit
 from benchctl.metrology.propagation import Offsets, Quantity, as_read, largest_of, propagated, single
 from benchctl.metrology.result import Measured, Picture, Trace, message
-from benchctl_instruments.interfaces import FloatArray, IntArray
+from benchctl_instruments.arrays import FloatArray, IntArray
 
 _FEWEST = 3
 _NAMES = ("scale_factor", "nonlinearity", "nonlinearity_reading", "asymmetry", "input_range")

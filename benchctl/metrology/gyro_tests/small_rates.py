@@ -15,7 +15,7 @@ from benchctl.metrology.observations import Observations, column, dots, measured
 from benchctl.metrology.points import Points
 from benchctl.metrology.propagation import Offsets, as_read, propagated, single
 from benchctl.metrology.result import Bound, Measured, Message, message
-from benchctl_instruments.interfaces import FloatArray, IntArray
+from benchctl_instruments.arrays import FloatArray, IntArray
 
 _SMALL_DPS = 0.5
 _LOWEST_BASE_DPS = 1.0

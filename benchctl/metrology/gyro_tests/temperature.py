@@ -17,7 +17,7 @@ from benchctl.metrology.observations import SAME_C, Observations, column, dots, 
 from benchctl.metrology.points import Points, line
 from benchctl.metrology.propagation import Offsets, as_read, independent, largest_of
 from benchctl.metrology.result import Measured, message
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 _APART_C = 5.0
 _DEG_PER_H = 3600.0

@@ -22,7 +22,7 @@ from benchctl.metrology.propagation import Offsets, as_read, largest_of, nothing
 from benchctl.metrology.result import Measured, Picture, Trace, Uncertainty, message
 from benchctl.metrology.stretches import LEAST_V2
 from benchctl.recordings.model import StepInfo
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 _NAMES = ("warm_up_time", "warm_up_bias")
 _SHORTEST_S = 300.0

@@ -6,8 +6,8 @@ import numpy as np
 
 from benchctl.proof.generic.rows import Rows
 from benchctl.proof.generic.sparse import FOLDS, folds_of
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.interfaces import FloatArray
 
 
 def boosted(baseline: FloatArray, rows: Rows) -> float:

@@ -13,7 +13,7 @@ from types import MappingProxyType
 import numpy as np
 
 from benchctl.proof.generic.rows import Rows
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 WARM_C, HOUR_S, RAMP_C_PER_S = 40.0, 3600.0, 0.08
 

@@ -13,8 +13,8 @@ from scipy.signal import savgol_filter
 
 from benchctl.recordings.model import Step
 from benchctl.recordings.reader import Recording
+from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.interfaces import FloatArray, IntArray
 
 ROWS_PER_S = 20.0
 _NEEDED = ("time_s", "encoder_deg", "gyro_v", "gyro_temp_c")

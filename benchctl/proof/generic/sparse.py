@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from benchctl.proof.generic.rows import Rows
+from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.interfaces import FloatArray, IntArray
 
 FOLDS = 5
 THRESHOLDS = np.geomspace(1e-3, 3.0, 32)

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import scipy  # which loads signal when it is first used
 
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chamber_effects.effect import ChamberSignals
 
 _KELVIN = 273.15

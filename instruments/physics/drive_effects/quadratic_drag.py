@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.drive_effects.effect import DriveEffect, DriveSignals
 from benchctl_instruments.physics.effects.effect import Parameter
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.drive_effects.effect import DriveEffect, DriveSignals
 from benchctl_instruments.physics.effects.effect import Parameter
 

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import ComplexArray, FloatArray
 from benchctl_instruments.physics.chain import Signals
 from benchctl_instruments.physics.effect_contract.motion import (
     CIRCUMSTANCES,
@@ -29,13 +29,7 @@ from benchctl_instruments.physics.effect_contract.motion import (
     stretch,
 )
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
-from benchctl_instruments.physics.effects.kinds import (
-    ClockEffect,
-    ComplexArray,
-    EncoderEffect,
-    FilterEffect,
-    NoiseEffect,
-)
+from benchctl_instruments.physics.effects.kinds import ClockEffect, EncoderEffect, FilterEffect, NoiseEffect
 
 Kind = type[PhysicalEffect]
 Promise = Callable[[Kind], None]

@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import Signals
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
 

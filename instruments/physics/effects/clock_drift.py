@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import Stage
 from benchctl_instruments.physics.effects.effect import Parameter
 from benchctl_instruments.physics.effects.kinds import ClockEffect

@@ -10,7 +10,7 @@ import zlib
 
 import numpy as np
 
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 _BLOCK = 256
 """Scans that are drawn at once: few, since a single reading costs a whole block."""

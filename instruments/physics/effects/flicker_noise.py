@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 import scipy  # which loads signal when it is first used
 
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import Signals, Stage
 from benchctl_instruments.physics.effects.draws import generator, normals
 from benchctl_instruments.physics.effects.effect import Parameter

@@ -8,12 +8,10 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import Signals, Stage
 from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffect
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def folded_dps(rate_dps: FloatArray, fold_dps: float) -> FloatArray:

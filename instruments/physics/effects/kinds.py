@@ -11,14 +11,11 @@ from dataclasses import replace
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-import numpy.typing as npt
 import scipy  # which loads signal when it is first used
 
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import ComplexArray, FloatArray
 from benchctl_instruments.physics.chain import Signals
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
-
-ComplexArray = npt.NDArray[np.complex128]
 
 FORGETTING_TIME_CONSTANTS = 20.0
 """After that many of its slowest time constant a filter has forgotten its start, to 2e-9 of it."""

@@ -9,7 +9,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import Stage
 from benchctl_instruments.physics.effects.effect import Parameter
 from benchctl_instruments.physics.effects.kinds import FORGETTING_TIME_CONSTANTS, FilterEffect

@@ -8,15 +8,13 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 import scipy  # which loads special when it is first used
 
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import Signals, Stage
 from benchctl_instruments.physics.effects.draws import normals
 from benchctl_instruments.physics.effects.effect import Parameter
 from benchctl_instruments.physics.effects.kinds import NoiseEffect
-
-FloatArray = npt.NDArray[np.float64]
 
 NORMAL, EXPONENTIAL = 2.0, 1.0
 """Exponents of the tails."""

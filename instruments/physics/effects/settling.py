@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.effect import Parameter
 
 SETTLING_TIME = Parameter(

@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import ClassVar, Literal
 
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.simulated.faults.schedule import FaultLog, Fired, Schedule
 from benchctl_instruments.simulated.faults.tables import FaultTable, Place
 

@@ -15,7 +15,7 @@ from typing import ClassVar, Generic, Literal, TypeVar
 import numpy as np
 from pydantic import Field
 
-from benchctl_instruments.interfaces import FloatArray, IntArray
+from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.simulated.faults.schedule import FaultLog, Fired, Schedule
 from benchctl_instruments.simulated.faults.tables import FaultTable, Place, Positive
 from benchctl_instruments.simulated.machines import AnalogInputs, ChamberMachine, TableMachine, TableMotion

@@ -13,10 +13,11 @@ import xarray
 from benchctl.calibration.compensated_file import Applied, write_compensated
 from benchctl.calibration.compensating import read_compensation
 from benchctl.recordings.export_csv import export_csv
-from benchctl.recordings.model import FloatArray, Step, Unit
+from benchctl.recordings.model import Step, Unit
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.verify import verify
 from benchctl.recordings.writer import write_recording
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.calibration.made_coefficients import written
 from tests.benchctl.recordings import made

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from benchctl.bench import Bench, load_bench
 from benchctl.campaign.encoder_motion import ERROR_SHARE, EncoderMotion
-from benchctl_instruments.interfaces import FloatArray, IntArray
+from benchctl_instruments.arrays import FloatArray, IntArray
 
 BENCH = load_bench("simulated")
 HZ = 500.0

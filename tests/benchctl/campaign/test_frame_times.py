@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchctl.campaign.frame_times import UNKNOWN, FrameTimes
-from benchctl_instruments.interfaces import GyroBlock, GyroCounts, GyroGap, IntArray
+from benchctl_instruments.arrays import IntArray
+from benchctl_instruments.interfaces import GyroBlock, GyroCounts, GyroGap
 
 RATE_HZ = 1000.0
 WRAP = 128

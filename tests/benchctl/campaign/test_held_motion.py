@@ -22,7 +22,7 @@ from benchctl.campaign.progress import Moment
 from benchctl.campaign.runner import Outcome, run_campaign
 from benchctl.plan import ConstantRate, Plan, Sine, Soak, Static, Step, ThermalRamp
 from benchctl.recordings.reader import open_recording
-from benchctl_instruments.interfaces import FloatArray, IntArray
+from benchctl_instruments.arrays import FloatArray, IntArray
 
 BENCH = load_bench("simulated")
 HZ = BENCH.digitizer.sample_rate_hz

@@ -17,8 +17,9 @@ from benchctl.campaign.opened import open_bench
 from benchctl.campaign.runner import Outcome, run_campaign
 from benchctl.plan import ConstantRate, Plan
 from benchctl.recordings.reader import Recording, open_recording
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import LinkError, SafetyError
-from benchctl_instruments.interfaces import FloatArray, ScanBlock
+from benchctl_instruments.interfaces import ScanBlock
 from benchctl_instruments.simulated.clock import VirtualClock
 from benchctl_instruments.simulated.direct import DirectDigitizer
 from benchctl_instruments.simulated.settings import WorldSettings

@@ -14,8 +14,9 @@ from benchctl.campaign.runner import run_campaign
 from benchctl.campaign.stop import StopRequest
 from benchctl.plan import ConstantRate, Plan, Sine, Soak, Static, Step, ThermalRamp
 from benchctl.recordings.reader import open_recording
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import LinkError, SafetyError, UsageError
-from benchctl_instruments.interfaces import ChamberReading, FloatArray, RateTable, TableReading
+from benchctl_instruments.interfaces import ChamberReading, RateTable, TableReading
 
 SOAK = Soak(setpoint_c=25.0, hold_s=600.0)
 

@@ -12,8 +12,9 @@ import pytest
 from benchctl.bench import template
 from benchctl.cli.app import run_verb
 from benchctl.model_file import Model, write_model
-from benchctl.recordings.model import FloatArray, Meta
+from benchctl.recordings.model import Meta
 from benchctl.recordings.reader import open_recording
+from benchctl_instruments.arrays import FloatArray
 
 LAB = {
     "K0_v_per_dps": 0.016,

@@ -25,7 +25,7 @@ from benchctl.metrology.propagation import (
     scattered,
     single,
 )
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 
 def four(*standards: float, uniform: bool) -> list[Quantity]:

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from benchctl.recordings.model import BenchFacts, FloatArray, Meta, Step, StepInfo, Unit
+from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo, Unit
 from benchctl.recordings.writer import write_recording
+from benchctl_instruments.arrays import FloatArray
 
 RATE_HZ = 100.0
 STREAMED = ("time_s", "encoder_deg", "gyro_v", "gyro_temp_c")

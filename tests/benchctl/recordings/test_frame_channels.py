@@ -16,12 +16,13 @@ from benchctl.recordings.export_csv import export_csv
 from benchctl.recordings.export_mat import export_mat
 from benchctl.recordings.export_open import export_open
 from benchctl.recordings.joined import APART_S, join
-from benchctl.recordings.model import DESCRIPTIONS, FRAME_CHANNELS, UNITS, FloatArray, Step, axis_of
+from benchctl.recordings.model import DESCRIPTIONS, FRAME_CHANNELS, UNITS, Step, axis_of
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.recover import recover
 from benchctl.recordings.summary import summarise
 from benchctl.recordings.verify import verify
 from benchctl.recordings.writer import write_recording
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings.made import POLLED, STREAMED, info, meta, polled, streamed
 

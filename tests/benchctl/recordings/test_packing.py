@@ -9,9 +9,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from benchctl.recordings.digests import digest_of
-from benchctl.recordings.model import FloatArray
 from benchctl.recordings.packing import write_samples
 from benchctl.recordings.schema import CHUNK, create_channels
+from benchctl_instruments.arrays import FloatArray
 from tests.benchctl.recordings import made
 
 LENGTHS = st.one_of(st.integers(0, 40), st.integers(CHUNK - 2, CHUNK + 2), st.integers(3 * CHUNK - 2, 3 * CHUNK + 2))

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchctl.recordings.model import FloatArray
 from benchctl.recordings.stamps import (
     Gap,
     StampError,
@@ -16,6 +15,7 @@ from benchctl.recordings.stamps import (
     require_increase,
     require_uniform,
 )
+from benchctl_instruments.arrays import FloatArray
 
 PERIOD = 0.01001
 

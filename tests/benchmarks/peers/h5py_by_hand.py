@@ -10,8 +10,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from benchctl.recordings.model import FloatArray
 from benchctl.recordings.schema import CHUNK
+from benchctl_instruments.arrays import FloatArray
 from tests.benchmarks.peers.points import NAMES, Point, Spent
 
 

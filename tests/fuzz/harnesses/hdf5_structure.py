@@ -15,11 +15,11 @@ from typing import Any
 import h5py
 import numpy as np
 
-from benchctl.recordings.model import FloatArray
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.schema import JOURNAL
 from benchctl.recordings.verify import verify
 from benchctl.recordings.writer import write_recording
+from benchctl_instruments.arrays import FloatArray
 from tests.benchctl.recordings import made
 from tests.fuzz.harness import Harness, refusals, workplace
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchctl_instruments.interfaces import FloatArray, IntArray
+from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.physics.gyro import GyroParameters
 from benchctl_instruments.simulated.clock import BenchClock
 from benchctl_instruments.simulated.settings import WorldSettings

@@ -7,7 +7,7 @@ from dataclasses import MISSING, fields
 import numpy as np
 import pytest
 
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chamber_effects.air import air_c
 from benchctl_instruments.physics.chamber_effects.effect import ChamberEffect, ChamberSignals
 from benchctl_instruments.physics.chamber_effects.registry import chamber_effects

@@ -6,7 +6,7 @@ import threading
 
 import numpy as np
 
-from benchctl_instruments.interfaces import FloatArray, IntArray
+from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.simulated.clock import BenchClock
 
 

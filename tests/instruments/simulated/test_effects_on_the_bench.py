@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import Effect
 from benchctl_instruments.physics.effects.clock_drift import ClockDrift
 from benchctl_instruments.physics.effects.encoder_interpolation import EncoderInterpolation

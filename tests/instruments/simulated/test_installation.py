@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import Effect
 from benchctl_instruments.physics.effects.scale_warm_up import ScaleWarmUp
 from benchctl_instruments.physics.effects.warm_up import WarmUp

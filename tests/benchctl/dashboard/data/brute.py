@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from benchctl.recordings.model import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 
 def envelope(

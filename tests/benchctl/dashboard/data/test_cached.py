@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchctl.dashboard.data.cached import ENDING, BlockFile, Cache
-from benchctl.recordings.model import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 
 def _rows(count: int, seed: int = 0) -> FloatArray:

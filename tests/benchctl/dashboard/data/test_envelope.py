@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from benchctl.dashboard.data.blocks import blocks_of, coarser, runs
 from benchctl.dashboard.data.envelope import Envelope, or_none
 from benchctl.dashboard.data.pyramid import Pyramid
-from benchctl.recordings.model import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from tests.benchctl.dashboard.data import brute
 
 

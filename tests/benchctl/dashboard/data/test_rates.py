@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchctl.dashboard.data.rates import GrowingRate, RateSamples, half_window, rates_dps
-from benchctl.recordings.model import FloatArray
+from benchctl_instruments.arrays import FloatArray
 
 
 class Row:

@@ -15,9 +15,10 @@ from benchctl.dashboard.data import overviews, series, tracks
 from benchctl.dashboard.data.cached import ENDING
 from benchctl.dashboard.data.series import SeriesReader
 from benchctl.recordings.campaign_folder import CampaignWriter
-from benchctl.recordings.model import FloatArray, Step
+from benchctl.recordings.model import Step
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.writer import write_recording
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.dashboard.data import brute
 from tests.benchctl.recordings import made

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchctl.dashboard.data.stored import ChangedError, Samples, Stamp, samples_of
-from benchctl.recordings.model import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
 CHUNK = 1000

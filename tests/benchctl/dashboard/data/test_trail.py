@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from benchctl.dashboard.data import trail as module
 from benchctl.dashboard.data.trail import Trail
-from benchctl.recordings.model import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from tests.benchctl.dashboard.data import brute
 
 

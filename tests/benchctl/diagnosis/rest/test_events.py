@@ -6,7 +6,8 @@ from scipy.ndimage import gaussian_filter1d
 
 from benchctl.diagnosis.rest.events import _Blurred, bump, jump, lines
 from benchctl.diagnosis.rest.groups import Group
-from benchctl.diagnosis.rest.leftover import FloatArray, Leftover, Seen
+from benchctl.diagnosis.rest.leftover import Leftover, Seen
+from benchctl_instruments.arrays import FloatArray
 
 DT = 0.01
 TIME_S = np.concatenate([np.arange(0.0, 300.0, DT), np.arange(380.0, 700.0, DT)])

@@ -5,9 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.rest.groups import FloatArray, groups_of
+from benchctl.diagnosis.rest.groups import groups_of
 from benchctl.diagnosis.rest.leftover import Leftover
 from benchctl.diagnosis.result import COORDINATES
+from benchctl_instruments.arrays import FloatArray
 
 N = 8000
 

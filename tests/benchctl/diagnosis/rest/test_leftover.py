@@ -8,7 +8,8 @@ import scipy.signal
 import scipy.sparse
 import scipy.stats
 
-from benchctl.diagnosis.rest.leftover import FloatArray, Leftover, for_entries, log_chance
+from benchctl.diagnosis.rest.leftover import Leftover, for_entries, log_chance
+from benchctl_instruments.arrays import FloatArray
 
 N = 6000
 

@@ -12,10 +12,10 @@ import scipy.signal
 from benchctl.diagnosis.fitting.fit import Point, fit
 from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.gyro.problem import gyro_problem
-from benchctl.diagnosis.rest.leftover import FloatArray
 from benchctl.diagnosis.rest.rest import Rest, imperfect, instead_of, is_plain, rest_of, threshold_of, withdrawn
 from benchctl.diagnosis.result import COORDINATES
 from benchctl.diagnosis.search.held_out import held_out_steps
+from benchctl_instruments.arrays import FloatArray
 from tests.benchctl.diagnosis.foreign import draw, make, to_recording
 
 N = 40000

@@ -10,8 +10,9 @@ import scipy.signal
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchctl.diagnosis.search.scatter import FloatArray, Scatter, scatter
+from benchctl.diagnosis.search.scatter import Scatter, scatter
 from benchctl.diagnosis.signals.blocks import block_starts
+from benchctl_instruments.arrays import FloatArray
 
 
 def scatter_of(column: FloatArray, white: FloatArray, part: int = 64) -> float:

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import Signals
 from benchctl_instruments.physics.effect_contract.motion import sampled
 from benchctl_instruments.physics.effects.bias_random_walk import BiasRandomWalk

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effect_contract.motion import at
 from benchctl_instruments.physics.effects.thermal_hysteresis import ThermalHysteresis, play
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchctl_instruments.interfaces import FloatArray
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import Signals
 from benchctl_instruments.physics.effect_contract.motion import at
 from benchctl_instruments.physics.effects.thermal_lag import ThermalLag
