@@ -35,7 +35,7 @@ class _File(BaseModel):
     bench: str = SIMULATED
     limits: str = ""
     seed: int | None = Field(default=None, ge=0)
-    parameters: dict[str, bool | int | float | str | list[float]] = Field(default_factory=dict)
+    parameters: dict[str, Any] = Field(default_factory=dict)  # the procedure checks them
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

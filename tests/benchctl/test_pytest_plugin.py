@@ -160,6 +160,7 @@ def test_a_campaign_that_ends_early_fails_and_none_of_its_limits_passes(pytester
         ('procedure = "quick.py"\nbench = "nowhere.toml"', "*nowhere.toml*"),
         ('procedure = "quick.py"\n[parameters]\ntop = 3', "*did you mean top_dps*"),
         ('procedure = "quick.py"\n[parameters]\ntop_dps = "fast"', "*incoming.bench-test.toml, line 3*top_dps*'fast'*"),
+        ('procedure = "quick.py"\n[parameters]\ntop_dps = nan', "*parameter top_dps: expected a number in *'nan'*"),
         ("procedure = ", "*incoming.bench-test.toml*"),
     ],
 )
