@@ -20,7 +20,8 @@ from benchctl.proof.truth import Truth
 from benchctl.proof.unit import TrialUnit, draw_unit
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.effects.registry import effect
-from benchctl_instruments.physics.structures import OVER, structure_named
+from benchctl_instruments.physics.structure_places import OVER
+from benchctl_instruments.physics.structures import structure_named
 
 PROCEDURE = "diagnostic"
 

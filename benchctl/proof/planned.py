@@ -23,7 +23,8 @@ from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import STAGES, Signals, gyro_baseline, run_chain
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
 from benchctl_instruments.physics.effects.kinds import ClockEffect, EncoderEffect
-from benchctl_instruments.physics.structures import SETPOINT_WAY, Structure
+from benchctl_instruments.physics.structure_places import SETPOINT_WAY
+from benchctl_instruments.physics.structures import Structure
 
 _ARCSEC = 3600.0
 _ROOM_C = 23.0

@@ -13,7 +13,8 @@ from benchctl.proof.structures import SHAPE_CLASSES
 from benchctl.proof.truth import Truth
 from benchctl_instruments.physics.effects.effect import Parameter
 from benchctl_instruments.physics.effects.registry import effect
-from benchctl_instruments.physics.structures import OVER, structure_named
+from benchctl_instruments.physics.structure_places import OVER
+from benchctl_instruments.physics.structures import structure_named
 
 _BY_CHANCE = {("dropouts", "count")}
 """What is drawn as an expectation: how many came in a recording is chance, and that is what is stated."""

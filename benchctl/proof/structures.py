@@ -13,7 +13,8 @@ import numpy as np
 
 from benchctl.proof.sizes import RAMP_C_PER_S, WARM_C, Values
 from benchctl.proof.unit import TrialUnit
-from benchctl_instruments.physics.structures import OVER, Structure, StructureStage, structure_named
+from benchctl_instruments.physics.structure_places import OVER, StructureStage
+from benchctl_instruments.physics.structures import Structure, structure_named
 
 _OVER: Mapping[StructureStage, tuple[str, ...]] = {
     "scale": ("gyro_temp", "gyro_temp", "gyro_temp", "angle", "time", "abs_rate"),

@@ -20,7 +20,8 @@ from benchctl_instruments.physics.chain import GRID_STAGES, Baseline, Effect, Si
 from benchctl_instruments.physics.effects.kinds import ClockEffect, FilterEffect
 from benchctl_instruments.physics.encoder import encoder_angle_deg, quadrature_count
 from benchctl_instruments.physics.noise import RandomWalk, WhiteNoise
-from benchctl_instruments.physics.structures import CHAMBER_C, SETPOINT_WAY, Structure
+from benchctl_instruments.physics.structure_places import CHAMBER_C, SETPOINT_WAY
+from benchctl_instruments.physics.structures import Structure
 from benchctl_instruments.physics.turn_on import warming_up_since
 from benchctl_instruments.simulated.axis import TableAxis
 from benchctl_instruments.simulated.climate import ClimateChamber

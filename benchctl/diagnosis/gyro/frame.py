@@ -19,7 +19,7 @@ from benchctl.recordings.model import Step, StepInfo, axis_of
 from benchctl.recordings.reader import Recording
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.physics.structures import CHAMBER_C, SETPOINT_WAY
+from benchctl_instruments.physics.structure_places import CHAMBER_C, SETPOINT_WAY
 
 _FEWEST_ROWS = 2000
 _GAP = 1.5

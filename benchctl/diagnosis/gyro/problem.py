@@ -33,7 +33,7 @@ from benchctl_instruments.physics.effects.effect import DescribedEffect
 from benchctl_instruments.physics.effects.kinds import NoiseEffect
 from benchctl_instruments.physics.effects.registry import effects
 from benchctl_instruments.physics.gyro import earth_rate_dps
-from benchctl_instruments.physics.structures import SETPOINT_WAY
+from benchctl_instruments.physics.structure_places import SETPOINT_WAY
 
 _TURN = 360.0
 _MANY, _PIECE = 3_000_000, 8

@@ -22,15 +22,8 @@ from benchctl.diagnosis.search.pull import Pull, peaks
 from benchctl.diagnosis.signals.bins import bin_of
 from benchctl.diagnosis.signals.threads import shared_out
 from benchctl_instruments.arrays import FloatArray
-from benchctl_instruments.physics.structures import (
-    CHAMBER_C,
-    OVER,
-    Span,
-    Structure,
-    StructureStage,
-    last_sign,
-    structure,
-)
+from benchctl_instruments.physics.structure_places import CHAMBER_C, OVER, StructureStage, last_sign
+from benchctl_instruments.physics.structures import Span, Structure, structure
 
 _BINS = 1000
 _EDGES, _STEPS = 60, 160

@@ -26,7 +26,8 @@ from benchctl.diagnosis.search.selection import Evidence, Selection
 from benchctl.diagnosis.signals.blocks import block_starts
 from benchctl.diagnosis.structures.scan import Begun, begun_everywhere, clock_s, encoder_jumps
 from benchctl_instruments.physics.effects.effect import DescribedEffect
-from benchctl_instruments.physics.structures import OVER, Structure, unmoved
+from benchctl_instruments.physics.structure_places import OVER
+from benchctl_instruments.physics.structures import Structure, unmoved
 
 _NEAR_THE_BEST = 0.4
 """Share of the best promise below which a shape is not fitted."""

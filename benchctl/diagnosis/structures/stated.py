@@ -16,7 +16,9 @@ from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.structures.noise import NoiseFound, noise_structure, with_noise
 from benchctl.diagnosis.structures.search import Modelled, modelled, with_jumps
 from benchctl.diagnosis.structures.settled import instead_of_names, settled
-from benchctl_instruments.physics.structures import ACTS, FORMULAS, OVER, PHRASES, Structure
+from benchctl_instruments.physics.structure_places import ACTS, OVER, PHRASES
+from benchctl_instruments.physics.structure_shapes import SHAPES
+from benchctl_instruments.physics.structures import Structure
 
 _HINTS: Mapping[tuple[str, str], tuple[str, ...]] = {
     ("scale", "gyro_temp"): ("a mode hop of the source", "a change of range", "a polariser or glue at its transition"),
@@ -227,7 +229,7 @@ def _with_edges(effect: Structure, parameters: Mapping[str, Estimate]) -> Mappin
 
 
 def _formula(effect: Structure) -> str:
-    return ACTS[effect.acts_on].formula.format(f=FORMULAS[effect.shape].format(x=effect.over))
+    return ACTS[effect.acts_on].formula.format(f=SHAPES[effect.shape].formula.format(x=effect.over))
 
 
 def _hints(effect: Structure) -> tuple[str, ...]:

@@ -12,7 +12,9 @@ import pytest
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.chain import Signals
 from benchctl_instruments.physics.effects.making import make_effects
-from benchctl_instruments.physics.structures import COORDINATES, SHAPES, STAGES, structure, structure_named
+from benchctl_instruments.physics.structure_places import ACTS, OVER
+from benchctl_instruments.physics.structure_shapes import SHAPES
+from benchctl_instruments.physics.structures import structure, structure_named
 
 ARRAYS = (
     "time_s",
@@ -62,7 +64,7 @@ def test_a_step_of_the_bias_adds_the_same_voltage_at_any_rate() -> None:
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_the_name_of_a_structure_says_all_of_it(shape: str) -> None:
-    for stage, over in itertools.product(STAGES, COORDINATES):
+    for stage, over in itertools.product(ACTS, OVER):
         kind = structure_named(f"{shape}_of_{stage}_over_{over}")
         assert kind is not None
         assert (kind.shape, kind.acts_on, kind.over) == (shape, stage, over)

@@ -11,7 +11,8 @@ import pytest
 from benchctl.diagnosis.result import Estimate, StructureModel
 from benchctl.diagnosis.structures.effect_file import effect_source
 from benchctl_instruments.physics.effect_contract import check_effect
-from benchctl_instruments.physics.structures import SHAPES, structure_named
+from benchctl_instruments.physics.structure_shapes import SHAPES
+from benchctl_instruments.physics.structures import structure_named
 
 PLACES = {"at": 27.7, "at_2": 40.0, "width": 2.0, "length": 8.0, "period": 30.0, "tau": 400.0, "low": 5.0, "high": 55.0}
 

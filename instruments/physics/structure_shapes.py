@@ -1,0 +1,318 @@
+"""The shapes of structures without a name: their numbers, their function of a coordinate, and a sentence about it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import scipy  # which loads interpolate when it is first used
+
+from benchctl_instruments.arrays import BoolArray, FloatArray
+from benchctl_instruments.physics.structure_places import ACTS, OVER, StructureStage
+
+_EDGE = 0.01
+"""The edges of a plateau, as a share of its length: a fit has to see where they are."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Said:
+    """What the sentence about a structure is made of: its stage, its coordinate and its numbers."""
+
+    stage: StructureStage
+    over: str
+    values: Mapping[str, float]
+
+    @property
+    def what(self) -> str:
+        """What is changed."""
+        return ACTS[self.stage].what
+
+    @property
+    def along(self) -> str:
+        """The coordinate, in words."""
+        return OVER[self.over].phrase
+
+    def size(self, value: float) -> str:
+        """A change, without its sign."""
+        factor, unit = ACTS[self.stage].printed
+        return f"{factor * abs(value):.3g} {unit}"
+
+    def change(self, name: str = "change") -> str:
+        """A change, with its direction."""
+        value = self.values[name]
+        return f"{self.size(value)} {'lower' if value < 0.0 else 'higher'}"
+
+    def place(self, value: str | float = "at") -> str:
+        """A value of the coordinate, or the number that is one."""
+        number = self.values[value] if isinstance(value, str) else value
+        return f"{number:.4g} {OVER[self.over].printed}".rstrip()
+
+    def slope(self, name: str) -> str:
+        """A change a unit of the coordinate."""
+        value, unit = self.values[name], OVER[self.over].printed or "1"
+        return f"{'falls' if value < 0.0 else 'rises'} by {self.size(value)} per {unit}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shape:
+    """A shape: sizes with the power of the coordinate that each goes with, places in x, lengths in x, its function.
+
+    `ends` are places that no fit moves. `says` is a sentence about it; `memory` says that x is the coordinate through a
+    first-order lag.
+    """
+
+    sizes: Mapping[str, int] = field(default_factory=lambda: {"change": 0})
+    places: tuple[str, ...] = ()
+    lengths: tuple[str, ...] = ()
+    ends: tuple[str, ...] = ()
+    formula: str
+    function: Callable[[Mapping[str, float], FloatArray], Any]
+    says: Callable[[Said], str]
+    memory: bool = False
+
+
+def _ramp(x: FloatArray, at: float, width: float) -> FloatArray:
+    return np.clip((x - at) / width + 0.5, 0.0, 1.0)
+
+
+def _plateau(p: Mapping[str, float], x: FloatArray) -> FloatArray:
+    edge = _EDGE * p["length"]
+    return p["change"] * (_ramp(x, p["at"], edge) - _ramp(x, p["at"] + p["length"], edge))
+
+
+def _bursts(p: Mapping[str, float], x: FloatArray) -> FloatArray:
+    since = np.mod(x - p["at"], p["period"])
+    edge = _EDGE * p["length"]
+    # the edge of the next burst begins before it
+    return p["change"] * (_ramp(since, 0.0, edge) - _ramp(since, p["length"], edge) + _ramp(since, p["period"], edge))
+
+
+def _wave(p: Mapping[str, float], x: FloatArray) -> FloatArray:
+    turned = math.tau / p["period"] * x
+    return p["cosine"] * np.cos(turned) + p["sine"] * np.sin(turned)
+
+
+def _bent(p: Mapping[str, float], x: FloatArray) -> FloatArray:
+    return p.get("below", 0.0) * np.minimum(x - p["at"], 0.0) + p.get("above", 0.0) * np.maximum(x - p["at"], 0.0)
+
+
+def _waves(said: Said) -> str:
+    size = said.size(math.hypot(said.values["cosine"], said.values["sine"]))
+    return f"The {said.what} follows a wave over {said.along}: ±{size}, with a period of {said.place('period')}."
+
+
+def _within(said: Said) -> str:
+    return (
+        f"About {said.place()} of {said.along} the {said.what} is up to {said.change()}, within {said.place('width')}"
+        " to either side."
+    )
+
+
+def _step(side: str, sign: float, formula: str) -> Shape:
+    """A step on one side of a place, by a ramp over a width."""
+    return Shape(
+        places=("at",),
+        lengths=("width",),
+        formula=f"change·clip({formula}/width + ½, 0, 1)",
+        function=lambda p, x: p["change"] * _ramp(sign * x, sign * p["at"], p["width"]),
+        says=lambda said: (
+            f"Where {said.along} is {side} {said.place()} the {said.what} is {said.change()}; the change takes"
+            f" {said.place('width')} or less."
+        ),
+    )
+
+
+def _kink(side: str, limited: str) -> Shape:
+    """A line that begins at a place and leads away from it on one side."""
+    return Shape(
+        sizes={side: 1},
+        places=("at",),
+        formula=f"{side}·{limited}({{x}} − at, 0)",
+        function=_bent,
+        says=lambda said: f"{side.capitalize()} {said.place()} of {said.along} the {said.what} {said.slope(side)}.",
+    )
+
+
+def _power(degree: int, name: str) -> Shape:
+    """A polynomial without a constant."""
+    names = [f"c{i + 1}" for i in range(degree)]
+
+    def says(said: Said) -> str:
+        terms = ", ".join(f"{one} = {said.values[one]:.3g}" for one in names)
+        return f"The {said.what} follows a {name} over {said.along}: {terms}."
+
+    return Shape(
+        sizes={one: i + 1 for i, one in enumerate(names)},
+        formula=" + ".join(f"{one}·{{x}}{('', '²', '³')[i]}" for i, one in enumerate(names)),
+        function=lambda p, x: np.polynomial.polynomial.polyval(x, [0.0, *(p[one] for one in names)]),
+        says=says,
+    )
+
+
+def _way(number: int, relation: str, chosen: Callable[[FloatArray], BoolArray]) -> Shape:
+    """A change where the coordinate is below, above or away from zero."""
+
+    def says(said: Said) -> str:
+        ways = OVER[said.over].ways
+        where = f"Where {said.along} is {('below', 'above', 'not')[number]} zero"
+        return f"{where if ways is None else f'While {ways[number]}'} the {said.what} is {said.change()}."
+
+    return Shape(formula=f"change·[{{x}} {relation} 0]", function=lambda p, x: p["change"] * chosen(x), says=says)
+
+
+def _spline(knots: int) -> Shape:
+    """A smooth curve through values at evenly spaced knots from `low` to `high`."""
+    names = [f"v{i}" for i in range(knots)]
+
+    def function(p: Mapping[str, float], x: FloatArray) -> FloatArray:
+        curve = scipy.interpolate.make_interp_spline(
+            np.linspace(p["low"], p["high"], knots), [p[name] for name in names], k=3
+        )
+        return np.asarray(curve(np.clip(x, p["low"], p["high"])), dtype=np.float64)
+
+    return Shape(
+        sizes=dict.fromkeys(names, 0),
+        ends=("low", "high"),
+        formula=f"a cubic spline over {{x}} through v0 … v{knots - 1}, evenly from low to high",
+        function=function,
+        says=lambda said: (
+            f"The {said.what} follows a smooth curve over {said.along}: it varies by"
+            f" {said.size(float(np.ptp([said.values[name] for name in names])))} in all."
+        ),
+    )
+
+
+SHAPES: Mapping[str, Shape] = {
+    "step": _step("above", 1.0, "({x} − at)"),
+    "step_below": _step("below", -1.0, "(at − {x})"),
+    "steps": Shape(
+        sizes={"change": 0, "change_2": 0},
+        places=("at", "at_2"),
+        lengths=("width",),
+        formula="change·clip(({x} − at)/width + ½, 0, 1) + change_2·clip(({x} − at_2)/width + ½, 0, 1)",
+        function=lambda p, x: (
+            p["change"] * _ramp(x, p["at"], p["width"]) + p["change_2"] * _ramp(x, p["at_2"], p["width"])
+        ),
+        says=lambda said: (
+            f"Above {said.place()} of {said.along} the {said.what} is {said.change()}, and above {said.place('at_2')}"
+            f" {said.change('change_2')} than before; each change takes {said.place('width')} or less."
+        ),
+    ),
+    "jump": Shape(
+        places=("at",),
+        formula="change·[{x} ≥ at]",
+        function=lambda p, x: p["change"] * (x >= p["at"]),
+        says=lambda said: f"From {said.place()} of {said.along} on the {said.what} is {said.change()}.",
+    ),
+    "plateau": Shape(
+        places=("at",),
+        lengths=("length",),
+        formula="change·[at ≤ {x} < at + length]",
+        function=_plateau,
+        says=lambda said: (
+            f"Where {said.along} is between {said.place()} and {said.place(said.values['at'] + said.values['length'])}"
+            f" the {said.what} is {said.change()}."
+        ),
+    ),
+    "kink": _kink("above", "max"),
+    "kink_below": _kink("below", "min"),
+    "bend": Shape(
+        sizes={"below": 1, "above": 1},
+        places=("at",),
+        formula="below·min({x} − at, 0) + above·max({x} − at, 0)",
+        function=_bent,
+        says=lambda said: (
+            f"The {said.what} bends at {said.place()} of {said.along}: below, it {said.slope('below')}; above, it"
+            f" {said.slope('above')}."
+        ),
+    ),
+    "bump": Shape(
+        places=("at",),
+        lengths=("width",),
+        formula="change·exp(−½·(({x} − at)/width)²)",
+        function=lambda p, x: p["change"] * np.exp(-0.5 * ((x - p["at"]) / p["width"]) ** 2),
+        says=_within,
+    ),
+    "wave": Shape(
+        sizes={"cosine": 0, "sine": 0},
+        lengths=("period",),
+        formula="cosine·cos(2π·{x}/period) + sine·sin(2π·{x}/period)",
+        function=_wave,
+        says=_waves,
+    ),
+    "line": _power(1, "straight line"),
+    "parabola": _power(2, "parabola"),
+    "cubic": _power(3, "cubic"),
+    "exponential": Shape(
+        lengths=("tau",),
+        formula="change·exp(−{x}/tau)",
+        function=lambda p, x: p["change"] * np.exp(-x / p["tau"]),
+        says=lambda said: (
+            f"The {said.what} begins {said.change()} and settles over {said.along} with a constant of"
+            f" {said.place('tau')}."
+        ),
+    ),
+    "bursts": Shape(
+        places=("at",),
+        lengths=("period", "length"),
+        formula="change·[({x} − at) mod period < length]",
+        function=_bursts,
+        says=lambda said: (
+            f"Every {said.place('period')} of {said.along}, from {said.place()} on, the {said.what} is {said.change()}"
+            f" for {said.place('length')}."
+        ),
+    ),
+    "negative": _way(0, "<", lambda x: x < 0.0),
+    "positive": _way(1, ">", lambda x: x > 0.0),
+    "either": _way(2, "≠", lambda x: x != 0.0),
+    "smooth_step": Shape(
+        places=("at",),
+        lengths=("width",),
+        formula="change·(1 + tanh(({x} − at)/width))/2",
+        function=lambda p, x: p["change"] * 0.5 * (1.0 + np.tanh((x - p["at"]) / p["width"])),
+        says=lambda said: (
+            f"About {said.place()} of {said.along} the {said.what} becomes {said.change()}, within"
+            f" {said.place('width')} to either side."
+        ),
+    ),
+    "resonance": Shape(
+        places=("at",),
+        lengths=("width",),
+        formula="change/(1 + (({x} − at)/width)²)",
+        function=lambda p, x: p["change"] / (1.0 + ((x - p["at"]) / p["width"]) ** 2),
+        says=_within,
+    ),
+    "sawtooth": Shape(
+        lengths=("period",),
+        formula="change·(2·({x}/period mod 1) − 1)",
+        function=lambda p, x: p["change"] * (2.0 * np.mod(x / p["period"], 1.0) - 1.0),
+        says=lambda said: (
+            f"The {said.what} follows a sawtooth over {said.along}: up to {said.change()}, with a period of"
+            f" {said.place('period')}."
+        ),
+    ),
+    "root": Shape(
+        places=("at",),
+        lengths=("width",),
+        formula="change·√(max({x} − at, 0)/width)",
+        function=lambda p, x: p["change"] * np.sqrt(np.maximum(x - p["at"], 0.0) / p["width"]),
+        says=lambda said: (
+            f"Above {said.place()} of {said.along} the {said.what} is {said.change()} {said.place('width')} further on,"
+            " and changes as the root of the distance."
+        ),
+    ),
+    **{f"spline{knots}": _spline(knots) for knots in (6, 12)},
+    "memory": Shape(
+        sizes={"c1": 1},
+        formula="c1·y, τ·dy/dt = {x} − y, τ = tau",
+        function=lambda p, x: p["c1"] * x,
+        says=lambda said: (
+            f"The {said.what} follows {said.along} with a memory of {said.values['tau']:.4g} s: it"
+            f" {said.slope('c1')} of what {said.along} was."
+        ),
+        memory=True,
+    ),
+}
