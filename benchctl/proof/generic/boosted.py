@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from benchctl.proof.generic.rows import Rows
 from benchctl.proof.generic.sparse import FOLDS, folds_of
@@ -29,6 +30,7 @@ def boosted(baseline: FloatArray, rows: Rows) -> float:
         linear, *_ = np.linalg.lstsq(baseline[~held], rows.residual_v[~held], rcond=None)
         rest = (rows.residual_v - baseline @ linear) / rows.noise_v
         tree = HistGradientBoostingRegressor(max_iter=200, early_stopping=True, random_state=0)
-        tree.fit(table[~held], rest[~held])
-        left[held] = rest[held] - tree.predict(table[held])
+        with threadpool_limits(limits=1):  # OpenMP threads spin at barriers: minutes on a busy machine
+            tree.fit(table[~held], rest[~held])
+            left[held] = rest[held] - tree.predict(table[held])
     return float(np.sqrt(np.mean(left**2)))
