@@ -96,7 +96,7 @@ def _named(found: list[tuple[Message, str]]) -> list[str]:
 
 
 def test_every_message_keeps_to_the_voice() -> None:
-    asked = "benchctl/cli/resuming.py"  # it repeats the question that nobody could be asked, in whole sentences
+    asked = "benchctl/cli/campaigns.py"  # it repeats the question that nobody could be asked, in whole sentences
     found = [
         (message, fault)
         for message in told()

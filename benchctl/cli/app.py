@@ -6,9 +6,8 @@ import io
 import os
 import sys
 
-from benchctl.cli.overview import overview
-from benchctl.cli.saying import tell
-from benchctl.cli.verbs import SYNONYMS, VERBS
+from benchctl.cli.messages import tell
+from benchctl.cli.verbs import SYNONYMS, VERBS, overview
 from benchctl_instruments.errors import BenchError, UsageError
 
 _STOPPED = 130

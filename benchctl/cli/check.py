@@ -43,13 +43,13 @@ def check(
 
     from benchctl.bench import load_bench
     from benchctl.campaign.opened import open_bench
-    from benchctl.cli.foretelling import foretell
+    from benchctl.cli.dry_run import preview
     from benchctl.plan.find import find_procedure
 
     with result_of("check", json_to, quiet) as result:
         stands = load_bench(bench)
         plan = find_procedure(procedure).expand(parameters(parameter))
-        foretell(result, plan, stands, out)
+        preview(result, plan, stands, out)
         if picture is not None:
             from benchctl.reports.timeline import draw_timeline
 

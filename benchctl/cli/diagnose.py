@@ -9,8 +9,10 @@ import typer
 
 from benchctl.cli.candidates import bench_files, toml_files
 from benchctl.cli.output import JsonOption, QuietOption, RecordingsArgument, result_of
+from benchctl_instruments.errors import UsageError
 
 if TYPE_CHECKING:
+    from benchctl.diagnosis.result import Diagnosis
     from benchctl.reports.diagnosing import Diagnosed
 
 
@@ -74,9 +76,8 @@ def diagnose(
     Example: `benchctl diagnose results/20261120-180000_diagnostic_SIM-0001`,
     `benchctl diagnose recording.h5 --settle --dry-run`
     """
-    from benchctl.cli.effect_writing import refuse_other_effect_files, write_effect
-    from benchctl.cli.live import search_progress
     from benchctl.cli.places import report_folder
+    from benchctl.cli.terminal import search_progress
     from benchctl.recordings.campaign_manifest import add_to_manifest
     from benchctl.recordings.verify import refuse_changed
     from benchctl.reports.diagnosing import diagnose_recordings, write_diagnosed
@@ -85,7 +86,7 @@ def diagnose(
 
     with result_of("diagnose", json_to, quiet) as result:
         if following is not None or settle:  # who runs nothing does not load what runs
-            from benchctl.cli.settling import bench_of, foretell_next, refuse_other_files, run_next, write_next
+            from benchctl.cli.next_run import bench_of, preview_next, refuse_other_files, run_next, write_next
         if following is not None:
             refuse_other_files(following)
         if effect_file is not None:
@@ -103,7 +104,7 @@ def diagnose(
 
         found = search(recordings)
         if stands is not None and dry_run and found.diagnosis.next_experiment.procedure:
-            foretell_next(found.diagnosis.next_experiment, stands, result)
+            preview_next(found.diagnosis.next_experiment, stands, result)
         elif stands is not None and found.diagnosis.next_experiment.procedure:
             ran = run_next(found.diagnosis.next_experiment, stands, quiet=quiet)
             result.say(f"next experiment run: {ran}")
@@ -122,3 +123,30 @@ def diagnose(
             add_to_manifest(folder, written.values())
             for name, path in written.items():
                 result.say(f"{name}: {path}")
+
+
+def refuse_other_effect_files(path: Path) -> None:
+    """Raise `UsageError` where an effect cannot be named after a file, or has the name of one that there is."""
+    from benchctl_instruments.physics.effects.registry import effects
+
+    if path.suffix != ".py" or not path.stem.isidentifier():
+        raise UsageError(
+            f"--write-effect {path}: the effect is named after the file; expected a name such as mode_hop.py"
+        )
+    if path.stem in effects():
+        raise UsageError(f"--write-effect {path}: there is an effect {path.stem} already; choose another name")
+    if path.exists():
+        raise UsageError(f"--write-effect {path}: the file exists; choose another name, or remove it")
+
+
+def write_effect(path: Path, diagnosis: Diagnosis) -> str:
+    """Write the largest of the structures that were modelled; what to do with the file, in a line."""
+    from benchctl.atomic import whole_file
+    from benchctl.diagnosis.structures.effect_file import WRITTEN, effect_source
+
+    models = [one for one in diagnosis.unexplained.models if one.stage in WRITTEN]
+    if not models:
+        return f"no structure without a name was modelled that an effect can stand for: {path} is not written"
+    with whole_file(path) as temporary:
+        temporary.write_text(effect_source(path.stem, models[0]), encoding="utf-8")
+    return f"effect {path.stem}: {path}; complete its words and add it to the entry points benchctl.effects"

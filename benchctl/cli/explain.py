@@ -26,8 +26,7 @@ def explain(
     """
     import shutil
 
-    from benchctl.explain.book import find, grouped
-    from benchctl.explain.explained import explained
+    from benchctl.explain.book import explained, find, grouped
     from benchctl.explain.terminal import listing, page
     from benchctl_instruments.errors import UsageError
 

@@ -11,8 +11,8 @@ import typer
 
 from benchctl.cli.accept import LanguageOption
 from benchctl.cli.candidates import recordings, toml_files
+from benchctl.cli.messages import tell
 from benchctl.cli.output import JsonOption, QuietOption, Result, result_of
-from benchctl.cli.saying import tell
 
 if TYPE_CHECKING:
     from benchctl.fleet.job import Job, Options, Outcome
@@ -91,9 +91,8 @@ def fleet(
     from benchctl.campaign.stop import stop_on_signals
     from benchctl.fleet.fleet import Settings, run_fleet
     from benchctl.fleet.located import located
-    from benchctl.reports.fleet_lines import lines
+    from benchctl.reports.fleet_facts import fleet_values, lines, write_fleet_file
     from benchctl.reports.fleet_page import write_fleet_page
-    from benchctl.reports.fleet_values import fleet_values, write_fleet_file
     from benchctl.reports.results import make_folder
     from benchctl_instruments.errors import UsageError
 
@@ -199,8 +198,8 @@ def _told(verb: str, total: int, quiet: bool) -> Iterator[Callable[[Job, Outcome
     """A bar where there is a terminal: what is done, what failed, what is left and for how long."""
     import time
 
+    from benchctl.cli.messages import duration
     from benchctl.cli.terminal import progress_bar
-    from benchctl.cli.words import duration
 
     counts = {"done": 0, "kept": 0, "failed": 0}
     with progress_bar(f"fleet {verb}", quiet) as draw:

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
+from benchctl.cli.messages import tell
 from benchctl.cli.output import JsonOption, QuietOption, result_of
-from benchctl.cli.saying import tell
 
 
 def history(

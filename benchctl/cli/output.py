@@ -14,7 +14,7 @@ from typing import Annotated, Any
 import typer
 
 from benchctl.cli.candidates import bench_files, parameters_of, procedures_named, recordings
-from benchctl.cli.saying import tell
+from benchctl.cli.messages import tell
 from benchctl_instruments.errors import BenchError, UsageError, reason
 
 JsonOption = Annotated[

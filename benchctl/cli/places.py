@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from benchctl.cli.saying import tell
+from benchctl.cli.messages import tell
 
 
 def beside(path: Path, ending: str) -> Path:

@@ -12,8 +12,7 @@ def procedures(bench: BenchOption = "simulated", json_to: JsonOption = None, qui
     """
     from benchctl.bench import load_bench
     from benchctl.campaign.check import bench_time_s
-    from benchctl.cli.saying import tell
-    from benchctl.cli.words import duration
+    from benchctl.cli.messages import duration, tell
     from benchctl.plan.find import installed_procedures
     from benchctl_instruments.errors import UsageError
 

@@ -56,8 +56,7 @@ def prove(
     from benchctl.campaign.stop import stop_on_signals
     from benchctl.proof.running import ProofSettings, run_proof
     from benchctl.proof.summary import summarize
-    from benchctl.reports.proof_lines import lines
-    from benchctl.reports.proof_page import write_proof_report
+    from benchctl.reports.proof_page import lines, write_proof_report
 
     with result_of("prove", json_to, quiet) as result:
         from benchctl.proof.classes import USUAL_TRIALS, class_names
@@ -99,7 +98,7 @@ def _on_recording(
     from benchctl.closeness import meant
     from benchctl.diagnosis.result import Part
     from benchctl.proof.on_recording import RecordingProof, as_json, prove_on, untouched_findings
-    from benchctl.reports.proof_lines import lines_on
+    from benchctl.reports.proof_page import lines_on
     from benchctl_instruments.errors import UsageError
 
     with result_of("prove", json_to, quiet) as result:

@@ -14,8 +14,7 @@ from benchctl.cli.output import Result
 from benchctl.plan import Plan
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.verify import refuse_changed
-from benchctl.reports.rerun_lines import lines
-from benchctl.reports.rerunning import FirstRun, first_run, rerun_of
+from benchctl.reports.rerunning import FirstRun, first_run, lines, rerun_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -99,8 +99,7 @@ def run(
     from benchctl.campaign.answers import read_answers
     from benchctl.campaign.playing import new_folder
     from benchctl.campaign.resume import past_of
-    from benchctl.cli.campaigns import play, summary, told
-    from benchctl.cli.resuming import resumed
+    from benchctl.cli.campaigns import play, resumed, summary, told
     from benchctl.plan.find import find_procedure
     from benchctl_instruments.errors import UsageError
 
@@ -124,10 +123,10 @@ def run(
             plan, stands = find_procedure(procedure).expand(parameters(parameter)), stands.with_seed(seed)
         folder = out or resume or new_folder(plan.procedure, stands.unit.serial)
         if dry_run:
-            from benchctl.cli.foretelling import foretell_run
+            from benchctl.cli.dry_run import preview_run
 
             with past_of(folder, plan, stands, seeded=seed is not None) if resume else nullcontext() as past:
-                foretell_run(result, plan, past.bench if past else stands, folder, answers=answered, past=past)
+                preview_run(result, plan, past.bench if past else stands, folder, answers=answered, past=past)
             return
         if resume is not None:
             outcome = resumed(plan, stands, resume, seeded=seed is not None, yes=yes, quiet=quiet, answers=answered)

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from benchctl.cli.saying import tell
+from benchctl.cli.messages import tell
 
 _EXTRA = frozenset({"fastapi", "starlette", "uvicorn", "websockets", "h11"})
 
@@ -34,7 +34,7 @@ def serve(
     if not folder.is_dir():
         raise UsageError(f"{folder}: is not there, or is no folder; expected a folder with campaigns in it")
     try:
-        from benchctl.dashboard.web.running import run_page
+        from benchctl.dashboard.web.server import run_page
     except ModuleNotFoundError as err:
         if err.name not in _EXTRA:
             raise
@@ -48,7 +48,7 @@ def serve(
         tell(f"benchctl: warning: {text}", err=True)
 
     def words(term: str) -> dict[str, Any]:
-        from benchctl.explain.explained import explained
+        from benchctl.explain.book import explained
 
         return explained(term)
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import typer
 
+from benchctl.cli.messages import tell
 from benchctl.cli.output import JsonOption, QuietOption, RecordingArgument, result_of
-from benchctl.cli.saying import tell
 
 
 def verify(

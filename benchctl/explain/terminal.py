@@ -6,8 +6,7 @@ import re
 import textwrap
 from collections.abc import Iterator, Mapping
 
-from benchctl.explain.effects import ParameterWords, parameters, symbols
-from benchctl.explain.explained import usual
+from benchctl.explain.book import ParameterWords, parameters, symbols, usual
 from benchctl.explain.glossary import Entry, Group, as_written, heading, kind
 from benchctl.reports import text
 

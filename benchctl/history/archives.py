@@ -22,7 +22,7 @@ from pathlib import Path, PurePosixPath
 from typing import IO, cast
 
 from benchctl.atomic import free_bytes
-from benchctl.history.found import is_wanted
+from benchctl.history.index import is_wanted
 from benchctl.limits import FREE_BYTES, MOST_DESCRIPTION_BYTES, MOST_TEXT_INFLATION, shown
 from benchctl_instruments.errors import UsageError, in_line, reason
 

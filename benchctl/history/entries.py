@@ -12,7 +12,7 @@ from typing import Any
 
 from benchctl.calibration.coefficients import read_coefficients
 from benchctl.documents import read_json
-from benchctl.history.model import Campaign, Document, Figure, Source
+from benchctl.history.series import Campaign, Document, Figure, Source
 from benchctl.limits import cut, shown
 from benchctl.recordings.descriptions import read_meta
 from benchctl.recordings.hdf5_files import open_ours

@@ -1,13 +1,108 @@
-"""What of a series a reader must look at, each in one sentence."""
+"""What of a series a reader must look at: values outside its control limits, runs, drift, units apart from others.
+
+Control limits are those of the individuals chart with moving ranges: centre ± 3·MR/d2, with MR the mean of
+|x[i] − x[i−1]| and d2 = 1.128 of ranges of two (3/1.128 = 2.66). Beyond them lies 3 in 1000 values of a process that
+only has its usual scatter. Eight values in a row on one side of the centre show that the level has moved (Western
+Electric's fourth rule), by chance once in 128 such rows. Sources: NIST/SEMATECH e-Handbook of Statistical Methods,
+6.3.2.2 and 6.3.2; Montgomery, Introduction to Statistical Quality Control.
+
+Units are compared by a robust z = 0.6745·(x − median)/MAD, MAD the median of |x − median| (Iglewicz and Hoaglin 1993;
+NIST/SEMATECH e-Handbook, 1.3.5.17, who call |z| > 3.5 an outlier). Of few units the MAD is uncertain, and 3.5 would
+flag one in every fifth group of five like ones; so the limit is 3.5 + 8/(n − 3), which one group in twenty passes by
+chance (by simulation; one in eight of 200 units).
+"""
 
 from __future__ import annotations
 
+import statistics
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
-from benchctl.history.control import Control, outside, runs
 from benchctl.history.series import Drift, Series
-from benchctl.history.siblings import Siblings
+
+FEWEST_UNITS = 5
+"""Units of a model from which they are compared."""
+_TO_DEVIATIONS = 0.6745
+_LIMIT, _OF_FEW, _LOST = 3.5, 8.0, 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Siblings:
+    """The units of a model: median and MAD of their latest values, and the |z| from which one stands apart."""
+
+    median: float
+    mad: float
+    limit: float
+    units: int
+
+    def z(self, value: float) -> float:
+        """The robust z of a value."""
+        return _TO_DEVIATIONS * (value - self.median) / self.mad
+
+    def is_apart(self, value: float, uncertainty: float | None) -> bool:
+        """Whether a value is beyond the limit, and further from the median than its own expanded uncertainty."""
+        return abs(self.z(value)) > self.limit and abs(value - self.median) > (uncertainty or 0.0)
+
+    @property
+    def half_width(self) -> float:
+        """How far from the median `limit` is, in the unit of the values."""
+        return self.limit * self.mad / _TO_DEVIATIONS
+
+
+def siblings_of(values: Sequence[float]) -> Siblings | None:
+    """What the latest values of all units of a model have in common; None of too few, or where half are equal."""
+    if len(values) < FEWEST_UNITS:
+        return None
+    median = statistics.median(values)
+    mad = statistics.median(abs(value - median) for value in values)
+    if mad == 0.0:
+        return None
+    limit = _LIMIT + _OF_FEW / (len(values) - _LOST)
+    return Siblings(median=median, mad=mad, limit=limit, units=len(values))
+
+
+FEWEST = 8
+"""Values from which control limits are stated; of fewer the moving range says too little."""
+RUN = 8
+_D2 = 1.128
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Control:
+    """Centre and limits of an individuals chart, in the unit of its values."""
+
+    centre: float
+    low: float
+    high: float
+
+
+def control_of(values: Sequence[float]) -> Control | None:
+    """The chart of values in the order of time; None for fewer than `FEWEST`."""
+    if len(values) < FEWEST:
+        return None
+    centre = statistics.mean(values)  # exactly rounded: equal values lie on it, not beside it
+    half = 3.0 * statistics.fmean(abs(after - before) for before, after in pairwise(values)) / _D2
+    return Control(centre=centre, low=centre - half, high=centre + half)
+
+
+def outside(values: Sequence[float], control: Control) -> list[int]:
+    """The indices of the values beyond the limits."""
+    return [index for index, value in enumerate(values) if not control.low <= value <= control.high]
+
+
+def runs(values: Sequence[float], control: Control) -> list[tuple[int, int]]:
+    """First and last index of each run of `RUN` or more values on one side of the centre."""
+    found, start = [], 0
+    sides = [(value > control.centre) - (value < control.centre) for value in values]
+    for index, side in enumerate([*sides, 0]):
+        if index == len(sides) or side != sides[start]:
+            if sides[start] and index - start >= RUN:
+                found.append((start, index - 1))
+            start = index
+    return found
+
 
 Kind = Literal["fails", "outside_limits", "run_on_one_side", "drift", "apart_from_siblings"]
 _OTHER_TEMPERATURE_C = 1.0

@@ -23,7 +23,7 @@ from benchctl.metrology.limit_file import Limits, read_limits
 from benchctl.plan import Plan
 from benchctl.pytest_plugin.fixtures import ENDING
 from benchctl.reports.acceptance.catalogue import catalogue
-from benchctl.reports.acceptance.junit import properties_of, verdict_says
+from benchctl.reports.acceptance.write import properties_of, verdict_says
 from benchctl.toml_file import parse_toml, read_text
 from benchctl_instruments.errors import BenchError, UsageError
 

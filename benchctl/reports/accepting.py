@@ -14,12 +14,11 @@ from benchctl.metrology.limit_file import Limits
 from benchctl.metrology.result import Acceptance
 from benchctl.recordings.campaign_manifest import add_to_manifest
 from benchctl.recordings.verify import opened_unchanged
-from benchctl.reports.acceptance.as_json import values
 from benchctl.reports.acceptance.build import tally
 from benchctl.reports.acceptance.catalogue import catalogue
 from benchctl.reports.acceptance.recording_facts import RecordingFacts, facts_of
 from benchctl.reports.acceptance.values import limits, stated, verdict_of
-from benchctl.reports.acceptance.write import write_acceptance
+from benchctl.reports.acceptance.write import values, write_acceptance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,19 +2,242 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+import shlex
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from matplotlib.figure import Figure
+
 from benchctl.calibration.result import CalibrationResult, JointFit
 from benchctl.recordings.model import Meta, StepInfo
-from benchctl.reports import calibration_words as words
 from benchctl.reports import setup_section, text, verdict
-from benchctl.reports.calibration_drawings import drawings
 from benchctl.reports.coefficient_tables import Budget, Coefficient, budget, joint_coefficients, stage_tables
-from benchctl.reports.figures import PATH_LEVELS
+from benchctl.reports.figures import PATH_LEVELS, Drawing, inline_svg, level_names, style
 from benchctl.reports.html import render, write_page
-from benchctl.reports.run_errors import run_table
+from benchctl.reports.law_figures import (
+    final_residuals_figure,
+    k_omega_figure,
+    k_temperature_figure,
+    last_level,
+    output_figure,
+)
+from benchctl.reports.path_figures import levels_figure, residual_rows_figure, run_table, shown_runs
+from benchctl.reports.setup_section import parameters
+
+
+def drawings(result: CalibrationResult) -> Mapping[str, Drawing]:
+    """The figures that the result supports, by name: levels, rows, final, output, k_omega, k_temperature."""
+    found: dict[str, Drawing] = {}
+
+    def add(name: str, figure: Figure | None, alt: str, caption: str) -> None:
+        if figure is not None:
+            found[name] = Drawing(svg=inline_svg(figure, name), alt=alt, caption=caption)
+
+    with style():
+        level = last_level(result)
+        if level is not None and shown_runs(result):
+            add("levels", levels_figure(result), _levels_alt(result), _levels_caption(result))
+        if level is not None:
+            add("rows", residual_rows_figure(result), _rows_alt(result), _rows_caption(result))
+            add("final", final_residuals_figure(result, level), _final_alt(), _final_caption(result))
+        t0 = text.plain(result.T0_c, "°C")
+        add(
+            "output",
+            output_figure(result),
+            f"Output of the gyro against rate at {t0} and its distance from a straight line.",
+            f"Left: output against rate at {t0}, means of steps at constant rate. Right: the same less the straight "
+            f"line that was fitted up to ±{text.plain(result.raw.rate_limit_dps, '°/s')}, as a rate.",
+        )
+        add(
+            "k_omega",
+            k_omega_figure(result),
+            f"Correction k of the indicated rate against the indicated rate at {t0}.",
+            f"k(ω) is the number by which the rate that stage 1's K0 indicates at {t0} is to be multiplied, the bias "
+            "being taken from the readings at rest. "
+            "Bands: 95 % intervals of the curves by the scatter of the data; where none is seen it is narrower than "
+            "the line.",
+        )
+        add(
+            "k_temperature",
+            k_temperature_figure(result),
+            "Correction k and bias of the gyro against temperature.",
+            f"Left: k(T), 1 at T0 = {t0}; the points are slopes of output against rate at one temperature each. "
+            "Right: output at rest; the joint fit's curve is that of the moment when the recording began, while the "
+            "points have wandered with the bias since. Bands and bars: 95 % intervals by the scatter of the data.",
+        )
+    return found
+
+
+def _levels_alt(result: CalibrationResult) -> str:
+    told = [f"{level.replace('_', ' ')} {text.percent(value)}" for level, value in result.error_percent.items()]
+    return "Largest error of each level against rate, temperature and time" + (f": {', '.join(told)}." if told else ".")
+
+
+def _levels_caption(result: CalibrationResult) -> str:
+    kept = any(run.role == "verify" for run in shown_runs(result))
+    which = "the runs kept aside for verification" if kept else "the fitted runs themselves, as none was kept aside"
+    return (
+        f"The path of the error on {which}, in percent of the largest rate of each run, on a logarithmic scale. "
+        "Left: the largest error of all blocks within a bin of rate. Others: the largest error of each run."
+    )
+
+
+def _rows_alt(result: CalibrationResult) -> str:
+    levels = ", ".join(level.replace("_", " ") for level in level_names(tuple(result.residuals.residual_dps)))
+    return (
+        f"Error in °/s against rate, temperature and time, one row for each of: {levels}. The scale shrinks row by row."
+    )
+
+
+def _rows_caption(result: CalibrationResult) -> str:
+    left = result.residuals
+    colours = "Coloured: runs kept aside; grey: fitted runs. " if left.verify.any() else ""
+    return (
+        "Compensated less true rate, one point a block; each row has its own scale. "
+        f"{colours}Of many points those drawn include the highest and lowest everywhere."
+    )
+
+
+def _final_alt() -> str:
+    return "What the final model leaves, against rate and acceleration, with means in bins, and its distribution."
+
+
+def _final_caption(result: CalibrationResult) -> str:
+    kept = "the runs kept aside" if result.residuals.verify.any() else "all runs"
+    return (
+        f"What the last level leaves of {kept}. A model that says all leaves noise: no shape in the means, and a "
+        "distribution like the normal one. A slope against acceleration would be an error of timing."
+    )
+
+
+_EXCESS = 3.0
+"""Beyond this the scatter of the means is no matter of chance."""
+
+_CONVENTIONS: Mapping[tuple[str, str], str] = {
+    ("correction", "indicated"): "correction, of the indicated rate: the rate that the line reads is multiplied by k",
+    ("response", "true"): "response, to the true rate: the law says what the gyro puts out; it is inverted for use",
+}
+
+
+def formula(joint: JointFit) -> list[str]:
+    """How an output U becomes a rate ω by a joint fit, in lines."""
+    names = {parameter.name for parameter in joint.parameters}
+    bias = "U − U0" + "".join(f" − {c}·{_power('ΔT', i)}" for i, c in enumerate(("c1", "c2", "c3"), 1) if c in names)
+    letter = "g" if joint.law == "sine" else "a"
+    terms = [f"{letter}{i}" for i in range(1, 5) if f"{letter}{i}" in names]
+    warm = "".join(f" + {term}·{_power('ΔT', i)}" for i, term in enumerate(terms, 1))
+    bends = [(f"b{i}", i) for i in (2, 4, 6, 8) if f"b{i}" in names]
+    if joint.law == "sine":
+        gain = f"(K0·(1{warm}))" if warm else "K0"
+        return [f"x = ({bias}) / {gain}", "ω = arcsin(S·x) / S"]
+    warm_factor = f"·(1{warm})" if warm else ""
+    if joint.law == "response":
+        bend = "".join(f" + {name}·{_power('ω', i)}" for name, i in bends)
+        return [f"{bias} = K0{warm_factor}·(1{bend})·ω, solved for ω"]
+    bend = "·(1" + "".join(f" + {name}·{_power('x', i)}" for name, i in bends) + ")" if bends else ""
+    return [f"x = ({bias}) / K0", f"ω = x{warm_factor}{bend}"]
+
+
+def conventions(result: CalibrationResult) -> list[tuple[str, str]]:
+    """Terms and what they mean in this report."""
+    rows = [
+        ("True rate ω", _true_rate(result)),
+        ("T, T0", f"T is the gyro's own thermometer; T0 = {text.plain(result.T0_c, '°C', 3)}; k(T0) = 1."),
+        (
+            "Indicated rate x",
+            "what a straight line reads: (output − bias)/K0. In stage 2 it is the rate that stage 1 gave.",
+        ),
+        ("k of the stages", f"{_CONVENTIONS['correction', 'indicated']}."),
+    ]
+    if result.joint:
+        best = result.best
+        told = _CONVENTIONS.get((best.convention, best.argument), f"{best.convention}, argument {best.argument}")
+        rows.append((f"Law of the joint fit ({best.law})", f"{told}."))
+    return [
+        *rows,
+        (
+            "Valid",
+            f"{_valid(result)}: where it was measured. Beyond, the coefficients are an extrapolation.",
+        ),
+        ("error_percent", _error_percent(result)),
+        ("rms_percent", "the root of the mean squared residual of the run instead of its largest."),
+        ("Delay τ", "by how much the gyro's output is later than the encoder's angle in the recording."),
+        (
+            "Uncertainty",
+            "expanded (95.45 %) from a budget by contributor, k by its degrees of freedom; an interval “by scatter” "
+            "holds what the data themselves show.",
+        ),
+    ]
+
+
+def remarks(result: CalibrationResult) -> list[str]:
+    """What a user of the coefficients should know, and what was done."""
+    reach = max(abs(end) for end in result.valid.rate_dps)
+    beyond = (
+        f"Measured up to {text.plain(reach, '°/s')}; the gyro's rated range is ±{text.plain(result.range_dps, '°/s')}."
+    )
+    found = [beyond] if reach < 0.99 * result.range_dps else []
+    if result.joint and result.best.noise.mean_excess > _EXCESS:
+        found.append(
+            f"The means of steps scatter {text.number(result.best.noise.mean_excess, 2)} times as much as the noise "
+            "within them: the output holds something that the joint fit lacks. The uncertainties stand for its model."
+        )
+    return [*found, *(text.raised(note) for note in result.notes)]
+
+
+def again(meta: Meta) -> str:
+    """The commands that repeat the campaign and the fit."""
+    procedure = meta.provenance.get("procedure")
+    lines = []
+    if procedure:
+        chosen = [f"-p {shlex.quote(f'{name}={_argument(value)}')}" for name, value in parameters(meta).items()]
+        lines.append(" ".join(["benchctl run", shlex.quote(procedure), "--bench bench.toml", *chosen]))
+    return "\n".join(
+        [*lines, "benchctl verify RECORDING     # the digest above", "benchctl fit RECORDING        # this report"]
+    )
+
+
+def _argument(value: object) -> str:
+    """A parameter as the command line takes it."""
+    return ",".join(str(item) for item in value) if isinstance(value, list) else str(value)
+
+
+def _true_rate(result: CalibrationResult) -> str:
+    told = "the rate of the table by its encoder"
+    if result.latitude_deg is not None:
+        told += f" plus the vertical part of the Earth's, {text.number(result.earth_rate_dps, 3)} °/s at this latitude"
+    if result.smoother is None:
+        return f"{told}."
+    noise = result.smoother.rate_noise_dps
+    known = f" Noise of one value: {text.number(noise, 2)} °/s." if math.isfinite(noise) else ""
+    return f"{told}. {text.raised(result.smoother.says)}{known}"
+
+
+def _valid(result: CalibrationResult) -> str:
+    rates = text.span(*result.valid.rate_dps, "°/s")
+    if not all(math.isfinite(end) for end in result.valid.temperature_c):
+        return rates
+    return f"{rates} and {text.span(*result.valid.temperature_c, '°C')}"
+
+
+def _error_percent(result: CalibrationResult) -> str:
+    steps = [run.step for run in shown_runs(result)]
+    blocks = result.residuals.block_s[np.isin(result.residuals.step, steps)]
+    averaged = (
+        f", both averaged over the same {text.plain(1e3 * float(np.median(blocks)), 'ms')}" if blocks.size else ""
+    )
+    return (
+        f"the largest difference between compensated and true rate in a run{averaged}, over the largest rate of that "
+        "run, in percent; of several runs the largest. Only runs in motion that no fit has seen count. From stage 2 on "
+        "the fitted delay is applied."
+    )
+
+
+def _power(base: str, exponent: int) -> str:
+    return base if exponent == 1 else base + "⁰¹²³⁴⁵⁶⁷⁸⁹"[exponent]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,7 +260,7 @@ def write_calibration_report(
 def calibration_page(result: CalibrationResult, meta: Meta, infos: Sequence[StepInfo], *, digest: str) -> str:
     """The page as text; the same input gives the same bytes."""
     best = result.joint[0] if result.joint else None
-    formula = words.formula(best) if best else []
+    lines = formula(best) if best else []
     output_unit = text.unit_text(result.output_unit)
     contributors = budget(best) if best else None
     return render(
@@ -57,8 +280,8 @@ def calibration_page(result: CalibrationResult, meta: Meta, infos: Sequence[Step
         drawings=drawings(result),
         output_unit=output_unit,
         scale_unit=text.scale_unit(output_unit),
-        formula=formula,
-        warm=any("ΔT" in line for line in formula),
+        formula=lines,
+        warm=any("ΔT" in line for line in lines),
         joint_rows=joint_coefficients(best) if best else [],
         others=[_other(joint, result) for joint in result.joint[1:]],
         stages=stage_tables(result),
@@ -66,10 +289,10 @@ def calibration_page(result: CalibrationResult, meta: Meta, infos: Sequence[Step
         budget_notes=_notes(contributors) if contributors else [],
         runs=run_table(result, infos),
         level_names={level: verdict.level_name(result, level) for level in PATH_LEVELS},
-        remarks=words.remarks(result),
-        conventions=words.conventions(result),
+        remarks=remarks(result),
+        conventions=conventions(result),
         provenance_rows=setup_section.provenance(meta, digest),
-        again=words.again(meta),
+        again=again(meta),
     )
 
 

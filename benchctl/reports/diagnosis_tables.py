@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from benchctl.diagnosis.result import Diagnosis, Estimate, Finding, NotFound, StructureModel
 from benchctl.reports import diagnosis_words as words
 from benchctl.reports import text
-from benchctl.reports.advice import Advice, advice_for
 from benchctl.reports.diagnosis_headline import Kind, changed, kind_of, title
+from benchctl.reports.vocabulary import Advice, advice_for
 from benchctl_instruments.physics.chamber_effects.registry import chamber_effects
 from benchctl_instruments.physics.drive_effects.registry import drive_effects
 from benchctl_instruments.physics.effects.effect import DescribedEffect

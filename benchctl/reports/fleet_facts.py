@@ -1,15 +1,19 @@
-"""A fleet of recordings compared: how figures are spread over it, which physics recurs, what its acceptances say."""
+"""A fleet in numbers: what was found in which recordings, how figures are spread; as lines and as JSON values."""
 
 from __future__ import annotations
 
+import json
 import statistics
-from collections import defaultdict
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Literal
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
 
-from benchctl.history.model import Figure
-from benchctl.history.siblings import Siblings, siblings_of
+from benchctl.atomic import whole_file
+from benchctl.history.flags import Siblings, siblings_of
+from benchctl.history.series import Figure
+from benchctl.reports import text
 from benchctl.reports.fleet_stated import FleetVerb, FoundEffect, Stated
 
 VERDICTS = ("PASS", "FAIL", "INCONCLUSIVE")
@@ -150,3 +154,130 @@ def judged(fleet: Fleet) -> dict[str, dict[str, list[Member]]]:
 def label(member: Member) -> str:
     """What a member is called: its recording's name, and its unit's serial where that says more."""
     return member.name if not member.serial or member.serial in member.name else f"{member.name} ({member.serial})"
+
+
+SCHEMA = "benchctl-fleet/1"
+
+
+def fleet_values(fleet: Fleet) -> dict[str, Any]:
+    """Plain data; recordings are named by their paths or URLs."""
+    return {
+        "verb": fleet.verb,
+        "recordings": {
+            "total": len(fleet.members) + fleet.left,
+            **{state: len(fleet.ended(state)) for state in ("done", "kept", "failed")},
+            "left": fleet.left,
+        },
+        "members": [_member(member) for member in fleet.members],
+        "failures": [{"recording": one.recording, "says": one.says} for one in fleet.ended("failed")],
+        "figures": [_spread(spread) for spread in spreads(fleet)],
+        "effects": [_recurring(one, len(diagnosed(fleet))) for one in recurring(fleet)],
+        "tests": [
+            {"name": name, **{verdict: [one.recording for one in members] for verdict, members in by_verdict.items()}}
+            for name, by_verdict in judged(fleet).items()
+        ],
+    }
+
+
+def write_fleet_file(path: Path, fleet: Fleet) -> None:
+    """Write the file, whole or not at all; `UsageError` where the disk refuses."""
+    with whole_file(path) as temporary:
+        content = {"schema": SCHEMA, **fleet_values(fleet)}
+        text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
+        temporary.write_text(f"{text}\n", encoding="utf-8")
+
+
+def _member(member: Member) -> dict[str, Any]:
+    return {
+        "recording": member.recording,
+        "unit": member.serial,
+        "model": member.model,
+        "state": member.state,
+        "says": member.says,
+        "verdicts": {verb: stated.verdict for verb, stated in member.stated.items() if stated.verdict},
+        "reports": dict(member.reports),
+    }
+
+
+def _spread(spread: Spread) -> dict[str, Any]:
+    values, siblings = [figure.value for _, figure in spread.values], spread.siblings
+    return {
+        "name": spread.name,
+        "unit": spread.unit,
+        "model": spread.model,
+        "from": spread.verb,
+        "median": spread.median,
+        "low": min(values),
+        "high": max(values),
+        "mad": siblings.mad if siblings else None,
+        "limit": siblings.limit if siblings else None,
+        "apart": [{"recording": one.recording, "value": figure.value, "z": z} for one, figure, z in spread.apart],
+        "values": [
+            {"recording": one.recording, "value": figure.value, "uncertainty": figure.uncertainty}
+            for one, figure in spread.values
+        ],
+    }
+
+
+def _recurring(one: Recurring, of: int) -> dict[str, Any]:
+    first = next((effect.parameters[0] for _, effect in one.found if effect.parameters), None)
+    return {
+        "effect": one.effect,
+        "found": one.count,
+        "of": of,
+        "parameter": first.name if first else None,
+        "unit": first.unit if first else None,
+        "median": statistics.median(one.sizes) if one.sizes else None,
+        "low": min(one.sizes, default=None),
+        "high": max(one.sizes, default=None),
+        "recordings": [
+            {
+                "recording": member.recording,
+                "explains": effect.explains,
+                "parameters": [asdict(parameter) for parameter in effect.parameters],
+            }
+            for member, effect in one.found
+        ],
+    }
+
+
+_MOST = 20
+"""Failures, and figures apart, that a reader is shown; the report has all."""
+
+
+def lines(fleet: Fleet) -> Iterator[str]:
+    """How many were done; what failed; who stands apart; which physics recurs; which tests do not pass."""
+    counts = {state: len(fleet.ended(state)) for state in ("done", "kept", "failed")}
+    told = [f"{counts['done']} done", f"{counts['kept']} unchanged since they were done", f"{counts['failed']} failed"]
+    left = [f"{fleet.left} left"] if fleet.left else []
+    total = len(fleet.members) + fleet.left
+    yield f"{fleet.verb} of {total} {'recording' if total == 1 else 'recordings'}: {', '.join([*told, *left])}"
+    yield from _first([f"failed: {member.says}" for member in fleet.ended("failed")])
+    yield from _first(
+        [
+            f"apart: {spread.name} of {label(member)}: {text.with_unit(text.number(figure.value, 5), spread.unit)}, "
+            f"median {text.number(spread.median, 5)}, robust z = {text.number(z, 2)}"
+            for spread in spreads(fleet)
+            for member, figure, z in spread.apart
+        ]
+    )
+    if of := diagnosed(fleet):
+        verdicts = Counter(member.stated["diagnose"].verdict for member in of)
+        yield f"diagnoses: {', '.join(f'{count} {verdict}' for verdict, count in verdicts.most_common())}"
+        yield from _first([f"  {one.effect} in {one.count} of {len(of)}" for one in recurring(fleet)])
+    accepted = [member.stated["accept"].verdict for member in fleet.members if "accept" in member.stated]
+    if accepted:
+        yield f"acceptances: {', '.join(f'{count} {verdict}' for verdict, count in Counter(accepted).most_common())}"
+    yield from _first(
+        [
+            f"  {name}: {len(by['FAIL'])} FAIL, {len(by['INCONCLUSIVE'])} INCONCLUSIVE, {len(by['PASS'])} PASS"
+            for name, by in judged(fleet).items()
+            if by["FAIL"] or by["INCONCLUSIVE"]
+        ]
+    )
+
+
+def _first(told: list[str]) -> Iterator[str]:
+    yield from told[:_MOST]
+    if len(told) > _MOST:
+        yield f"and {len(told) - _MOST} more such; the report has all"

@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 
 from benchctl.documents import read_json
 from benchctl.history.entries import read_document
-from benchctl.history.model import Figure, Source
+from benchctl.history.series import Figure, Source
 from benchctl.limits import shown
 from benchctl_instruments.errors import UsageError
 

@@ -7,12 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchctl.history.control import FEWEST
-from benchctl.history.flags import Flag
+from benchctl.history.flags import FEWEST, Flag, Siblings
 from benchctl.history.history import Charted, History, UnitHistory
-from benchctl.history.model import SOURCES, Source
-from benchctl.history.series import Series
-from benchctl.history.siblings import Siblings
+from benchctl.history.series import SOURCES, Series, Source
 from benchctl.reports import text
 from benchctl.reports.figures import Drawing
 from benchctl.reports.history_charts import amount, stated, time_chart, units_chart

@@ -1,28 +1,91 @@
-"""The gyro's laws: output against rate, k(ω), and k(T) with the bias over temperature."""
+"""The figures of the gyro's laws, k(ω), k(T) and the bias over temperature, with their bands, and of the residuals."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from benchctl.calibration.laws_fit import law_of
-from benchctl.calibration.model import Law
-from benchctl.calibration.result import CalibrationResult, JointFit
-from benchctl.reports.figures import GREY, INK, LEVEL_COLOURS, new_figure
-from benchctl.reports.law_curves import (
-    Z95,
-    Curve,
-    at_reference,
-    bias,
-    factor_curve,
-    indicated,
-    joint_curve,
-    zero_reading,
-)
+from benchctl.calibration.model import Law, factor
+from benchctl.calibration.result import CalibrationResult, JointFit, MeanPoints, PolynomialFactor, Stage
+from benchctl.calibration.uncertainty import coverage_factor
+from benchctl.reports.figures import FAINT, GREY, INK, LEVEL_COLOURS, dots, level_names, new_figure
+from benchctl.reports.reduction import binned, spread, thinned
 from benchctl_instruments.arrays import FloatArray
+
+Z95 = 1.959964
+"""Half-width of a 95 % interval in standard uncertainties, normal distribution."""
+
+_NEAR_T0_C = 1.5
+_AT_REST_DPS = 0.05  # the Earth turns by less
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Curve:
+    """A function with the half-width of its 95 % band, both of shape (n,)."""
+
+    value: FloatArray
+    half: FloatArray
+
+
+def factor_curve(of: PolynomialFactor, argument: FloatArray) -> Curve:
+    """A factor k against ΔT, or against ω² where its powers are even; argument of shape (n,)."""
+    powers = np.stack([argument ** (i + 1) for i in range(len(of.coefficients))], axis=-1)
+    covariance = np.array(of.covariance, dtype=np.float64).reshape(len(of.coefficients), -1)
+    variance = np.einsum("ni,ij,nj->n", powers, covariance, powers)
+    half = coverage_factor(of.dof, 0.95) * np.sqrt(np.maximum(variance, 0.0))
+    return Curve(value=factor(of.coefficients, argument), half=half)
+
+
+def bias(joint: JointFit, dt_c: FloatArray) -> FloatArray:
+    """The output at rest, by a joint fit; shape as ΔT."""
+    _, _, offset, terms = law_of(joint)
+    return offset + factor(terms, dt_c) - 1.0
+
+
+def joint_curve(joint: JointFit, function: Callable[[Law, FloatArray], FloatArray]) -> Curve:
+    """A function of a law and its parameters, with the band that the parameters' covariance gives it."""
+    law, best, *_ = law_of(joint)
+    order = [[parameter.name for parameter in joint.parameters].index(name) for name in law.names]
+    covariance = np.asarray(joint.covariance)[np.ix_(order, order)]
+    steps = np.sqrt(np.diag(covariance))
+    value = function(law, best)
+    slopes = np.zeros((value.size, best.size))
+    for i, step in enumerate(steps):
+        if step > 0:
+            shift = np.zeros(best.size)
+            shift[i] = step
+            slopes[:, i] = (function(law, best + shift) - function(law, best - shift)) / (2 * step)
+    variance = np.einsum("ni,ij,nj->n", slopes, covariance, slopes)
+    return Curve(value=value, half=Z95 * np.sqrt(np.maximum(variance, 0.0)))
+
+
+def at_reference(result: CalibrationResult) -> npt.NDArray[np.bool_]:
+    """Which of the mean points were taken at T0, to within 1.5 °C; shape (n,)."""
+    return np.asarray(np.abs(result.points.temperature_c - result.T0_c) <= _NEAR_T0_C)
+
+
+def zero_reading(result: CalibrationResult, stage: Stage) -> float:
+    """The bias while k(ω) was measured: the readings at rest at T0, or U0 of the stage where there are none."""
+    points = result.points
+    rest = at_reference(result) & (np.abs(points.rate_dps) < _AT_REST_DPS)
+    if not rest.any():
+        return stage.U0_v
+    return float(np.mean(points.output_v[rest] - stage.K0_v_per_dps * points.rate_dps[rest]))
+
+
+def indicated(points: MeanPoints, K0: float, U0: float) -> FloatArray:
+    """The rate that a straight line reads from the means, °/s; shape (n,)."""
+    return np.asarray((points.output_v - U0) / K0)
+
 
 LAW_NAMES = {"sine": "sine law", "polynomial": "polynomial", "response": "response polynomial"}
 
@@ -174,3 +237,75 @@ def _band(
 
 def _in_percent(curve: Curve) -> Curve:
     return Curve(value=100 * (curve.value - 1), half=100 * curve.half)
+
+
+_BINS = 24
+_FEWEST_FOR_A_HISTOGRAM = 50
+
+
+def last_level(result: CalibrationResult) -> str | None:
+    """The last level of the path that was reached."""
+    reached = level_names(tuple(result.residuals.residual_dps))
+    return reached[-1] if reached else None
+
+
+def final_residuals_figure(result: CalibrationResult, level: str) -> Figure:
+    """Residuals of one level in 0.001 °/s: with binned means against rate and acceleration, and their distribution.
+
+    Drawn are the runs kept aside, or all where there are none.
+    """
+    left = result.residuals
+    shown = left.verify if left.verify.any() else np.ones_like(left.verify)
+    residual = 1e3 * left.residual_dps[level][shown]
+    coordinates = {"rate (°/s)": left.rate_dps[shown], "acceleration (°/s²)": left.acceleration_dps2[shown]}
+    coordinates = {label: x for label, x in coordinates.items() if spread(x) > 0}
+    histogram = np.isfinite(residual).sum() >= _FEWEST_FOR_A_HISTOGRAM
+    figure = new_figure(2.3)
+    panels = figure.subplots(1, len(coordinates) + int(histogram), sharey=True, squeeze=False)[0]
+    for axes, (label, x) in zip(panels, coordinates.items(), strict=False):
+        _with_means(axes, x, residual, LEVEL_COLOURS[level])
+        axes.set_xlabel(label)
+    panels[0].set_ylabel("what is left (0.001 °/s)")
+    if histogram:
+        _histogram(panels[-1], residual[np.isfinite(residual)], LEVEL_COLOURS[level])
+    block = Line2D([], [], linestyle="none", marker=".", color=FAINT, label="block of a run")
+    figure.legend(handles=[block, *_named(panels)], loc="outside upper center", ncols=3)
+    return figure
+
+
+def _with_means(axes: Axes, x: FloatArray, residual: FloatArray, colour: str) -> None:
+    points = thinned(x, residual)
+    dots(axes, x[points], residual[points], FAINT)
+    bins = binned(x, residual, _BINS)
+    axes.errorbar(
+        bins.centre,
+        bins.mean,
+        yerr=Z95 * np.nan_to_num(bins.mean_se),
+        linestyle="none",
+        marker="o",
+        markersize=2.5,
+        linewidth=0.9,
+        color=colour,
+        label="mean in a bin, 95 % interval",
+    )
+    axes.axhline(0.0, color=INK, linewidth=0.5)
+
+
+def _histogram(axes: Axes, residual: FloatArray, colour: str) -> None:
+    axes.hist(residual, bins=40, orientation="horizontal", color=colour, alpha=0.55, density=True)
+    spread, middle = float(residual.std()), float(residual.mean())
+    if spread > 0:
+        y = np.linspace(*axes.get_ylim(), 200)
+        normal = np.exp(-0.5 * ((y - middle) / spread) ** 2) / (spread * np.sqrt(2 * np.pi))
+        axes.plot(normal, y, color=GREY, linestyle="--", label="normal distribution of the same spread")
+    axes.set_xlabel("share per 0.001 °/s")
+    axes.locator_params(axis="x", nbins=4)
+
+
+def _named(panels: Sequence[Axes]) -> list[Artist]:
+    """What bears a label, each label once."""
+    found: dict[str, Artist] = {}
+    for axes in panels:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            found.setdefault(label, handle)
+    return list(found.values())

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Collection
+import unicodedata
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 from benchctl.atomic import whole_file
 from benchctl.campaign.changes import changed
 from benchctl.campaign.differences import Differences, differences
 from benchctl.campaign.provenance import table_of
+from benchctl.documents import read_json
+from benchctl.limits import cut, require_file, shown
 from benchctl.metrology.acceptance import accepted, measured_in
-from benchctl.metrology.limit_file import Limits, read_limits
+from benchctl.metrology.limit_file import Limits, limits_of_text, read_limits
 from benchctl.metrology.observations import Settings
 from benchctl.metrology.rerun import Compared, compared
 from benchctl.metrology.result import Judged, Verdict
@@ -22,9 +26,103 @@ from benchctl.metrology.verdict import overall
 from benchctl.recordings.campaign_manifest import add_to_manifest
 from benchctl.recordings.model import Meta
 from benchctl.recordings.reader import Recording, open_recording
+from benchctl.reports import text
+from benchctl.reports.acceptance.catalogue import Catalogue, catalogue
 from benchctl.reports.acceptance.recording_facts import facts_of
+from benchctl.reports.acceptance.values import stated
+from benchctl.reports.acceptance.write import JSON as ACCEPTANCE
+from benchctl.reports.acceptance.write import SCHEMA as ACCEPTANCE_SCHEMA
 from benchctl.reports.accepting import Accepted
-from benchctl.reports.first_acceptance import Stated, acceptance_beside
+from benchctl.reports.results import results_folder
+from benchctl_instruments.errors import UsageError
+
+_SHARE = 0.01
+"""Of an expanded uncertainty: what is less is in no printed digit."""
+_SAME = 1e-6
+"""Of a value without an uncertainty."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stated:
+    """What an `acceptance.json` says: its limits as text and their SHA-256, and the tests by name."""
+
+    path: Path
+    limits_text: str
+    limits_sha256: str
+    tests: Mapping[str, Mapping[str, Any]]
+
+    def limits(self) -> Limits:
+        """The limits that it was judged by.
+
+        Raises
+        ------
+        UsageError
+            Where it keeps none, they were changed, or are none that this program knows.
+        """
+        if not self.limits_text:
+            raise UsageError(f"{self.path}: keeps no text of its limits; name them with --limits FILE")
+        limits = limits_of_text(self.limits_text, self.path)
+        if limits.sha256 != self.limits_sha256:
+            raise UsageError(f"{self.path}: its limits were changed since it was written; name them with --limits FILE")
+        return limits
+
+    def unlike(self, judged: Sequence[Judged]) -> Iterator[str]:
+        """How it differs from the same recording measured today by the same limits, in words."""
+        for one in judged:
+            told = self.tests.get(one.measured.name, {})
+            value, now = _number(told.get("value")), one.measured.value
+            if told.get("unit") != one.measured.unit or not _alike(value, one):
+                before = f"{shown(value)} {shown(told.get('unit'))}"
+                yield f"{one.measured.name} was stated as {before}, is found as {now!r} {one.measured.unit!r} today"
+            elif told.get("verdict") != one.verdict:
+                yield f"{one.measured.name} was stated as {shown(told.get('verdict'))}, is found {one.verdict!r} today"
+
+
+def acceptance_beside(recording: Path, digest: str) -> Stated | None:
+    """What lies beside a recording of that digest; None where nothing does.
+
+    Raises
+    ------
+    UsageError
+        Where it cannot be read, or is that of another recording.
+    """
+    path = results_folder(recording, "acceptance") / ACCEPTANCE
+    if not path.exists():
+        return None
+    require_file(path, "acceptance ")
+    content = read_json(path, "acceptance")
+    limits = content.get("limits") if isinstance(content, dict) else None
+    tests = content.get("tests") if isinstance(content, dict) else None
+    if not isinstance(limits, dict) or not isinstance(tests, list) or content.get("schema") != ACCEPTANCE_SCHEMA:
+        raise UsageError(
+            f"{path}: is no acceptance of ours (schema {ACCEPTANCE_SCHEMA!r}); write it again with benchctl accept"
+        )
+    if content.get("recording_digest") != digest:
+        raise UsageError(
+            f"{path}: is the acceptance of another recording than {recording}; write it again with benchctl accept, or "
+            "take it away"
+        )
+    return Stated(
+        path=path,
+        limits_text=str(limits.get("text") or ""),
+        limits_sha256=str(limits.get("sha256") or ""),
+        tests={str(test.get("name")): test for test in tests if isinstance(test, dict)},
+    )
+
+
+def _alike(stated: float | None, one: Judged) -> bool:
+    """Whether two values print alike."""
+    now, uncertainty = one.measured.value, one.measured.uncertainty
+    if stated is None or now is None:
+        return stated is None and (now is None or not math.isfinite(now))
+    allowed = _SHARE * uncertainty.expanded if uncertainty else _SAME * abs(now)
+    return abs(stated - now) <= allowed
+
+
+def _number(value: object) -> float | None:
+    known = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return float(value) if known and isinstance(value, int | float) else None
+
 
 SCHEMA = "benchctl-rerun/1"
 JSON = "rerun.json"
@@ -175,3 +273,85 @@ def _test(one: Compared) -> dict[str, Any]:
 def _finite(value: float | None) -> float | None:
     """A number as JSON can hold it: null where it is not finite."""
     return value if value is not None and math.isfinite(value) else None
+
+
+_WIDEST = 120
+_GAP = 2
+_GROUP = 13
+_TITLES = {"bench": "bench.toml"}
+_HEADINGS = ("test", "E_n", "", "first ± U", "again ± U", "difference ± U")
+
+
+def lines(rerun: Rerun) -> str:
+    """A line or more a group, a line a test, and what follows; none wider than 120 characters."""
+    told = [*_of_the_runs(rerun), *_of_groups(rerun), "", *_of_tests(rerun), *_in_short(rerun)]
+    return "\n".join(cut(_plain(line), _WIDEST) for line in told)
+
+
+def _of_the_runs(rerun: Rerun) -> Iterator[str]:
+    first, (before, now) = rerun.first, rerun.seeds
+    told = first.meta.provenance
+    made = ", ".join(filter(None, (told.get("procedure"), told.get("started_utc"), first.meta.status)))
+    yield f"{'first':{_GROUP}}{first.path}: {made}, unit {first.meta.unit.serial}"
+    if now is not None:
+        seed = f"seed {now} where the first run had {text.NOT_KNOWN if before is None else before}"
+        yield f"{'noise':{_GROUP}}simulated, {'the same: ' if now == before else 'drawn anew: '}{seed}"
+
+
+def _of_groups(rerun: Rerun) -> Iterator[str]:
+    for group, told in asdict(rerun.differences).items():
+        yield from _group(_TITLES.get(group, group), told)
+    if rerun.first.stated is None:
+        yield f"{'acceptance':{_GROUP}}none lies beside the first run"
+    else:
+        yield from _group("acceptance", rerun.first.unlike_stated)
+
+
+def _group(title: str, told: Iterable[str]) -> Iterator[str]:
+    first, *more = tuple(told) or ("the same",)
+    yield f"{title:{_GROUP}}{first}"
+    yield from (f"{'':{_GROUP}}{line}" for line in more)
+
+
+def _of_tests(rerun: Rerun) -> Iterator[str]:
+    words = catalogue("en")
+    rows = [_HEADINGS, *(_row(one, words) for one in rerun.tests if one.is_told)]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        yield "".join(cell.ljust(width + _GAP) for cell, width in zip(row, widths, strict=True)).rstrip()
+
+
+def _row(one: Compared, words: Catalogue) -> tuple[str, ...]:
+    difference = text.NOT_KNOWN if one.difference is None else text.with_uncertainty(one.difference, one.uncertainty)
+    cells = (
+        one.name,
+        text.plain(one.e_n, "", 2),
+        "differs" if one.differs else "",
+        stated(one.first.measured, words),
+        stated(one.again.measured, words, unit=False),
+        difference,
+    )
+    return tuple(map(_plain, cells))
+
+
+def _in_short(rerun: Rerun) -> Iterator[str]:
+    apart = [one.name for one in rerun.tests if one.differs]
+    both = sum(one.e_n is not None for one in rerun.tests)
+    if apart:
+        yield from wrap(f"differ: {', '.join(apart)}", _WIDEST)
+    else:
+        yield f"no test differs: |E_n| ≤ 1 in all {both} that can be compared"
+    for one in rerun.tests:
+        if one.verdict_changed:
+            yield f"judged otherwise: {one.name} is {one.again.verdict}, was {one.first.verdict}"
+    if rerun.accepted is None or rerun.verdicts is None:
+        yield "not judged: no acceptance lies beside the first run; --limits FILE names limits"
+        return
+    before, now = rerun.verdicts
+    why = f": {rerun.accepted.fails}" if rerun.accepted.fails else ""
+    yield f"{now} again{why}" if now == before else f"{now}, was {before}{why}"
+
+
+def _plain(line: str) -> str:
+    """One line of printable characters, each of one column."""
+    return "".join(" " if one.isspace() else one for one in line if not unicodedata.category(one).startswith("C"))

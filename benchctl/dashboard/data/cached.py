@@ -18,7 +18,7 @@ from typing import IO
 
 import numpy as np
 
-from benchctl.dashboard.data.blocks import COLUMNS
+from benchctl.dashboard.data.envelope import COLUMNS
 from benchctl_instruments.arrays import FloatArray
 
 MOST_BYTES = 2 << 30

@@ -1,32 +1,101 @@
-"""What a campaign holds: its files, the steps in them, the channels of the steps; each file is looked into once.
+"""What a campaign holds: its status, its files, their steps and channels; each file is opened once.
 
 A finished file never changes under its name without another size or time of change. So what was read of one is kept
-in memory, for whoever asks next: of a running campaign only the file that is being written is opened again.
+in memory: of a running campaign only the file that is being written is opened again.
+
+Open recordings, whose samples are text, are imported once into the cache and read from there like any other.
 """
 
 from __future__ import annotations
 
+import os
+import sys
 import threading
 from collections import OrderedDict
 from collections.abc import Mapping
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from pathlib import Path
 
 import h5py
 
-from benchctl.dashboard.data.imports import imported
-from benchctl.dashboard.data.kinds import is_open_recording, recording_in
-from benchctl.dashboard.data.places import cache_folder
+from benchctl.dashboard.data.cached import throw_out
 from benchctl.dashboard.data.stored import Stamp
+from benchctl.locks import is_held
 from benchctl.recordings.descriptions import read_info, read_meta
 from benchctl.recordings.hdf5_files import RecordingFile, open_ours
 from benchctl.recordings.hdf5_guard import attribute, child, child_group, is_channel, names_in
+from benchctl.recordings.import_open import DESCRIPTION, read_open_recording, samples_of
 from benchctl.recordings.model import Meta, StepInfo
-from benchctl.recordings.reader import Recording, StepsInMemory, campaign_files
-from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, PART_SUFFIX, STEPS, group_name
+from benchctl.recordings.reader import OPEN_DESCRIPTION, Recording, StepsInMemory, campaign_files
+from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, LOCK, PART_SUFFIX, RECORDING, STEPS, group_name
+from benchctl.recordings.writer import write_recording
 from benchctl.reports.results import source_digest
 from benchctl_instruments.errors import UsageError
+
+MOST_BYTES = 1 << 30
+"""What they take in the cache at the most."""
+
+_ENDING = ".h5"
+
+
+_lock = threading.Lock()
+
+
+def imported(folder: Path, cache: Path) -> Path:
+    """The import of an open recording, which is made where it is not there.
+
+    Raises
+    ------
+    UsageError
+        Where the open recording cannot be read, or its import not be written.
+    """
+    with _lock:  # whoever comes second finds it there
+        place = import_of(folder, cache)
+        if not place.exists():
+            meta, steps = read_open_recording(folder)
+            try:
+                place.parent.mkdir(parents=True, exist_ok=True)
+            except OSError as err:
+                raise UsageError(f"{place.parent}: cannot be made: {err.strerror or err}") from err
+            write_recording(place, meta, steps)
+            throw_out(place.parent, _ENDING, MOST_BYTES, place)
+        return place
+
+
+def import_of(folder: Path, cache: Path) -> Path:
+    """Where the import of an open recording is, or would be; `UsageError` where that holds no samples."""
+    stamps = []
+    for file in (folder / DESCRIPTION, samples_of(folder)):
+        with suppress(OSError):
+            stamps.append(f"{file.resolve()} {Stamp.of(file)}")
+    name = sha256(repr(stamps).encode("utf-8", "surrogateescape")).hexdigest()[:40]
+    return cache / "imports" / f"{name}{_ENDING}"
+
+
+def cache_folder() -> Path:
+    """The folder of benchctl's caches, which need not be there yet; `BENCHCTL_CACHE` names another."""
+    if told := os.environ.get("BENCHCTL_CACHE"):
+        return Path(told)
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / "benchctl" / "cache"
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches" / "benchctl"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "benchctl"
+
+
+def recording_in(path: Path) -> Path | None:
+    """The one file of ours that holds a whole recording: the path itself or a file in it; None where there is none."""
+    if not path.is_dir():
+        return path
+    return path / RECORDING if (path / RECORDING).exists() else None
+
+
+def is_open_recording(path: Path) -> bool:
+    """Whether a folder holds an open recording and nothing of ours."""
+    return (path / OPEN_DESCRIPTION).exists() and not any((path / name).exists() for name in (RECORDING, CAMPAIGN))
+
 
 _MOST_FILES = 4096
 _ATTEMPTS = 5
@@ -208,3 +277,21 @@ def _stamp_of(path: Path) -> Stamp:
         return Stamp.of(path)
     except OSError as err:
         raise UsageError(f"{path}: cannot be read: {err.strerror or err}") from err
+
+
+RUNNING, DIED = "running", "died"
+_ENDS = ("complete", "interrupted", "aborted", "imported", "simulated")
+
+
+def status_of(contents: Contents) -> str:
+    """`running`, `died` (not closed, and nobody holds its lock), or the status that its recording states."""
+    if not contents.finished:
+        return RUNNING if is_held(contents.path / LOCK) else DIED
+    # a closed file that says anything else, or that it is being written, was taken away from the rest, or changed
+    return contents.meta.status if contents.meta.status in _ENDS else DIED
+
+
+def died_says(path: Path) -> str:
+    """What to do about a campaign that died."""
+    resume = f"benchctl run PROCEDURE --bench BENCH --resume {path}"
+    return f"its program died: benchctl recover {path} closes it, {resume} goes on with it"

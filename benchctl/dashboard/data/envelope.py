@@ -1,11 +1,64 @@
-"""What a page draws of more samples than it has pixels: of each pixel the lowest and the highest of all of them."""
+"""Samples reduced for drawing: blocks of samples in levels, and of each pixel the lowest and the highest value.
+
+Rows of a block, as columns of an array of shape (blocks, 5): `FIRST`, `LAST` [s], `LOW`, `HIGH`, `COUNT`. A block
+is never a choice among its samples: its lowest and highest are those of all of them. A sample that is no number counts,
+but is neither lowest nor highest; a block of only such has NaN for both.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from benchctl.dashboard.data.blocks import COUNT, FIRST, HIGH, LAST, LOW
 from benchctl_instruments.arrays import FloatArray
+
+FIRST, LAST, LOW, HIGH, COUNT = range(5)
+COLUMNS = 5
+
+BLOCK = 128
+"""Samples in a block of the finest level. A view of more samples than are read at once has hundreds in a pixel."""
+FANOUT = 16
+"""Blocks of a level that become one of the next."""
+
+
+def blocks_of(time_s: FloatArray, values: FloatArray, size: int = BLOCK) -> FloatArray:
+    """The blocks of samples, each shape (n,): shape (ceil(n / size), 5), the last one with what is left."""
+    count = len(values)
+    starts = np.arange(0, count, size)
+    rows = np.empty((len(starts), COLUMNS))
+    if not count:
+        return rows
+    ends = np.minimum(starts + size, count)
+    rows[:, FIRST] = time_s[starts]
+    rows[:, LAST] = time_s[ends - 1]
+    rows[:, LOW] = np.fmin.reduceat(values, starts)
+    rows[:, HIGH] = np.fmax.reduceat(values, starts)
+    rows[:, COUNT] = ends - starts
+    return rows
+
+
+def coarser(rows: FloatArray) -> FloatArray:
+    """Each `FANOUT` blocks as one, shape (ceil(n / FANOUT), 5)."""
+    starts = np.arange(0, len(rows), FANOUT)
+    if not len(rows):
+        return np.empty((0, COLUMNS))
+    return np.stack(
+        [
+            np.fmin.reduceat(rows[:, FIRST], starts),
+            np.fmax.reduceat(rows[:, LAST], starts),
+            np.fmin.reduceat(rows[:, LOW], starts),
+            np.fmax.reduceat(rows[:, HIGH], starts),
+            np.add.reduceat(rows[:, COUNT], starts),
+        ],
+        axis=1,
+    )
+
+
+def runs(mask: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> list[tuple[int, int]]:
+    """Where a mask is true: stretches, each from `first` until before `end`."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
+    return [(int(first), int(end)) for first, end in edges.reshape(-1, 2)]
 
 
 class Envelope:
@@ -80,3 +133,71 @@ def or_none(values: FloatArray) -> list[float | None]:
     for place in np.flatnonzero(~np.isfinite(values)):
         told[place] = None
     return told
+
+
+Run = tuple[int, int]
+"""Blocks from the first until before the second."""
+
+_FINE_ENOUGH = 0.25
+"""Of a pixel: by no more does the beginning of a pixel move where a coarse block is put into it."""
+
+
+class Pyramid:
+    """The levels above the blocks of the finest one, which `read` reads: shape (n, 5), from a file or from memory.
+
+    The levels are made by `extend`, as the blocks themselves are made.
+    """
+
+    def __init__(self, read: Callable[[int, int], FloatArray]) -> None:
+        self._read = read
+        self._levels: list[FloatArray] = []
+        self.blocks = 0
+
+    @property
+    def nbytes(self) -> int:
+        """What the levels take in memory."""
+        return sum(level.nbytes for level in self._levels)
+
+    def extend(self, blocks: int) -> None:
+        """Take the finest blocks up to before `blocks` into the levels above."""
+        first, self.blocks = self.blocks, blocks
+        rows = self._read(first - first % FANOUT, blocks)
+        level = 0
+        while True:
+            keep = first // FANOUT
+            above = coarser(rows)
+            if level == len(self._levels):
+                self._levels.append(np.empty((0, COLUMNS)))
+            self._levels[level] = np.concatenate((self._levels[level][:keep], above))
+            if len(self._levels[level]) <= FANOUT:
+                break
+            first = keep
+            rows = self._levels[level][first - first % FANOUT :]
+            level += 1
+
+    def fill(self, envelope: Envelope) -> list[Run]:
+        """Put into an envelope what of its window is fine enough in blocks; the finest blocks that must be read whole.
+
+        Those are blocks on a border of the window, and blocks longer than a pixel: a gap lies in them.
+        """
+        level = len(self._levels)
+        waiting: list[Run] = [(0, len(self._levels[-1]) if self._levels else 0)]
+        while level >= 0:
+            size = len(self._levels[level - 1]) if level else self.blocks
+            longest_s = envelope.width_s * (_FINE_ENOUGH if level else 1.0)
+            left: list[Run] = []
+            for first, end in waiting:
+                rows = self._levels[level - 1][first : min(end, size)] if level else self._read(first, min(end, size))
+                left += _put_fitting(envelope, rows, first, longest_s)
+            level -= 1
+            waiting = left if level < 0 else [(FANOUT * first, FANOUT * end) for first, end in left]
+        return waiting
+
+
+def _put_fitting(envelope: Envelope, rows: FloatArray, begin: int, longest_s: float) -> list[Run]:
+    """Put in what fits, and say which of the blocks, counted on from `begin`, touch the window and do not."""
+    first_s, last_s = rows[:, FIRST], rows[:, LAST]
+    touches = (last_s >= envelope.from_s) & (first_s <= envelope.to_s)
+    fits = touches & (first_s >= envelope.from_s) & (last_s <= envelope.to_s) & (last_s - first_s < longest_s)
+    envelope.add_blocks(rows[fits])
+    return [(begin + first, begin + end) for first, end in runs(touches & ~fits)]

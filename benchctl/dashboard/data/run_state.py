@@ -1,15 +1,100 @@
-"""Where a campaign is, as its journal tells it event by event."""
+"""What a journal says of a run: its plan, the step that is played, and when it will be over."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from benchctl.dashboard.data.plan import PlannedStep, plan_in
-from benchctl.dashboard.data.told import told_number
-from benchctl.limits import LONGEST_TIME_S, cut
+from benchctl.campaign.plan_events import SOAK
+from benchctl.limits import LONGEST_TIME_S, MOST_JOURNAL_LINES, cut
+from benchctl.plan import Soak
+
+_LONGEST_TEXT = 200
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedStep:
+    """A step of the plan: when it begins and ends in bench time, if nothing delays it; how long it streams.
+
+    `soak` is what a soak waits for, where the journal says so.
+    """
+
+    index: int
+    label: str
+    kind: str
+    t_start_s: float
+    t_end_s: float
+    streamed_s: float
+    setpoint_c: float | None
+    soak: Soak | None = None
+
+    def as_json(self, began_s: float | None) -> dict[str, Any]:
+        """The step for the page; `began_s` is when it really began, None where it has not."""
+        names = ("index", "label", "kind", "t_start_s", "t_end_s", "setpoint_c")
+        return {**{name: getattr(self, name) for name in names}, "began_s": began_s}
+
+
+def plan_in(events: Iterable[Mapping[str, Any]]) -> tuple[PlannedStep, ...]:
+    """The last plan among some events, whole; empty where there is none, as in campaigns before plans were noted."""
+    whole: tuple[PlannedStep, ...] = ()
+    pieces: list[PlannedStep] = []
+    for event in events:
+        if event.get("kind") != "plan":
+            continue
+        steps = [step for told in _list(event.get("steps")) if (step := _step(told)) is not None]
+        if steps and steps[0].index == 1:
+            pieces = []
+        pieces += steps
+        if len(pieces) == event.get("of") and [step.index for step in pieces] == list(range(1, len(pieces) + 1)):
+            whole = tuple(pieces)
+        if len(pieces) > MOST_JOURNAL_LINES:
+            break
+    return whole
+
+
+def _list(told: object) -> list[Any]:
+    return told if isinstance(told, list) else []
+
+
+def _step(told: object) -> PlannedStep | None:
+    if not isinstance(told, dict):
+        return None
+    index, start_s, end_s = told.get("index"), told_number(told.get("t_start_s")), told_number(told.get("t_end_s"))
+    if not isinstance(index, int) or start_s is None or end_s is None:
+        return None
+    return PlannedStep(
+        index=index,
+        label=cut(str(told.get("label", "")), _LONGEST_TEXT),
+        kind=cut(str(told.get("kind", "")), _LONGEST_TEXT),
+        t_start_s=start_s,
+        t_end_s=end_s,
+        streamed_s=told_number(told.get("streamed_s")) or 0.0,
+        setpoint_c=told_number(told.get("setpoint_c")),
+        soak=_soak(told),
+    )
+
+
+def _soak(told: Mapping[str, Any]) -> Soak | None:
+    setpoint_c, *numbers = (told_number(told.get(name)) for name in ("setpoint_c", *SOAK))
+    if setpoint_c is None or None in numbers:
+        return None
+    hold_s, tolerance_c, drift_c_per_min = (number or 0.0 for number in numbers)
+    return Soak(setpoint_c=setpoint_c, hold_s=hold_s, tolerance_c=tolerance_c, drift_c_per_min=drift_c_per_min)
+
+
+def told_number(value: object, most: float = math.inf) -> float | None:
+    """The value as a number, None where it is none, not finite, or beyond what may be."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    try:
+        number = float(value)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) and abs(number) <= most else None
+
 
 Event = Mapping[str, Any]
 _LONGEST = 200
@@ -112,3 +197,57 @@ def _wall_s(text: object) -> float | None:
     except ValueError:
         return None
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+
+
+_SOON_S = 2.0
+"""Wall time after which a pace is known."""
+_LONGEST_FORECAST_S = 10 * 365 * 86400.0
+
+
+def step_now(state: RunState, now_s: float, waits_s: float = 0.0) -> dict[str, Any] | None:
+    """The step that is played; None before the first one.
+
+    `ends_s` is when it will be over: as planned, but not before `waits_s` from now; None where there is no plan.
+    """
+    if state.step is None:
+        return None
+    planned = planned_step(state)
+    return {
+        "index": state.step.number,
+        "count": len(state.plan) or state.planned,
+        "label": state.step.label,
+        "kind": planned.kind if planned is not None else "",
+        "began_s": state.step.began_s,
+        "ends_s": None if planned is None else _ends_s(planned, state.step.began_s, now_s, waits_s),
+    }
+
+
+def _ends_s(planned: PlannedStep, began_s: float, now_s: float, waits_s: float) -> float:
+    return max(began_s + planned.t_end_s - planned.t_start_s, now_s + waits_s)
+
+
+def planned_step(state: RunState) -> PlannedStep | None:
+    """What the plan says of the step that is played."""
+    number = state.step.number if state.step is not None else 0
+    return state.plan[number - 1] if 0 < number <= len(state.plan) else None
+
+
+def left_s(state: RunState, now_s: float, waits_s: float = 0.0) -> float | None:
+    """Bench time until the plan is over, with the step that is played as in `step_now`; None where there is no plan."""
+    planned = planned_step(state)
+    if planned is None or state.step is None:
+        return state.plan[-1].t_end_s if state.plan and state.step is None else None
+    return _ends_s(planned, state.step.began_s, now_s, waits_s) - now_s + state.plan[-1].t_end_s - planned.t_end_s
+
+
+def ends_utc(state: RunState, now_s: float, wall_s: float, left: float | None) -> str | None:
+    """When `left` seconds of bench time will be over on the wall clock, as fast as it went so far; None: not known."""
+    if left is None or state.began is None:
+        return None
+    bench_s, took_s = now_s - state.began.bench_s, wall_s - state.began.wall_s
+    if took_s < _SOON_S or bench_s <= 0.0:
+        return None
+    wait_s = left * took_s / bench_s
+    if wait_s > _LONGEST_FORECAST_S:
+        return None
+    return (datetime.fromtimestamp(wall_s, UTC) + timedelta(seconds=wait_s)).isoformat(timespec="seconds")

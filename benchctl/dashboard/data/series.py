@@ -18,8 +18,7 @@ import numpy as np
 from benchctl.dashboard.data.channels import described, recorded_as, unit_in_words
 from benchctl.dashboard.data.contents import Contents, KnownFile, contents_of
 from benchctl.dashboard.data.envelope import Envelope, or_none
-from benchctl.dashboard.data.overview import MOST_SAMPLES
-from benchctl.dashboard.data.overviews import Overviews
+from benchctl.dashboard.data.overviews import MOST_SAMPLES, Overviews
 from benchctl.dashboard.data.stored import ChangedError, Stamp
 from benchctl.dashboard.data.tracks import Stretch, Track, track_of
 from benchctl.limits import listed

@@ -10,9 +10,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from benchctl.dashboard.data.channels import RATE, recorded_as
+from benchctl.dashboard.data.channels import RATE, RateSamples, recorded_as
 from benchctl.dashboard.data.contents import KnownFile
-from benchctl.dashboard.data.rates import RateSamples
 from benchctl.dashboard.data.stored import Samples, samples_of
 from benchctl.recordings.hdf5_files import open_ours
 from benchctl.recordings.model import StepInfo, axis_of

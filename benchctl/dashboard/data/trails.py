@@ -1,24 +1,168 @@
-"""The trails of the channels that somebody watches, each begun with what was recorded before anybody did."""
+"""The last stretch of each watched channel while it is recorded: its latest samples, and older ones in larger blocks.
+
+Each level holds some ten thousand rows: the first the samples themselves, each further one blocks of sixteen rows of
+the level below. So a few megabytes hold an hour of a fast channel or days of a slow one, and a view of any length of
+time has more rows than pixels. A block never goes across a gap, so that what is in it lies where the block lies.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from benchctl.dashboard.data.channels import RATE, recorded_as
 from benchctl.dashboard.data.contents import contents_of
-from benchctl.dashboard.data.overview import MOST_SAMPLES
-from benchctl.dashboard.data.step_feed import StepFeed
+from benchctl.dashboard.data.envelope import COLUMNS, COUNT, FANOUT, FIRST, LAST, LOW, Envelope, coarser, or_none
+from benchctl.dashboard.data.overviews import MOST_SAMPLES
+from benchctl.dashboard.data.readings import StepFeed
 from benchctl.dashboard.data.stored import ChangedError
 from benchctl.dashboard.data.tracks import Stretch, track_of
-from benchctl.dashboard.data.trail import Trail
-from benchctl.dashboard.data.watch import Watch
 from benchctl.recordings.model import axis_of
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
+
+ROWS = 1 << 16
+"""Rows of a level that are kept at least: sixteen for each pixel of the widest page."""
+_LEVELS = 5
+_GAP = 4.0
+"""Times the usual distance of two samples: from there on something is missing between them."""
+
+
+class Trail:
+    """The trail of one channel. Samples that are not later than those before are left out."""
+
+    def __init__(self) -> None:
+        self._levels = [_Level() for _ in range(_LEVELS)]
+        self.last_s = -np.inf
+        self._usual_s = np.inf
+
+    def add(self, time_s: FloatArray, values: FloatArray) -> None:
+        """Take further samples, each shape (n,), of one step."""
+        for begin in range(0, len(time_s), ROWS):
+            self._add(time_s[begin : begin + ROWS], values[begin : begin + ROWS])
+
+    def _add(self, time_s: FloatArray, values: FloatArray) -> None:
+        later = time_s > self.last_s
+        if not later.all():
+            time_s, values = time_s[later], values[later]
+        if not time_s.size:
+            return
+        apart_s = np.diff(time_s, prepend=self.last_s)
+        if len(apart_s) > 1:
+            self._usual_s = float(np.median(apart_s[1:]))
+        self.last_s = float(time_s[-1])
+        rows = np.stack((time_s, time_s, values, values, np.ones(len(values))), axis=1)
+        for number, part in enumerate(np.split(rows, np.flatnonzero(apart_s > _GAP * self._usual_s))):
+            if number:
+                self.end_block()
+            if len(part):
+                self._put(part)
+
+    def end_block(self) -> None:
+        """What comes next goes into other blocks: a step is over, or a gap lies between."""
+        for below, level in zip(self._levels, self._levels[1:], strict=False):
+            if len(waiting := below.waiting()):
+                level.append(coarser(waiting))
+                below.folded = below.rows
+
+    def view(self, from_s: float, to_s: float, pixels: int) -> dict[str, Any]:
+        """The channel in a window, as `SeriesReader.view` gives it: `t_s`, `low`, `high`; empty where there is none."""
+        rows = self._rows_since(from_s)
+        rows = rows[: np.searchsorted(rows[:, LAST], to_s, side="right")]
+        if len(rows) <= 2 * pixels and (rows[:, COUNT] == 1).all():
+            told = or_none(rows[:, LOW])
+            return {"t_s": rows[:, FIRST].tolist(), "low": told, "high": list(told)}
+        envelope = Envelope(from_s, to_s, pixels)
+        envelope.add_blocks(rows)
+        begins_s = envelope.begins_s
+        if rows[0, FIRST] < envelope.edges_s[1]:  # of a block on the border nobody knows what of it lies inside
+            begins_s[0] = rows[0, FIRST]
+        return {
+            "t_s": begins_s.tolist(),
+            "low": or_none(envelope.low),
+            "high": or_none(envelope.high),
+        }
+
+    @property
+    def nbytes(self) -> int:
+        """What it takes in memory."""
+        return sum(level.nbytes for level in self._levels)
+
+    def _put(self, rows: FloatArray) -> None:
+        for number, level in enumerate(self._levels):
+            level.append(rows)
+            if number + 1 == len(self._levels):
+                return
+            waiting = level.waiting()
+            whole = len(waiting) - len(waiting) % FANOUT
+            if not whole:
+                return
+            rows = coarser(waiting[:whole])
+            level.folded += whole
+
+    def _rows_since(self, from_s: float) -> FloatArray:
+        """Rows since then of the finest level that reaches back so far, and those that are not in its blocks yet."""
+        for number, level in enumerate(self._levels):
+            if not level.dropped or level.begins_s <= from_s or number + 1 == len(self._levels):
+                parts = [level.kept(), *(below.waiting() for below in reversed(self._levels[:number]))]
+                return np.concatenate([part[np.searchsorted(part[:, FIRST], from_s) :] for part in parts])
+        raise AssertionError("the last level is taken where no other is")
+
+
+class _Level:
+    """Rows in order; the oldest are dropped when there are twice as many as are to be kept.
+
+    `rows` counts those that there ever were, `folded` those that are in blocks of the level above.
+    """
+
+    def __init__(self) -> None:
+        self._array: FloatArray = np.empty((1024, COLUMNS))
+        self._used = 0
+        self.rows = self.folded = self.dropped = 0
+
+    @property
+    def nbytes(self) -> int:
+        return self._array.nbytes
+
+    @property
+    def begins_s(self) -> float:
+        return float(self._array[0, FIRST]) if self._used else np.inf
+
+    def kept(self) -> FloatArray:
+        return self._array[: self._used]
+
+    def waiting(self) -> FloatArray:
+        return self._array[self._used - (self.rows - self.folded) : self._used]
+
+    def append(self, rows: FloatArray) -> None:
+        if self._used + len(rows) > 2 * ROWS and self._used > ROWS:
+            keep = max(ROWS, self.rows - self.folded)
+            self.dropped += self._used - keep
+            self._array[:keep] = self._array[self._used - keep : self._used].copy()
+            self._used = keep
+        if self._used + len(rows) > len(self._array):
+            larger = np.empty((2 * (self._used + len(rows)), COLUMNS))
+            larger[: self._used] = self._array[: self._used]
+            self._array = larger
+        self._array[self._used : self._used + len(rows)] = rows
+        self._used += len(rows)
+        self.rows += len(rows)
+
+
+@dataclass(frozen=True, slots=True)
+class Watch:
+    """Channels over the last `window_s` seconds of the campaign's time, each in so many pixels."""
+
+    channels: tuple[str, ...]
+    window_s: float
+    pixels: int
+
 
 _MOST_TRAILS = 24
 _SHORTEST_S = 600.0

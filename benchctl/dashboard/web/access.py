@@ -1,17 +1,19 @@
-"""Who asks: by a token in the header, or by a session's cookie and, for what changes something, its CSRF word."""
+"""Who asks: by a token in the header, or by a session's cookie and, for what changes something, its CSRF token."""
 
 from __future__ import annotations
 
 import hmac
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
-from fastapi import Depends
-from starlette.requests import HTTPConnection
+from fastapi import APIRouter, Depends, Header
+from starlette.requests import HTTPConnection, Request
+from starlette.responses import Response
 
-from benchctl.dashboard.web.refusal import RefusalError
+from benchctl.dashboard.web.answers import RefusalError
+from benchctl.dashboard.web.models import Error, SessionSaid
+from benchctl.dashboard.web.sessions import Role
 from benchctl.dashboard.web.site import SiteOf
-from benchctl.dashboard.web.tokens import Role
 
 _HARMLESS = frozenset({"GET", "HEAD"})
 
@@ -61,3 +63,42 @@ def _unknown(says: str) -> RefusalError:
 
 CallerOf = Annotated[Caller, Depends(caller_of)]
 TokenRoleOf = Annotated[Role, Depends(token_role_of)]
+
+
+ONLY_TOKEN: dict[str, Any] = {"security": [{"token": []}]}
+ONLY_SESSION: dict[str, Any] = {"security": [{"session": []}]}
+CsrfHeader = Annotated[
+    str | None, Header(alias="X-CSRF", description="The session's word; not needed with a token in the header.")
+]
+
+router = APIRouter(prefix="/api/session", tags=["session"], responses={401: {"model": Error}})
+
+
+@router.post("", openapi_extra=ONLY_TOKEN)
+async def log_in(site: SiteOf, role: TokenRoleOf, response: Response) -> SessionSaid:
+    """Begin a session by a token; its cookie is set."""
+    secret, session = site.sessions.begin(role)
+    response.set_cookie(site.cookie, secret, path="/", httponly=True, samesite="strict")
+    return SessionSaid(role=session.role, csrf=session.csrf)
+
+
+@router.get("", openapi_extra=ONLY_SESSION)
+async def session_now(site: SiteOf, request: Request) -> SessionSaid:
+    """The session of the cookie."""
+    session = site.sessions.find(request.cookies.get(site.cookie, ""))
+    if session is None:
+        raise _no_session()
+    return SessionSaid(role=session.role, csrf=session.csrf)
+
+
+@router.delete("", status_code=204, openapi_extra=ONLY_SESSION, responses={403: {"model": Error}})
+async def log_out(site: SiteOf, caller: CallerOf, response: Response, x_csrf: CsrfHeader = None) -> None:
+    """End the session of the cookie."""
+    if caller.secret is None:
+        raise _no_session()
+    site.sessions.end(caller.secret)
+    response.delete_cookie(site.cookie, path="/", httponly=True, samesite="strict")
+
+
+def _no_session() -> RefusalError:
+    return RefusalError(401, "there is no session, or it is over; log in", {"www-authenticate": "Bearer"})

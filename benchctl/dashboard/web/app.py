@@ -2,23 +2,126 @@
 
 from __future__ import annotations
 
-from typing import Any
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
 
-from fastapi import FastAPI
+from fastapi import APIRouter, FastAPI
+from fastapi import Path as PathParameter
 from fastapi.exceptions import RequestValidationError
 from fastapi.openapi.utils import get_openapi
 from starlette.exceptions import HTTPException
-from starlette.requests import HTTPConnection
-from starlette.responses import Response
+from starlette.requests import HTTPConnection, Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
 from starlette.types import ASGIApp
 
 import benchctl
-from benchctl.dashboard.web import campaign_routes, live_routes, other_routes, session_routes
+import benchctl.dashboard
+from benchctl.dashboard.web import access, campaign_routes, live_routes
+from benchctl.dashboard.web.access import CallerOf
+from benchctl.dashboard.web.answers import RefusalError, answer, error_body
 from benchctl.dashboard.web.gate import Gate
-from benchctl.dashboard.web.pages import load_pages, page_routes
-from benchctl.dashboard.web.refusal import RefusalError, error_body
-from benchctl.dashboard.web.site import Site
+from benchctl.dashboard.web.models import Error, Explanation, History
+from benchctl.dashboard.web.site import Site, SiteOf
 from benchctl_instruments.errors import UsageError
+
+router = APIRouter(prefix="/api", responses={401: {"model": Error}, 422: {"model": Error}, 503: {"model": Error}})
+
+Term = Annotated[str, PathParameter(min_length=1, max_length=100)]
+
+
+@router.get("/history", response_model=History, responses={404: {"model": Error}}, tags=["units"])
+async def history(site: SiteOf, caller: CallerOf) -> Response:
+    """What calibrations and acceptances said of each unit over time."""
+    return await answer(site.heavy, lambda: _history(site))
+
+
+@router.get("/explain/{term}", response_model=Explanation, responses={404: {"model": Error}}, tags=["words"])
+async def explain(term: Term, site: SiteOf, caller: CallerOf) -> Response:
+    """Words for an effect, a metric or a term."""
+    return await answer(site.heavy, lambda: _explained(site, term))
+
+
+@router.get("/openapi.json", include_in_schema=False)
+async def openapi(request: Request, caller: CallerOf) -> Response:
+    """Describe the interface for programs."""
+    return JSONResponse(request.app.openapi())
+
+
+def _history(site: Site) -> object:
+    from benchctl.dashboard.data.units import history_json  # its fits take seconds to import
+
+    try:
+        return history_json(site.root, site.cache)
+    except UsageError as err:  # nothing below the folder states anything of a unit
+        raise RefusalError(404, str(err)) from err
+
+
+def _explained(site: Site, term: str) -> object:
+    try:
+        return site.explain(term)
+    except UsageError as err:
+        raise RefusalError(404, str(err)) from err
+
+
+_TYPES = {
+    ".css": "text/css; charset=utf-8",
+    ".html": "text/html; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".png": "image/png",
+    ".svg": "image/svg+xml",
+    ".txt": "text/plain; charset=utf-8",
+    "": "text/plain; charset=utf-8",
+}
+"""What the page may consist of; LICENSE has no ending."""
+_INDEX = "index.html"
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """One file."""
+
+    content: bytes
+    type: str
+    tag: str
+
+
+def load_pages() -> dict[str, Page]:
+    """All files of the page, by their path below its folder, with `/`."""
+    root = Path(benchctl.dashboard.__file__).parent / "page"
+    files = [path for path in root.rglob("*") if path.suffix in _TYPES and path.is_file()]
+    return {path.relative_to(root).as_posix(): _page(path) for path in files}
+
+
+def page_routes(pages: Mapping[str, Page]) -> list[Route]:
+    """`index.html` at `/`, the others below `/page/`."""
+
+    async def index(request: Request) -> Response:
+        return _answer(request, pages.get(_INDEX))
+
+    async def other(request: Request) -> Response:
+        name = request.path_params["name"]
+        return _answer(request, pages.get(name) if name != _INDEX else None)
+
+    return [Route("/", index), Route("/page/{name:path}", other)]
+
+
+def _answer(request: Request, page: Page | None) -> Response:
+    if page is None:
+        raise RefusalError(404, "there is no such page; begin at /")
+    headers = {"ETag": page.tag, "Cache-Control": "no-cache"}
+    if request.headers.get("if-none-match") == page.tag:
+        return Response(status_code=304, headers=headers)
+    return Response(page.content, media_type=page.type, headers=headers)
+
+
+def _page(path: Path) -> Page:
+    content = path.read_bytes()
+    return Page(content, _TYPES[path.suffix], f'"{hashlib.sha256(content).hexdigest()[:32]}"')
+
 
 _SAYS = {404: "there is nothing at this address", 405: "this address does not take that method"}
 
@@ -27,8 +130,8 @@ def page_app(site: Site, names: frozenset[str]) -> ASGIApp:
     """The application for a site; `names` are those under which it may be asked for."""
     app = FastAPI(title="benchctl", version=benchctl.__version__, openapi_url=None, docs_url=None, redoc_url=None)
     app.state.site = site
-    for routes in (session_routes, campaign_routes, live_routes, other_routes):
-        app.include_router(routes.router)
+    for part in (access.router, campaign_routes.router, live_routes.router, router):
+        app.include_router(part)
     app.router.routes += page_routes(load_pages())
     app.openapi = lambda: _described(app, site)  # type: ignore[method-assign]  # as FastAPI documents
     app.add_exception_handler(RefusalError, _refused)

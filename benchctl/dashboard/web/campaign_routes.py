@@ -12,8 +12,8 @@ from benchctl.campaign.stop_file import NotRunningError, ask_by_file
 from benchctl.dashboard.data.details import details_of
 from benchctl.dashboard.data.documents import Kind, document, report_of
 from benchctl.dashboard.data.events import events_after
-from benchctl.dashboard.web.access import CallerOf
-from benchctl.dashboard.web.answers import answer
+from benchctl.dashboard.web.access import CallerOf, CsrfHeader
+from benchctl.dashboard.web.answers import RefusalError, answer
 from benchctl.dashboard.web.gate import REPORT_POLICY
 from benchctl.dashboard.web.models import (
     Acceptance,
@@ -27,8 +27,6 @@ from benchctl.dashboard.web.models import (
     StopAsked,
     StopOrder,
 )
-from benchctl.dashboard.web.refusal import RefusalError
-from benchctl.dashboard.web.session_routes import CsrfHeader
 from benchctl.dashboard.web.site import Site, SiteOf
 from benchctl.limits import LONGEST_TIME_S
 

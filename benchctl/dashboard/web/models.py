@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from benchctl.dashboard.web.tokens import Role
+from benchctl.dashboard.web.sessions import Role
 
 Numbers = list[float | None]
 

@@ -12,9 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from benchctl.dashboard.data.follower import FIRST_EVENTS, Follower, Watch
-from benchctl.dashboard.web.answers import json_text
-from benchctl.dashboard.web.readers import Readers
-from benchctl.dashboard.web.refusal import RefusalError
+from benchctl.dashboard.web.answers import Readers, RefusalError, json_text
 from benchctl_instruments.errors import UsageError
 
 MOST_VIEWERS = 64

@@ -4,20 +4,32 @@ from __future__ import annotations
 
 import asyncio
 import errno
+import importlib
+import ipaddress
 import logging
 import os
 import socket
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import uvicorn
 from starlette.types import ASGIApp
 
-from benchctl.campaign.stop import StopRequest
+import benchctl
+from benchctl.campaign.stop import StopRequest, stop_on_signals
+from benchctl.confined import confine
+from benchctl.dashboard.data.catalogue import Catalogue
+from benchctl.dashboard.data.contents import cache_folder
+from benchctl.dashboard.data.series import SeriesReader
+from benchctl.dashboard.web.app import page_app
 from benchctl.dashboard.web.connections import AT_ONCE, IDLE_S, STALLED_S, Connection, Socket, sweep
-from benchctl.dashboard.web.gate import MOST_HEADER_BYTES
+from benchctl.dashboard.web.gate import MOST_HEADER_BYTES, is_loopback, own_names
 from benchctl.dashboard.web.live_routes import MOST_MESSAGE_BYTES
+from benchctl.dashboard.web.sessions import Tokens
+from benchctl.dashboard.web.site import Explain, Site
 from benchctl_instruments.errors import UsageError
 
 _SEND_BUFFER_BYTES = 256 << 10
@@ -104,3 +116,63 @@ async def _serve(server: _Server, stop: StopRequest, sock: socket.socket, ready:
     server.force_exit = True
     await serving
     sweeping.cancel()
+
+
+def run_page(
+    root: Path,
+    host: str,
+    port: int,
+    *,
+    read_only: bool,
+    explain: Explain,
+    ready: Callable[[str, str, str], None],
+    warn: Callable[[str], None],
+) -> None:
+    """Serve the campaigns below `root` until Ctrl-C or SIGTERM.
+
+    `ready` is told the address, the token and the one that only looks, once requests are answered; `warn` is told
+    beforehand what a person should know.
+    The process opens no files outside `root` from then on (`benchctl.confined`).
+    Raises `UsageError` where the port cannot be had.
+    """
+    lower_priority()  # of this thread and of all that it begins
+    root, cache, tokens = root.resolve(), cache_folder(), Tokens(read_only=read_only)
+    confine(root, cache, Path(benchctl.__file__).parent)
+    with stop_on_signals() as stop, listening(host, port) as sock, SeriesReader(cache) as series:
+        bound_port = sock.getsockname()[1]
+        if not is_loopback(host):
+            warn(
+                f"--host {host}: the link is not encrypted, others can read on it, tokens too; safer: leave --host out "
+                f"and, from the other machine, ssh -L {bound_port}:127.0.0.1:{bound_port} to this one"
+            )
+        site = Site(
+            root=root,
+            cache=cache,
+            tokens=tokens,
+            cookie=f"benchctl_{bound_port}",
+            explain=explain,
+            catalogue=Catalogue(root, cache),
+            series=series,
+        )
+
+        def tell_ready() -> None:
+            ready(_url(host, bound_port), tokens.token, tokens.view_token)
+            threading.Thread(target=_warm_up, daemon=True).start()
+
+        serve_until(stop, page_app(site, own_names(host)), sock, tell_ready)
+
+
+def _warm_up() -> None:
+    """Import, while nobody waits for it, what the first look at a run needs: it takes seconds."""
+    importlib.import_module("benchctl.campaign.provenance")
+
+
+def _url(host: str, port: int) -> str:
+    """The address by which a browser on this machine finds the page."""
+    try:
+        address = ipaddress.ip_address(host)
+    except ValueError:
+        return f"http://{host}:{port}/"
+    if address.is_unspecified:
+        return f"http://127.0.0.1:{port}/" if address.version == 4 else f"http://[::1]:{port}/"
+    return f"http://{address}:{port}/" if address.version == 4 else f"http://[{address}]:{port}/"

@@ -1,13 +1,43 @@
-"""Who has logged in: a browser shows its cookie in place of the token, and by a second word that it is our page."""
+"""Who has logged in: the server's two tokens, and the sessions of browsers that have shown one.
+
+A browser shows its cookie in place of the token, and a second secret (CSRF) that other sites cannot read.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import hmac
+import secrets
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Literal
 
-from benchctl.dashboard.web.tokens import Role, new_secret
+Role = Literal["operator", "viewer"]
+
+
+def new_secret() -> str:
+    """A text that nobody guesses: 256 bits, in letters that a URL and a header take."""
+    return secrets.token_urlsafe(32)
+
+
+@dataclass(frozen=True, slots=True)
+class Tokens:
+    """The secrets, made anew for every server and never written anywhere; with `read_only` neither may stop a run."""
+
+    read_only: bool = False
+    token: str = field(default_factory=new_secret, repr=False)
+    view_token: str = field(default_factory=new_secret, repr=False)
+
+    def role_of(self, shown: str) -> Role | None:
+        """What somebody who shows this may do; None: nothing. Takes as long whatever is shown."""
+        given = shown.encode()
+        is_token = hmac.compare_digest(given, self.token.encode())
+        is_view_token = hmac.compare_digest(given, self.view_token.encode())
+        if is_token:
+            return "viewer" if self.read_only else "operator"
+        return "viewer" if is_view_token else None
+
 
 MOST_SESSIONS = 256
 IDLE_S = 12 * 3600.0

@@ -12,11 +12,9 @@ from starlette.requests import HTTPConnection
 
 from benchctl.dashboard.data.catalogue import Catalogue
 from benchctl.dashboard.data.series import SeriesReader
-from benchctl.dashboard.web.readers import Readers
-from benchctl.dashboard.web.refusal import RefusalError
+from benchctl.dashboard.web.answers import Readers, RefusalError
 from benchctl.dashboard.web.rooms import Rooms
-from benchctl.dashboard.web.sessions import Sessions
-from benchctl.dashboard.web.tokens import Tokens
+from benchctl.dashboard.web.sessions import Sessions, Tokens
 
 Explain = Callable[[str], dict[str, Any]]
 """Words for a term; `UsageError` where nothing is known of it."""

@@ -176,7 +176,7 @@ def e_n() -> Sketch:
 
 def control_chart() -> Sketch:
     """A unit's figure over campaigns, with limits, and one beyond."""
-    from benchctl.history.control import control_of  # history sorts above; only its arithmetic is drawn
+    from benchctl.history.flags import control_of  # history sorts above; only its arithmetic is drawn
 
     rng = np.random.default_rng(2)
     values = 50.0 + 0.004 * rng.standard_normal(14)

@@ -1,21 +1,203 @@
-"""The acceptance report's files in a folder: page, PDF, JUnit XML and JSON, each whole or not at all."""
+"""The files of an acceptance: JSON, JUnit, HTML and PDF, each written complete or not at all.
+
+In the JSON every number is unrounded and every sentence in English. In JUnit the unit is a test suite and each test a
+test case: one that is INCONCLUSIVE is a failure of type `inconclusive`, since nothing may be accepted on it; without a
+limit a test is skipped where it has no value, and else passes with its value among the properties.
+"""
 
 from __future__ import annotations
 
 import json
+import math
+import re
 from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
 
 from benchctl.atomic import whole_file
-from benchctl.metrology.result import Acceptance
-from benchctl.reports.acceptance.as_json import SCHEMA, values
-from benchctl.reports.acceptance.build import report_of
-from benchctl.reports.acceptance.catalogue import catalogue
+from benchctl.metrology.result import Acceptance, Judged, Limit, Uncertainty
+from benchctl.reports.acceptance.build import report_of, tally
+from benchctl.reports.acceptance.catalogue import Catalogue, catalogue
 from benchctl.reports.acceptance.document import Report
-from benchctl.reports.acceptance.junit import junit
 from benchctl.reports.acceptance.pdf import pdf
 from benchctl.reports.acceptance.recording_facts import RecordingFacts
+from benchctl.reports.acceptance.values import limits, stated
 from benchctl.reports.html import render
 from benchctl.reports.results import make_folder
+
+_NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""What XML 1.0 cannot hold, not even escaped."""
+
+
+def junit(acceptance: Acceptance, facts: RecordingFacts) -> str:
+    """The XML, in English, whatever the language of the report."""
+    words = catalogue("en")
+    suite = ET.Element("testsuite")
+    name = f"{facts.meta.unit.serial} {facts.name}"
+    failures = sum(one.verdict in ("FAIL", "INCONCLUSIVE") for one in acceptance.judged)
+    skipped = sum(_is_skipped(one) for one in acceptance.judged)
+    counts = {"tests": len(acceptance.judged), "failures": failures, "errors": 0, "skipped": skipped}
+    _set(suite, name=name, **{key: str(value) for key, value in counts.items()}, time="0")
+    _set(suite, timestamp=facts.started.replace(tzinfo=None).isoformat(timespec="seconds"), hostname="")
+    _properties(
+        suite,
+        {
+            "verdict": acceptance.verdict,
+            "rule": words.said(acceptance.rule.says),
+            "limits": acceptance.limits_name,
+            "limits_sha256": acceptance.limits_sha256,
+            "recording_sha256": facts.digest,
+        },
+    )
+    for one in acceptance.judged:
+        _case(suite, one, facts.meta.unit.serial, words)
+    suites = ET.Element("testsuites")
+    _set(suites, **{key: str(value) for key, value in counts.items()})
+    suites.append(suite)
+    ET.indent(suites)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(suites, encoding="unicode") + "\n"
+
+
+def _is_skipped(one: Judged) -> bool:
+    return one.verdict is None and one.measured.value is None
+
+
+def _case(suite: ET.Element, one: Judged, serial: str, words: Catalogue) -> None:
+    measured = one.measured
+    case = ET.SubElement(suite, "testcase")
+    _set(case, classname=serial, name=measured.name, time="0")
+    _properties(case, properties_of(one))
+    if _is_skipped(one):
+        _set(ET.SubElement(case, "skipped"), message=_why(one, words))
+    elif one.verdict in ("FAIL", "INCONCLUSIVE"):
+        kind = "limit" if one.verdict == "FAIL" else "inconclusive"
+        message = verdict_says(one, words)
+        failure = ET.SubElement(case, "failure")
+        _set(failure, type=kind, message=message)
+        failure.text = _clean(" ".join([message, *([words.said(one.remedy)] if one.remedy else [])]))
+
+
+def properties_of(one: Judged) -> dict[str, str]:
+    """A test's figures, by name; what there is none of is empty."""
+    measured = one.measured
+    expanded = measured.uncertainty.expanded if measured.uncertainty else None
+    return {
+        "value": "" if measured.value is None else repr(measured.value),
+        "uncertainty": "" if expanded is None else repr(expanded),
+        "limit_low": "" if one.limit is None or one.limit.low is None else repr(one.limit.low),
+        "limit_high": "" if one.limit is None or one.limit.high is None else repr(one.limit.high),
+        "unit": measured.unit,
+        "bound": measured.bound,
+    }
+
+
+def verdict_says(one: Judged, words: Catalogue) -> str:
+    """Why there is no value of a test with a limit, or its value and what was expected."""
+    return _why(one, words) or f"{stated(one.measured, words)}, expected {limits(one.limit, words)}"
+
+
+def _why(one: Judged, words: Catalogue) -> str:
+    return words.said(one.measured.refused) if one.measured.refused else ""
+
+
+def _properties(parent: ET.Element, told: dict[str, str]) -> None:
+    holder = ET.SubElement(parent, "properties")
+    for name, value in told.items():
+        if value:
+            _set(ET.SubElement(holder, "property"), name=name, value=value)
+
+
+def _set(element: ET.Element, **attributes: str) -> None:
+    for name, value in attributes.items():
+        element.set(name, _clean(value))
+
+
+def _clean(told: str) -> str:
+    return _NOT_XML.sub("\ufffd", told)
+
+
+SCHEMA = "benchctl-acceptance/1"
+
+
+def values(acceptance: Acceptance, facts: RecordingFacts) -> dict[str, Any]:
+    """What `--json` says of an acceptance.
+
+    Of each test `uncertainty` is expanded (95.45 %, `k` times the combined `standard`; `dof` null: infinite), and
+    `stated` is the value with it as the report prints it.
+    """
+    words = catalogue("en")
+    names = {info.index: info.name for info in facts.infos}
+    return {
+        "verdict": acceptance.verdict,
+        "tally": tally(acceptance, words),
+        "tests": [_test(one, acceptance, names, words) for one in acceptance.judged],
+        "unit_under_test": {"serial": facts.meta.unit.serial, "model": facts.meta.unit.model},
+        "started_utc": facts.meta.provenance.get("started_utc", ""),
+        "stage": acceptance.papers.stage,
+        "limits": {
+            "file": acceptance.limits_name,
+            "sha256": acceptance.limits_sha256,
+            "text": acceptance.limits_text,
+        },
+        "rule": {"guard": acceptance.rule.guard, "says": words.said(acceptance.rule.says)},
+        "recording": str(facts.path),
+        "recording_digest": facts.digest,
+        "anomalies": [words.said(one) for one in acceptance.anomalies],
+    }
+
+
+def _test(one: Judged, acceptance: Acceptance, names: dict[int, str], words: Catalogue) -> dict[str, Any]:
+    measured = one.measured
+    return {
+        "name": measured.name,
+        "value": _finite(measured.value),
+        "unit": measured.unit,
+        "stated": stated(measured, words),
+        "limit": _limit(one.limit),
+        "verdict": one.verdict,
+        "remedy": words.said(one.remedy) if one.remedy else "",
+        "bound": measured.bound,
+        "refused": words.said(measured.refused) if measured.refused else "",
+        "notes": [words.said(note) for note in measured.notes],
+        "temperature_c": _finite(measured.temperature_c),
+        "steps": [
+            {"index": index, "name": names.get(index, ""), "digest": acceptance.step_digests.get(index, "")}
+            for index in measured.steps
+        ],
+        **_uncertainty(measured.uncertainty),
+    }
+
+
+def _limit(limit: Limit | None) -> dict[str, Any] | None:
+    return None if limit is None else {"low": limit.low, "high": limit.high, "unit": limit.unit}
+
+
+def _uncertainty(found: Uncertainty | None) -> dict[str, Any]:
+    if found is None:
+        return {"uncertainty": None, "k": None, "dof": None, "standard": None, "monte_carlo": None, "budget": []}
+    return {
+        "uncertainty": _finite(found.expanded),
+        "k": found.k,
+        "dof": _finite(found.dof),
+        "standard": _finite(found.standard),
+        "monte_carlo": _finite(found.monte_carlo),
+        "budget": [
+            {
+                "source": part.source,
+                "standard": _finite(part.standard),
+                "dof": _finite(part.dof),
+                "kind": part.kind,
+                "says": part.says,
+            }
+            for part in found.contributors
+        ],
+    }
+
+
+def _finite(value: float | None) -> float | None:
+    """A number as JSON can hold it: null where it is not finite."""
+    return value if value is not None and math.isfinite(value) else None
+
 
 PAGE, PDF, JUNIT, JSON = "acceptance.html", "acceptance.pdf", "acceptance.xml", "acceptance.json"
 

@@ -5,7 +5,7 @@ import pytest
 from benchctl.bench import load_bench
 from benchctl.campaign.check import bench_time_s, problems
 from benchctl.campaign.timing import BYTES_PER_STEP, OPERATOR_S, disk_bytes, set_point_after, step_s, timeline
-from benchctl.cli.timeline import timeline_lines
+from benchctl.cli.dry_run import timeline_lines
 from benchctl.plan import ConstantRate, Mount, Plan, PowerCycle, Soak
 
 BENCH = load_bench("simulated")

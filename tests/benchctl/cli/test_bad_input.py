@@ -380,7 +380,7 @@ import sys
 
 class Stop:
     def find_spec(self, name, path=None, target=None):
-        if name == "benchctl.cli.saying":
+        if name == "benchctl.cli.messages":
             raise KeyboardInterrupt
 
 sys.meta_path.insert(0, Stop())

@@ -15,7 +15,7 @@ import pytest
 
 from benchctl.cli import terminal
 from benchctl.cli.app import run_verb
-from benchctl.cli.live import search_progress
+from benchctl.cli.terminal import search_progress
 from benchctl.diagnosis.result import Diagnosis
 from benchctl.plan.find import find_procedure
 from benchctl.recordings.reader import Recording

@@ -63,7 +63,7 @@ def test_ctrl_c_in_the_middle_of_the_search_leaves_nothing_behind(
 
         yield stop
 
-    monkeypatch.setattr("benchctl.cli.live.search_progress", impatient)
+    monkeypatch.setattr("benchctl.cli.terminal.search_progress", impatient)
     monkeypatch.chdir(tmp_path)
     path = write_moving(tmp_path / "moving.h5")
     assert run_verb(["diagnose", str(path), "--json", "out.json", "--next", "next.py", "--out", "report"]) == 130

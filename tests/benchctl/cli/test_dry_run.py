@@ -14,8 +14,8 @@ from benchctl.campaign.progress import Moment
 from benchctl.campaign.runner import run_campaign
 from benchctl.campaign.stop import StopRequest
 from benchctl.cli.app import run_verb
+from benchctl.cli.next_run import preview_next
 from benchctl.cli.output import Result
-from benchctl.cli.settling import foretell_next
 from benchctl.diagnosis.result import NextExperiment
 from benchctl.plan.find import find_procedure
 
@@ -153,7 +153,7 @@ def test_of_the_next_experiment_it_says_the_same_and_runs_nothing(
     following = NextExperiment(says="Run it: it tells.", procedure="static", parameters={"duration_s": 5.0})
     before = files(lab)
     result = Result(quiet=False)
-    foretell_next(following, load_bench("simulated"), result)
+    preview_next(following, load_bench("simulated"), result)
     assert result.values["dry_run"]["steps"] == 2
     assert result.values["dry_run"]["campaign"].parent == Path("results")
     said = capsys.readouterr().out

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from benchctl.campaign.reserved import lock_files, lock_folder, make_lock_folder
+from benchctl.doctor.examine import line_findings
 from benchctl.doctor.finding import Finding
-from benchctl.doctor.lines import line_findings
 from benchctl.locks import is_held
 from tests.benchctl.doctor.benches import NOBODY, bench_at, server
 from tests.benchctl.doctor.ptys import held, terminal
@@ -38,7 +38,7 @@ class Broken(Lazy):
 """
 ENTRY_POINTS = "[benchctl.instruments]\nchamber.lazy = lazy_driver:Lazy\nrate_table.broken = lazy_driver:Broken\n"
 WITH_THEM = """
-from benchctl.doctor.lines import line_findings
+from benchctl.doctor.examine import line_findings
 from tests.benchctl.doctor.benches import bench_at
 for each in line_findings(bench_at({}, chamber={"model": "lazy"}, rate_table={"model": "broken"}), limit_s=1.0):
     print(each.verdict, each.where, each.message, sep="|")

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchctl.explain.book import find
-from benchctl.explain.effects import symbols
-from benchctl.explain.explained import explained
+from benchctl.explain.book import explained, find, symbols
 from benchctl.explain.sizes import middle_size, usual_sizes
 from benchctl.proof.sizes import DRAWN
 from benchctl_instruments.physics.chamber_effects.registry import chamber_effects

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchctl.history.control import Control, control_of, outside, runs
+from benchctl.history.flags import Control, control_of, outside, runs
 
 FLOW_RATES = [49.6, 47.6, 49.9, 51.3, 47.8, 51.2, 52.6, 52.4, 53.6, 52.1]
 """The worked example of the NIST/SEMATECH e-Handbook, 6.3.2.2."""

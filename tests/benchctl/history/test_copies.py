@@ -93,12 +93,12 @@ def test_the_samples_of_competing_copies_are_checked_once(folder: Path, monkeypa
     forge_document(folder / FORGED)
     write_manifest(folder / FORGED)
     first = read(folder)
-    monkeypatch.setattr("benchctl.history.linking.refuse_changed", lambda *_: pytest.fail("was checked again"))
+    monkeypatch.setattr("benchctl.history.history.refuse_changed", lambda *_: pytest.fail("was checked again"))
     assert read(folder) == first
 
 
 def test_copies_that_state_the_same_are_not_read(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("benchctl.history.linking.refuse_changed", lambda *_: pytest.fail("was read"))
+    monkeypatch.setattr("benchctl.history.history.refuse_changed", lambda *_: pytest.fail("was read"))
     history = read(folder)
     assert charted(history) == [1.0, 1.0]
     assert problems(history)[f"{GENUINE}/recording.h5"].startswith("is the same recording as a_forged")

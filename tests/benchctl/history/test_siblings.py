@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchctl.history.siblings import siblings_of
+from benchctl.history.flags import siblings_of
 
 
 def test_median_mad_and_z_by_hand() -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchctl.history.model import Figure
+from benchctl.history.series import Figure
 from benchctl.reports.fleet_facts import Fleet, Member
 from benchctl.reports.fleet_stated import FleetVerb, FoundEffect, FoundParameter, Stated
 

@@ -3,8 +3,8 @@
 import pytest
 
 from benchctl.explain.book import find
-from benchctl.reports.advice import advice_for
 from benchctl.reports.diagnosis_tables import known_effects
+from benchctl.reports.vocabulary import advice_for
 from tests.benchctl.diagnosis.example import nothing_missing, pair
 from tests.benchctl.reports.page import Page
 from tests.benchctl.reports.test_diagnosis_page import page_of, undrawn

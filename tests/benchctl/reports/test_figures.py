@@ -6,10 +6,14 @@ import pytest
 from matplotlib.figure import Figure
 
 from benchctl.reports.figures import LEVEL_COLOURS, inline_svg, new_figure, style
-from benchctl.reports.law_curves import factor_curve
-from benchctl.reports.law_figures import k_omega_figure, k_temperature_figure, output_figure
+from benchctl.reports.law_figures import (
+    factor_curve,
+    final_residuals_figure,
+    k_omega_figure,
+    k_temperature_figure,
+    output_figure,
+)
 from benchctl.reports.path_figures import levels_figure, residual_rows_figure
-from benchctl.reports.residual_figures import final_residuals_figure
 from tests.benchctl.reports.example import K0, S, example
 
 

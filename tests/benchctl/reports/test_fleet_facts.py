@@ -7,11 +7,18 @@ import statistics
 from dataclasses import replace
 from pathlib import Path
 
-from benchctl.reports.fleet_facts import Fleet, diagnosed, judged, recurring, spreads
-from benchctl.reports.fleet_lines import lines
+from benchctl.reports.fleet_facts import (
+    Fleet,
+    diagnosed,
+    fleet_values,
+    judged,
+    lines,
+    recurring,
+    spreads,
+    write_fleet_file,
+)
 from benchctl.reports.fleet_page import write_fleet_page
 from benchctl.reports.fleet_stated import Stated
-from benchctl.reports.fleet_values import fleet_values, write_fleet_file
 from tests.benchctl.reports.made_fleet import ODD, effect, fleet
 from tests.benchctl.reports.page import Page
 

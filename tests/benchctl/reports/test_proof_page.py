@@ -4,8 +4,7 @@ from pathlib import Path
 
 from benchctl.proof.summary import summarize
 from benchctl.proof.trial import Answer, Trial
-from benchctl.reports.proof_lines import lines
-from benchctl.reports.proof_page import proof_page, write_proof_report
+from benchctl.reports.proof_page import lines, proof_page, write_proof_report
 from tests.benchctl.proof.made import finding, said, trial, truth
 from tests.benchctl.reports.page import Page
 

@@ -10,8 +10,7 @@ from benchctl.metrology.names import UNITS
 from benchctl.metrology.rerun import compared
 from benchctl.metrology.result import Judged, Measured, Uncertainty, message
 from benchctl.recordings.model import BenchFacts, Meta, Unit
-from benchctl.reports.rerun_lines import lines
-from benchctl.reports.rerunning import FirstRun, Rerun
+from benchctl.reports.rerunning import FirstRun, Rerun, lines
 
 HOSTILE = "\x1b[31mred\x07\n\u202eover" + "x" * 500
 SAME = Differences(procedure=(), parameters=(), bench=(), instruments=(), software=(), operator=())

@@ -3,7 +3,7 @@
 import pytest
 
 from benchctl.bench import load_bench
-from benchctl.dashboard.data.bench_limits import BenchLimit, bench_of, limits_of, measured
+from benchctl.dashboard.data.details import BenchLimit, bench_of, limits_of, measured
 from tests.benchctl.recordings import made
 
 

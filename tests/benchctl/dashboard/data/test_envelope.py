@@ -7,9 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchctl.dashboard.data.blocks import blocks_of, coarser, runs
-from benchctl.dashboard.data.envelope import Envelope, or_none
-from benchctl.dashboard.data.pyramid import Pyramid
+from benchctl.dashboard.data.envelope import Envelope, Pyramid, blocks_of, coarser, or_none, runs
 from benchctl_instruments.arrays import FloatArray
 from tests.benchctl.dashboard.data import brute
 

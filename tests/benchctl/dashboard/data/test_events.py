@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchctl.dashboard.data.event_words import told
-from benchctl.dashboard.data.events import MOST_EVENTS, events_after
+from benchctl.dashboard.data.events import MOST_EVENTS, events_after, told
 from benchctl.dashboard.data.follower import JournalTail
 from benchctl.recordings.campaign_folder import CampaignWriter
 from benchctl.recordings.journal import mend_journal

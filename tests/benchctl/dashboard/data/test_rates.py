@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchctl.dashboard.data.rates import GrowingRate, RateSamples, half_window, rates_dps
+from benchctl.dashboard.data.channels import GrowingRate, RateSamples, half_window, rates_dps
 from benchctl_instruments.arrays import FloatArray
 
 

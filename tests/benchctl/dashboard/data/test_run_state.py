@@ -5,12 +5,9 @@ from typing import Any
 import pytest
 
 from benchctl.bench import load_bench
-from benchctl.dashboard.data.follower import patience_s
-from benchctl.dashboard.data.forecast import ends_utc, left_s, step_now
-from benchctl.dashboard.data.plan import plan_in
+from benchctl.dashboard.data.follower import doing, patience_s
 from benchctl.dashboard.data.readings import Readings
-from benchctl.dashboard.data.run_state import RunState
-from benchctl.dashboard.data.words_of_run import doing
+from benchctl.dashboard.data.run_state import RunState, ends_utc, left_s, plan_in, step_now
 
 BENCH = load_bench("simulated")
 

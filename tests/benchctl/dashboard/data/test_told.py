@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from benchctl.dashboard.data.told import told_number
+from benchctl.dashboard.data.run_state import told_number
 
 
 @pytest.mark.parametrize("value", [None, "7", True, math.nan, math.inf, -math.inf, [], 10**400])

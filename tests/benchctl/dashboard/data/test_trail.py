@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchctl.dashboard.data import trail as module
-from benchctl.dashboard.data.trail import Trail
+from benchctl.dashboard.data import trails as module
+from benchctl.dashboard.data.trails import Trail
 from benchctl_instruments.arrays import FloatArray
 from tests.benchctl.dashboard.data import brute
 

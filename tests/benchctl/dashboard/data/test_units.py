@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from benchctl.cli.app import run_verb
-from benchctl.dashboard.data.places import cache_folder
+from benchctl.dashboard.data.contents import cache_folder
 from benchctl.dashboard.data.units import history_json
 from benchctl.recordings.writer import write_recording
 from benchctl_instruments.errors import UsageError

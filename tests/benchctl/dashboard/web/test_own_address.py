@@ -1,8 +1,8 @@
 import pytest
 from starlette.datastructures import Headers
 
-from benchctl.dashboard.web.own_address import is_loopback, own_names, refuse_foreign
-from benchctl.dashboard.web.refusal import RefusalError
+from benchctl.dashboard.web.answers import RefusalError
+from benchctl.dashboard.web.gate import is_loopback, own_names, refuse_foreign
 
 LOOPBACK, ALL = own_names("127.0.0.1"), own_names("0.0.0.0")
 

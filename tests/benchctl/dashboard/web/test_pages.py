@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 import benchctl.dashboard
-from benchctl.dashboard.web.pages import load_pages
+from benchctl.dashboard.web.app import load_pages
 from tests.benchctl.dashboard.web.serving import Served, everything
 
 ROOT = Path(benchctl.dashboard.__file__).parent / "page"

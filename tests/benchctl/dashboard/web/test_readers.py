@@ -4,8 +4,7 @@ import time
 
 import pytest
 
-from benchctl.dashboard.web.readers import Readers
-from benchctl.dashboard.web.refusal import RefusalError
+from benchctl.dashboard.web.answers import Readers, RefusalError
 
 
 def test_who_asks_gets_what_the_job_returns_or_raises() -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from benchctl.dashboard.data.follower import Follower, Watch
-from benchctl.dashboard.web.readers import Readers
+from benchctl.dashboard.web.answers import Readers
 from benchctl.dashboard.web.rooms import MOST_EVENTS, MOST_VIEWERS, Room, Rooms, Viewer
 from benchctl_instruments.errors import UsageError
 

@@ -1,6 +1,6 @@
 import pytest
 
-from benchctl.dashboard.web.tokens import Tokens
+from benchctl.dashboard.web.sessions import Tokens
 
 
 def test_one_token_stops_runs_the_other_only_looks() -> None:

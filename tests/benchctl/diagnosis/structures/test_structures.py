@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from benchctl.cli.effect_writing import write_effect
+from benchctl.cli.diagnose import write_effect
 from benchctl.diagnosis import diagnose
 from benchctl.diagnosis.result import Diagnosis
 from benchctl.model_file import Model, read_model, write_model

@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from benchctl.recordings.model import Unit
-from benchctl.reports.acceptance.junit import junit
+from benchctl.reports.acceptance.write import junit
 from tests.benchctl.reports.acceptance.example import HOSTILE, acceptance, facts
 
 CHILDREN = {

@@ -9,7 +9,7 @@ import pytest
 
 from benchctl.metrology.result import Picture, Trace
 from benchctl.reports.acceptance.catalogue import Catalogue, catalogue
-from benchctl.reports.acceptance.pictures import drawn, picture_figure
+from benchctl.reports.acceptance.sections import drawn, picture_figure
 from tests.benchctl.reports.acceptance.example import angle_random_walk, scale_factor
 
 ENGLISH, RUSSIAN = catalogue("en"), catalogue("ru")

@@ -1,12 +1,13 @@
-"""What a run would do, without an instrument: said by `check`, and by every `--dry-run`."""
+"""What a run would do, without an instrument: shown by `check`, and by every `--dry-run`."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
 
 from benchctl.atomic import free_bytes, require_empty
-from benchctl.bench import Bench
+from benchctl.bench import Bench, Limits
 from benchctl.campaign.answers import Answers, answer_line
 from benchctl.campaign.check import bench_time_s, problems, refusal, room_problems
 from benchctl.campaign.expiry import expiring
@@ -14,15 +15,54 @@ from benchctl.campaign.hands import hands_at_the_terminal, refuse_without_hands
 from benchctl.campaign.interlocks import words
 from benchctl.campaign.playing import questions_asked
 from benchctl.campaign.resume import Past, steps_to_play
-from benchctl.campaign.timing import disk_bytes
+from benchctl.campaign.timing import disk_bytes, timeline
+from benchctl.cli.messages import duration, size
 from benchctl.cli.output import Result
-from benchctl.cli.timeline import timeline_lines
-from benchctl.cli.words import duration, size
-from benchctl.plan import Plan
+from benchctl.plan import Plan, Sine, Step, ThermalRamp
 from benchctl_instruments.errors import UsageError
 
+_WORDS = {
+    "static": "at rest",
+    "constant_rate": "at constant rate",
+    "sine": "sine",
+    "thermal_ramp": "thermal ramp",
+    "power_cycle": "powered off and on",
+    "mount": "mounted by hand",
+    "ask": "asked of the operator",
+}
 
-def foretell(result: Result, plan: Plan, bench: Bench, out: Path, past: Past | None = None) -> None:
+
+def timeline_lines(plan: Plan, limits: Limits, from_c: float) -> Iterator[str]:
+    """When each set point is reached for, how long it takes, and what is run there."""
+    began_s, block, last_end_s, setpoint_c = 0.0, list[Step](), 0.0, from_c
+    for step, (start_s, end_s, after_c) in zip(plan.steps, timeline(plan, limits, from_c), strict=True):
+        if step.kind == "soak" and block:
+            yield _line(began_s, last_end_s, setpoint_c, block)
+            began_s, block = start_s, []
+        block.append(step)
+        last_end_s, setpoint_c = end_s, after_c
+    yield _line(began_s, last_end_s, setpoint_c, block)
+
+
+def _line(began_s: float, end_s: float, setpoint_c: float, block: list[Step]) -> str:
+    parts = [_told(kind, [step for step in block if step.kind == kind]) for kind in _WORDS]
+    runs = ", ".join(part for part in parts if part) or "soak only"
+    return f"{duration(began_s):>12}  {setpoint_c:+7.2f} °C  {duration(end_s - began_s):>12}  {runs}"
+
+
+def _told(kind: str, steps: list[Step]) -> str:
+    if not steps:
+        return ""
+    words = f"{len(steps)} {_WORDS[kind]}"
+    top_dps = max(step.peak_rate_dps for step in steps)
+    if top_dps:
+        words += f" to {top_dps:g} deg/s"
+    if any(isinstance(step, Sine | ThermalRamp) and step.role == "verify" for step in steps):
+        words += " (kept aside)"
+    return words
+
+
+def preview(result: Result, plan: Plan, bench: Bench, out: Path, past: Past | None = None) -> None:
     """Tell steps, time, disk, timeline, questions and interlocks of a plan, or of what is left of it after its `past`.
 
     `out` is where the campaign is to land. Raises `UsageError`, its `problems` told, where the bench cannot play it.
@@ -68,7 +108,7 @@ def foretell(result: Result, plan: Plan, bench: Bench, out: Path, past: Past | N
             result.say(f"  {answer_line(says)}")
 
 
-def foretell_run(
+def preview_run(
     result: Result, plan: Plan, bench: Bench, out: Path, *, answers: Answers | None, past: Past | None = None
 ) -> None:
     """What `run --dry-run` tells: also from which step on, and that nobody could answer; raises what the run would."""
@@ -83,7 +123,7 @@ def foretell_run(
         result.say(
             f"{out}: {whole} of {len(plan.steps)} steps are whole; it would go on with step {past.first}, {label}"
         )
-    foretell(result, plan, bench, out, past)
+    preview(result, plan, bench, out, past)
     if answers is not None:
         answers.refuse_unanswered(questions_asked(plan, bench, past))
     elif not bench.simulated:

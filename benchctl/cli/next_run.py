@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from benchctl.campaign.playing import new_folder
 from benchctl.cli.campaigns import play
-from benchctl.cli.foretelling import foretell_run
+from benchctl.cli.dry_run import preview_run
 from benchctl.cli.output import Result
 from benchctl.plan import Plan
 from benchctl.plan.find import find_procedure
@@ -46,11 +46,11 @@ def run_next(following: NextExperiment, bench: Bench, *, quiet: bool) -> Path:
     return outcome.recording
 
 
-def foretell_next(following: NextExperiment, bench: Bench, result: Result) -> None:
+def preview_next(following: NextExperiment, bench: Bench, result: Result) -> None:
     """Say what running the experiment would do, to programs under `dry_run`; nothing is run."""
     plan, told = _plan(following), Result(result.quiet)
     result.values["dry_run"] = told.values
-    foretell_run(told, plan, bench, new_folder(plan.procedure, bench.unit.serial), answers=None)
+    preview_run(told, plan, bench, new_folder(plan.procedure, bench.unit.serial), answers=None)
 
 
 def refuse_other_files(path: Path) -> None:

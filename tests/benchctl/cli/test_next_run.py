@@ -14,7 +14,7 @@ import tomli_w
 from benchctl.bench import Bench, load_bench, template
 from benchctl.campaign.opened import world_settings
 from benchctl.cli.app import run_verb
-from benchctl.cli.settling import bench_of, run_next, write_next
+from benchctl.cli.next_run import bench_of, run_next, write_next
 from benchctl.diagnosis.fitting.fit import Fit, Point, fit
 from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.gyro.problem import GyroProblem, gyro_problem
