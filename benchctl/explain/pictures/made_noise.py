@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchctl.explain.pictures.sketch import Band, Curve, Look, Panel, Sketch
+from benchctl.explain.pictures.sketch import Band, Curve, Look, Panel, Sketch, one_panel
 from benchctl.metrology.coefficients import NAMES, TERMS, Term, unit_of, variances
 from benchctl.reports.acceptance.catalogue import catalogue
 from benchctl_instruments.arrays import FloatArray
@@ -33,19 +33,15 @@ def allan(shown: str) -> Sketch:
         curves.append(Curve(x=tau_s, y=np.where(alone > _LOWEST_DPH, alone, np.nan), look=look, label=label))
         place_s = _NAMED_AT_S[term]
         marks.append((place_s, float(np.interp(place_s, tau_s, alone)), term))
-    return Sketch(
-        title="Allan deviation",
-        caption=_allan_caption(shown),
-        panels=(
-            Panel(
-                x="averaging time τ (s)",
-                y="Allan deviation (°/h)",
-                curves=tuple(curves),
-                marks=tuple(marks),
-                logarithmic="xy",
-                share=2.0,
-            ),
-        ),
+    return one_panel(
+        "Allan deviation",
+        _allan_caption(shown),
+        *curves,
+        x="averaging time τ (s)",
+        y="Allan deviation (°/h)",
+        marks=tuple(marks),
+        logarithmic="xy",
+        share=2.0,
     )
 
 
@@ -65,23 +61,16 @@ def bias() -> Sketch:
     wander = np.cumsum(np.random.default_rng(3).standard_normal(minutes.size)) * 0.25
     earth = _DEG_PER_H * earth_rate_dps(58.5)
     rest = 40.0 + wander - wander.mean()
-    return Sketch(
-        title="Bias",
-        caption="An hour at rest, in means of 10 s: Earth's rate at 58.5° N is taken off, what is left is the bias.",
-        panels=(
-            Panel(
-                x="time (min)",
-                y="output over K (°/h)",
-                curves=(
-                    Curve(x=minutes, y=rest, look="grey", label="means of 10 s"),
-                    Curve(x=minutes, y=np.full(minutes.size, 40.0), look="on", label="their mean"),
-                ),
-                bands=(
-                    Band(low=0.0, high=earth, label="Earth's rate", look="open", across=True),
-                    Band(low=earth, high=40.0, label="bias", look="good", across=True),
-                ),
-                share=1.5,
-            ),
+    return one_panel(
+        "Bias",
+        "An hour at rest, in means of 10 s: Earth's rate at 58.5° N is taken off, what is left is the bias.",
+        Curve(x=minutes, y=rest, look="grey", label="means of 10 s"),
+        Curve(x=minutes, y=np.full(minutes.size, 40.0), look="on", label="their mean"),
+        x="time (min)",
+        y="output over K (°/h)",
+        bands=(
+            Band(low=0.0, high=earth, label="Earth's rate", look="open", across=True),
+            Band(low=earth, high=40.0, label="bias", look="good", across=True),
         ),
     )
 
@@ -94,21 +83,14 @@ def bias_stability() -> Sketch:
     means = samples.reshape(-1, 100).mean(axis=1)
     middle_s = time_s.reshape(-1, 100).mean(axis=1)
     spread, centre = float(np.std(means, ddof=1)), float(means.mean())
-    return Sketch(
-        title="Bias stability",
-        caption=f"Means over 10 s scatter by {spread:.2g} °/h (1σ): that is not the minimum of the Allan deviation.",
-        panels=(
-            Panel(
-                x="time (min)",
-                y="output at rest (°/h)",
-                curves=(
-                    Curve(x=time_s / 60.0, y=samples, look="faint", label="samples"),
-                    Curve(x=middle_s / 60.0, y=means, look="on dots", label="means of 10 s"),
-                ),
-                bands=(Band(low=centre - spread, high=centre + spread, label="± 1σ", look="good", across=True),),
-                share=1.5,
-            ),
-        ),
+    return one_panel(
+        "Bias stability",
+        f"Means over 10 s scatter by {spread:.2g} °/h (1σ): that is not the minimum of the Allan deviation.",
+        Curve(x=time_s / 60.0, y=samples, look="faint", label="samples"),
+        Curve(x=middle_s / 60.0, y=means, look="on dots", label="means of 10 s"),
+        x="time (min)",
+        y="output at rest (°/h)",
+        bands=(Band(low=centre - spread, high=centre + spread, label="± 1σ", look="good", across=True),),
     )
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchctl.explain.pictures.sketch import Band, Curve, Look, Panel, Sketch
+from benchctl.explain.pictures.sketch import Band, Curve, Look, Panel, Sketch, one_panel
 from benchctl.metrology.verdict import rule_of
 from benchctl_instruments.physics.chamber import ChamberParameters, advance, settled, switched
 
@@ -19,21 +19,15 @@ def convention() -> Sketch:
     """K as a response and as a correction, of one gyro."""
     true = np.linspace(1.0, 170.0, 200)
     indicated = np.sin(_S * true) / _S
-    return Sketch(
-        title="Convention: response or correction",
-        caption="One gyro, S = 0.0045 rad/(°/s). A response says what comes out, a correction what to multiply it by.",
-        panels=(
-            Panel(
-                x="rate, true or indicated (°/s)",
-                y="k(ω) (1)",
-                curves=(
-                    Curve(x=true, y=indicated / true, look="on", label="response: (U − U0)/K0 = k·ω"),
-                    Curve(x=indicated, y=true / indicated, look="third", label="correction: ω = k·(U − U0)/K0"),
-                    Curve(x=true, y=np.ones(true.size), look="off"),
-                ),
-                share=1.6,
-            ),
-        ),
+    return one_panel(
+        "Convention: response or correction",
+        "One gyro, S = 0.0045 rad/(°/s). A response says what comes out, a correction what to multiply it by.",
+        Curve(x=true, y=indicated / true, look="on", label="response: (U − U0)/K0 = k·ω"),
+        Curve(x=indicated, y=true / indicated, look="third", label="correction: ω = k·(U − U0)/K0"),
+        Curve(x=true, y=np.ones(true.size), look="off"),
+        x="rate, true or indicated (°/s)",
+        y="k(ω) (1)",
+        share=1.6,
     )
 
 
@@ -45,24 +39,16 @@ def argument() -> Sketch:
     def left(rate: np.ndarray) -> np.ndarray:
         return np.asarray(100.0 * (indicated * (1.0 + 3.02e-6 * rate**2 + 5.89e-11 * rate**4) / true - 1.0))
 
-    return Sketch(
-        title="Argument: indicated or true rate",
-        caption=(
-            "The paper's k(ω) = 1 + 3.02e-6·ω² + 5.89e-11·ω⁴ on a gyro of S = 0.00448 rad/(°/s): right where ω is the"
-            " indicated rate, too large where it is the true one."
-        ),
-        panels=(
-            Panel(
-                x="true rate (°/s)",
-                y="error that is left (%)",
-                curves=(
-                    Curve(x=true, y=left(indicated), look="third", label="taken at the indicated rate"),
-                    Curve(x=true, y=left(true), look="on", label="taken at the true rate"),
-                ),
-                zero=True,
-                share=1.6,
-            ),
-        ),
+    return one_panel(
+        "Argument: indicated or true rate",
+        "The paper's k(ω) = 1 + 3.02e-6·ω² + 5.89e-11·ω⁴ on a gyro of S = 0.00448 rad/(°/s): right where ω is the"
+        " indicated rate, too large where it is the true one.",
+        Curve(x=true, y=left(indicated), look="third", label="taken at the indicated rate"),
+        Curve(x=true, y=left(true), look="on", label="taken at the true rate"),
+        x="true rate (°/s)",
+        y="error that is left (%)",
+        zero=True,
+        share=1.6,
     )
 
 
@@ -80,18 +66,14 @@ def error_path() -> Sketch:
     )
     left = {label: 100.0 * (found - rate) / 165.0 for _, label, found in levels}
     worst = [f"{label} {np.max(np.abs(one)):.1f} %" for label, one in left.items()]
-    return Sketch(
-        title="error_percent along a calibration",
-        caption=f"A sine of ±165 °/s without noise; error_percent: {', '.join(worst)}.",
-        panels=(
-            Panel(
-                x="phase of the motion (°)",
-                y="residual rate (% of the peak)",
-                curves=tuple(Curve(x=phase_deg, y=left[label], look=look, label=label) for look, label, _ in levels),
-                zero=True,
-                share=1.6,
-            ),
-        ),
+    return one_panel(
+        "error_percent along a calibration",
+        f"A sine of ±165 °/s without noise; error_percent: {', '.join(worst)}.",
+        *(Curve(x=phase_deg, y=left[label], look=look, label=label) for look, label, _ in levels),
+        x="phase of the motion (°)",
+        y="residual rate (% of the peak)",
+        zero=True,
+        share=1.6,
     )
 
 
@@ -100,20 +82,15 @@ def coverage() -> Sketch:
     z = np.linspace(-4.0, 4.0, 400)
     density = np.exp(-0.5 * z**2) / math.sqrt(2.0 * math.pi)
     inside = 100.0 * math.erf(2.0 / math.sqrt(2.0))
-    return Sketch(
-        title="Standard and expanded uncertainty",
-        caption=f"A value with a bell curve: ± u holds the true one with 68 %, ± U (k = 2) with {inside:.1f} %.",
-        panels=(
-            Panel(
-                x="distance from the value, in standard uncertainties (u)",
-                y="density (1/u)",
-                curves=(Curve(x=z, y=density, look="on"),),
-                bands=(
-                    Band(low=-2.0, high=2.0, label="± U = ± 2u", look="open"),
-                    Band(low=-1.0, high=1.0, label="± u", look="good"),
-                ),
-                share=1.5,
-            ),
+    return one_panel(
+        "Standard and expanded uncertainty",
+        f"A value with a bell curve: ± u holds the true one with 68 %, ± U (k = 2) with {inside:.1f} %.",
+        Curve(x=z, y=density, look="on"),
+        x="distance from the value, in standard uncertainties (u)",
+        y="density (1/u)",
+        bands=(
+            Band(low=-2.0, high=2.0, label="± U = ± 2u", look="open"),
+            Band(low=-1.0, high=1.0, label="± u", look="good"),
         ),
     )
 
@@ -123,29 +100,21 @@ def guard_band() -> Sketch:
     true = np.linspace(-3.0, 3.0, 400)
     rule = rule_of(1.0)
     passes, fails = _below(-1.0, true), 1.0 - _below(1.0, true)
-    return Sketch(
-        title="Guard band",
-        caption=(
-            "An upper limit at 0, values in units of U (k = 2), guard = 1: exactly at the limit a unit passes"
-            f" in {float(rule.says.values['risk_percent']):.1f} % of all tries, and fails in as many."
+    return one_panel(
+        "Guard band",
+        "An upper limit at 0, values in units of U (k = 2), guard = 1: exactly at the limit a unit passes"
+        f" in {float(rule.says.values['risk_percent']):.1f} % of all tries, and fails in as many.",
+        Curve(x=true, y=100.0 * passes, look="third", label="PASS"),
+        Curve(x=true, y=100.0 * (1.0 - passes - fails), look="grey", label="INCONCLUSIVE"),
+        Curve(x=true, y=100.0 * fails, look="on", label="FAIL"),
+        x="true value less the limit (U)",
+        y="share of tries (%)",
+        bands=(
+            Band(low=-3.0, high=-1.0, label="measured here: PASS", look="good"),
+            Band(low=-1.0, high=1.0, label="here: INCONCLUSIVE", look="open"),
+            Band(low=1.0, high=3.0, label="here: FAIL", look="bad"),
         ),
-        panels=(
-            Panel(
-                x="true value less the limit (U)",
-                y="share of tries (%)",
-                curves=(
-                    Curve(x=true, y=100.0 * passes, look="third", label="PASS"),
-                    Curve(x=true, y=100.0 * (1.0 - passes - fails), look="grey", label="INCONCLUSIVE"),
-                    Curve(x=true, y=100.0 * fails, look="on", label="FAIL"),
-                ),
-                bands=(
-                    Band(low=-3.0, high=-1.0, label="measured here: PASS", look="good"),
-                    Band(low=-1.0, high=1.0, label="here: INCONCLUSIVE", look="open"),
-                    Band(low=1.0, high=3.0, label="here: FAIL", look="bad"),
-                ),
-                share=1.8,
-            ),
-        ),
+        share=1.8,
     )
 
 
@@ -159,18 +128,14 @@ def e_n() -> Sketch:
         Curve(x=np.array([x, x]), y=np.array([y - u, y + u]), look="grey")
         for x, y, u in zip(number, value, half, strict=True)
     ]
-    return Sketch(
-        title="E_n",
-        caption="Two pairs of results with their U: up to 1 they agree to within what both state.",
-        panels=(
-            Panel(
-                x="result (number)",
-                y="value ± U (°/h)",
-                curves=(*bars, Curve(x=number, y=value, look="on dots")),
-                marks=((1.1, 11.6, f"E_n = {scores[0]:.2f}"), (4.9, 11.6, f"E_n = {scores[1]:.2f}")),
-                share=1.5,
-            ),
-        ),
+    return one_panel(
+        "E_n",
+        "Two pairs of results with their U: up to 1 they agree to within what both state.",
+        *bars,
+        Curve(x=number, y=value, look="on dots"),
+        x="result (number)",
+        y="value ± U (°/h)",
+        marks=((1.1, 11.6, f"E_n = {scores[0]:.2f}"), (4.9, 11.6, f"E_n = {scores[1]:.2f}")),
     )
 
 
@@ -184,22 +149,15 @@ def control_chart() -> Sketch:
     number = np.linspace(1.0, values.size, values.size)
     control = control_of(values[:-1].tolist())
     low, high = (control.low, control.high) if control is not None else (math.nan, math.nan)
-    return Sketch(
-        title="Control limits",
-        caption="K0 of one unit, campaign by campaign: the last one lies beyond what this unit has always been.",
-        panels=(
-            Panel(
-                x="campaign (number)",
-                y="K0 (mV/(°/s))",
-                curves=(
-                    Curve(x=number, y=values, look="grey"),
-                    Curve(x=number, y=values, look="third dots", label="K0"),
-                    Curve(x=number[-1:], y=values[-1:], look="on dots", label="outside the control limits"),
-                ),
-                bands=(Band(low=low, high=high, label="control limits", look="good", across=True),),
-                share=1.5,
-            ),
-        ),
+    return one_panel(
+        "Control limits",
+        "K0 of one unit, campaign by campaign: the last one lies beyond what this unit has always been.",
+        Curve(x=number, y=values, look="grey"),
+        Curve(x=number, y=values, look="third dots", label="K0"),
+        Curve(x=number[-1:], y=values[-1:], look="on dots", label="outside the control limits"),
+        x="campaign (number)",
+        y="K0 (mV/(°/s))",
+        bands=(Band(low=low, high=high, label="control limits", look="good", across=True),),
     )
 
 
@@ -216,23 +174,17 @@ def soak() -> Sketch:
     drift = np.abs(np.gradient(housing, minutes))
     arrived = float(minutes[np.argmax(np.abs(air - 50.0) < 0.3)])
     still = float(minutes[(drift < 0.02) & (minutes > arrived)][0])
-    return Sketch(
-        title="Set point and soak",
-        caption=f"Air within 0.3 °C after {arrived:.0f} min; gyro slower than 0.02 °C/min after {still:.0f} min.",
-        panels=(
-            Panel(
-                x="time (min)",
-                y="temperature (°C)",
-                curves=(
-                    Curve(x=minutes, y=profile, look="off", label="set point, led by the ramp limit"),
-                    Curve(x=minutes, y=air, look="grey", label="air"),
-                    Curve(x=minutes, y=housing, look="third", label="gyro's housing (thermistor)"),
-                    Curve(x=minutes, y=coil, look="on", label="its coil"),
-                ),
-                bands=(Band(low=arrived, high=still, label="waiting for the gyro", look="open"),),
-                share=1.8,
-            ),
-        ),
+    return one_panel(
+        "Set point and soak",
+        f"Air within 0.3 °C after {arrived:.0f} min; gyro slower than 0.02 °C/min after {still:.0f} min.",
+        Curve(x=minutes, y=profile, look="off", label="set point, led by the ramp limit"),
+        Curve(x=minutes, y=air, look="grey", label="air"),
+        Curve(x=minutes, y=housing, look="third", label="gyro's housing (thermistor)"),
+        Curve(x=minutes, y=coil, look="on", label="its coil"),
+        x="time (min)",
+        y="temperature (°C)",
+        bands=(Band(low=arrived, high=still, label="waiting for the gyro", look="open"),),
+        share=1.8,
     )
 
 
@@ -284,24 +236,18 @@ def warm_up_time() -> Sketch:
     time_s = np.linspace(10.0, 2390.0, 120)
     law = amplitude * np.exp(-time_s / tau_s)
     ready_s = tau_s * math.log(amplitude / within)
-    return Sketch(
-        title="Warm-up",
-        caption=f"A = 90 °/h, τ = 300 s: within 10 °/h of its end after τ·ln(A/10 °/h) = {ready_s:.0f} s.",
-        panels=(
-            Panel(
-                x="time since power-on (s)",
-                y="bias less its end (°/h)",
-                curves=(
-                    Curve(x=time_s, y=law + 4.0 * rng.standard_normal(time_s.size), look="off dots", label="means"),
-                    Curve(x=time_s, y=law, look="on", label="A·exp(−t/τ)"),
-                ),
-                bands=(
-                    Band(low=-within, high=within, label="warm_deg_per_h = 10", look="good", across=True),
-                    Band(low=0.0, high=ready_s, label="warm-up time", look="open"),
-                ),
-                share=1.6,
-            ),
+    return one_panel(
+        "Warm-up",
+        f"A = 90 °/h, τ = 300 s: within 10 °/h of its end after τ·ln(A/10 °/h) = {ready_s:.0f} s.",
+        Curve(x=time_s, y=law + 4.0 * rng.standard_normal(time_s.size), look="off dots", label="means"),
+        Curve(x=time_s, y=law, look="on", label="A·exp(−t/τ)"),
+        x="time since power-on (s)",
+        y="bias less its end (°/h)",
+        bands=(
+            Band(low=-within, high=within, label="warm_deg_per_h = 10", look="good", across=True),
+            Band(low=0.0, high=ready_s, label="warm-up time", look="open"),
         ),
+        share=1.6,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchctl.explain.pictures.sketch import Band, Curve, Panel, Sketch
+from benchctl.explain.pictures.sketch import Band, Curve, Panel, Sketch, one_panel
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.gyro import GyroParameters, bias_v, sine_output_v
 
@@ -27,21 +27,15 @@ def _line(chosen: np.ndarray) -> FloatArray:
 def scale_factor() -> Sketch:
     """Points, the line through all of them, the line at low rates."""
     every, low = np.ones(_RATES.size, dtype=np.bool_), np.abs(_RATES) <= _LOW_DPS
-    return Sketch(
-        title="Scale factor",
-        caption="An open-loop gyro (S = 0.0045 rad/(°/s)): the slope depends on the rates that the line is fitted to.",
-        panels=(
-            Panel(
-                x="rate (°/s)",
-                y="output (V)",
-                curves=(
-                    Curve(x=_RATES, y=_output_v(_RATES), look="third dots", label="mean outputs"),
-                    Curve(x=_RATES, y=_line(every), look="on", label="K: line through all rates"),
-                    Curve(x=_RATES, y=_line(low), look="off", label="K0, K₁: line up to ±40 °/s"),
-                ),
-                share=1.6,
-            ),
-        ),
+    return one_panel(
+        "Scale factor",
+        "An open-loop gyro (S = 0.0045 rad/(°/s)): the slope depends on the rates that the line is fitted to.",
+        Curve(x=_RATES, y=_output_v(_RATES), look="third dots", label="mean outputs"),
+        Curve(x=_RATES, y=_line(every), look="on", label="K: line through all rates"),
+        Curve(x=_RATES, y=_line(low), look="off", label="K0, K₁: line up to ±40 °/s"),
+        x="rate (°/s)",
+        y="output (V)",
+        share=1.6,
     )
 
 
@@ -88,20 +82,15 @@ def input_range() -> Sketch:
     slope = float(rate[low] @ output_v[low] / (rate[low] @ rate[low]))
     departure = 100.0 * (1.0 - output_v / (slope * rate))
     ends = float(rate[np.argmax(departure > 10.0)])
-    return Sketch(
-        title="Input range",
-        caption=f"Up to {ends:.0f} °/s the output stays within 10 % of what the line at low rates reads.",
-        panels=(
-            Panel(
-                x="rate (°/s)",
-                y="error of reading (%)",
-                curves=(Curve(x=rate, y=departure, look="on"),),
-                bands=(
-                    Band(low=0.0, high=10.0, label="linearity_percent = 10", look="good", across=True),
-                    Band(low=ends, high=220.0, label="beyond the range", look="bad"),
-                ),
-                share=1.5,
-            ),
+    return one_panel(
+        "Input range",
+        f"Up to {ends:.0f} °/s the output stays within 10 % of what the line at low rates reads.",
+        Curve(x=rate, y=departure, look="on"),
+        x="rate (°/s)",
+        y="error of reading (%)",
+        bands=(
+            Band(low=0.0, high=10.0, label="linearity_percent = 10", look="good", across=True),
+            Band(low=ends, high=220.0, label="beyond the range", look="bad"),
         ),
     )
 
@@ -112,21 +101,14 @@ def turn_ons() -> Sketch:
     count = np.linspace(1.0, 8.0, 8)
     bias = 12.0 + 1.5 * rng.standard_normal(count.size)
     mean, deviation = float(bias.mean()), float(np.std(bias, ddof=1))
-    return Sketch(
-        title="Repeatability",
-        caption=f"Eight turn-ons with cooling down between them: their standard deviation is {deviation:.2g} °/h (1σ).",
-        panels=(
-            Panel(
-                x="turn-on (number)",
-                y="bias (°/h)",
-                curves=(
-                    Curve(x=count, y=bias, look="on dots", label="bias after a turn-on"),
-                    Curve(x=count, y=np.full(count.size, mean), look="off", label="mean"),
-                ),
-                bands=(Band(low=mean - deviation, high=mean + deviation, label="± 1σ", look="good", across=True),),
-                share=1.5,
-            ),
-        ),
+    return one_panel(
+        "Repeatability",
+        f"Eight turn-ons with cooling down between them: their standard deviation is {deviation:.2g} °/h (1σ).",
+        Curve(x=count, y=bias, look="on dots", label="bias after a turn-on"),
+        Curve(x=count, y=np.full(count.size, mean), look="off", label="mean"),
+        x="turn-on (number)",
+        y="bias (°/h)",
+        bands=(Band(low=mean - deviation, high=mean + deviation, label="± 1σ", look="good", across=True),),
     )
 
 
@@ -136,21 +118,14 @@ def hysteresis_rate() -> Sketch:
     going = np.concatenate([np.ones(60), -np.ones(60)])
     parted = -30.0 * going * np.sin(np.pi * cycle / 170.0)
     up, down = going > 0.0, going < 0.0
-    return Sketch(
-        title="Hysteresis in rate",
-        caption="Constant rates, up and down again: the largest difference of the branches over the largest output.",
-        panels=(
-            Panel(
-                x="rate (°/s)",
-                y="output less the line (ppm)",
-                curves=(
-                    Curve(x=cycle[up], y=parted[up], look="on", label="reached from below"),
-                    Curve(x=cycle[down], y=parted[down], look="third", label="reached from above"),
-                ),
-                zero=True,
-                share=1.5,
-            ),
-        ),
+    return one_panel(
+        "Hysteresis in rate",
+        "Constant rates, up and down again: the largest difference of the branches over the largest output.",
+        Curve(x=cycle[up], y=parted[up], look="on", label="reached from below"),
+        Curve(x=cycle[down], y=parted[down], look="third", label="reached from above"),
+        x="rate (°/s)",
+        y="output less the line (ppm)",
+        zero=True,
     )
 
 
@@ -159,22 +134,15 @@ def hysteresis_bias() -> Sketch:
     celsius = np.linspace(-40.0, 60.0, 6)
     common = 0.12 * (celsius - 20.0) - 0.001 * (celsius - 20.0) ** 2
     inner = np.sin(np.pi * (celsius + 40.0) / 100.0)
-    return Sketch(
-        title="Thermal hysteresis of the bias",
-        caption="Soaked set points, each reached by heating and by cooling: the largest difference is the hysteresis.",
-        panels=(
-            Panel(
-                x="temperature (°C)",
-                y="bias (°/h)",
-                curves=(
-                    Curve(x=celsius, y=common - 1.2 * inner, look="on", label="by heating"),
-                    Curve(x=celsius, y=common + 1.2 * inner, look="third", label="by cooling"),
-                    Curve(x=celsius, y=common - 1.2 * inner, look="on dots"),
-                    Curve(x=celsius, y=common + 1.2 * inner, look="third dots"),
-                ),
-                share=1.5,
-            ),
-        ),
+    return one_panel(
+        "Thermal hysteresis of the bias",
+        "Soaked set points, each reached by heating and by cooling: the largest difference is the hysteresis.",
+        Curve(x=celsius, y=common - 1.2 * inner, look="on", label="by heating"),
+        Curve(x=celsius, y=common + 1.2 * inner, look="third", label="by cooling"),
+        Curve(x=celsius, y=common - 1.2 * inner, look="on dots"),
+        Curve(x=celsius, y=common + 1.2 * inner, look="third dots"),
+        x="temperature (°C)",
+        y="bias (°/h)",
     )
 
 
@@ -183,22 +151,15 @@ def threshold() -> Sketch:
     half_dph = 18.0
     tried = np.array([5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0, 70.0, 100.0])
     response = np.maximum(tried - half_dph, 0.0) / tried
-    return Sketch(
-        title="Threshold",
-        caption="A gyro that swallows 18 °/h of every rate: from 36 °/h on it answers with half or more.",
-        panels=(
-            Panel(
-                x="rate from rest (°/h)",
-                y="response over\nwhat K promises (1)",
-                curves=(
-                    Curve(x=tried, y=response, look="on"),
-                    Curve(x=tried, y=response, look="on dots", label="rates tried"),
-                    Curve(x=tried, y=np.full(tried.size, 0.5), look="off", label="one half"),
-                ),
-                bands=(Band(low=0.0, high=2.0 * half_dph, label="below the threshold", look="bad"),),
-                share=1.5,
-            ),
-        ),
+    return one_panel(
+        "Threshold",
+        "A gyro that swallows 18 °/h of every rate: from 36 °/h on it answers with half or more.",
+        Curve(x=tried, y=response, look="on"),
+        Curve(x=tried, y=response, look="on dots", label="rates tried"),
+        Curve(x=tried, y=np.full(tried.size, 0.5), look="off", label="one half"),
+        x="rate from rest (°/h)",
+        y="response over\nwhat K promises (1)",
+        bands=(Band(low=0.0, high=2.0 * half_dph, label="below the threshold", look="bad"),),
     )
 
 
@@ -206,19 +167,12 @@ def misalignment() -> Sketch:
     """What a unit mounted across feels of the rate."""
     rates, delta = np.array([-100.0, -67.0, -33.0, 0.0, 33.0, 67.0, 100.0]), 2e-3
     felt_mv = 1e3 * (_GYRO.K0_v_per_dps * np.sin(delta) * rates + _GYRO.U0_v)
-    return Sketch(
-        title="Misalignment",
-        caption="The unit mounted across the table's axis: with an input axis 2 mrad off it feels 0.2 % of the rate.",
-        panels=(
-            Panel(
-                x="rate of the table, across (°/s)",
-                y="output (mV)",
-                curves=(
-                    Curve(x=rates, y=felt_mv, look="on", label="δ = 2 mrad: slope over K is sin δ"),
-                    Curve(x=rates, y=felt_mv, look="on dots"),
-                    Curve(x=rates, y=np.full(rates.size, 1e3 * _GYRO.U0_v), look="off", label="δ = 0"),
-                ),
-                share=1.5,
-            ),
-        ),
+    return one_panel(
+        "Misalignment",
+        "The unit mounted across the table's axis: with an input axis 2 mrad off it feels 0.2 % of the rate.",
+        Curve(x=rates, y=felt_mv, look="on", label="δ = 2 mrad: slope over K is sin δ"),
+        Curve(x=rates, y=felt_mv, look="on dots"),
+        Curve(x=rates, y=np.full(rates.size, 1e3 * _GYRO.U0_v), look="off", label="δ = 0"),
+        x="rate of the table, across (°/s)",
+        y="output (mV)",
     )

@@ -59,6 +59,23 @@ class Sketch:
     difference: FloatArray | None = None
 
 
+def one_panel(
+    title: str,
+    caption: str,
+    *curves: Curve,
+    x: str,
+    y: str,
+    bands: tuple[Band, ...] = (),
+    marks: tuple[tuple[float, float, str], ...] = (),
+    logarithmic: Literal["", "x", "xy"] = "",
+    zero: bool = False,
+    share: float = 1.5,
+) -> Sketch:
+    """A picture of a single pair of axes."""
+    panel = Panel(x=x, y=y, curves=curves, bands=bands, marks=marks, logarithmic=logarithmic, zero=zero, share=share)
+    return Sketch(title=title, caption=caption, panels=(panel,))
+
+
 Values = dict[str, float]
 
 
