@@ -12,9 +12,9 @@ from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_
 from benchctl.certificates import Certificate, ChamberCertificate, DigitizerCertificate, RateTableCertificate
 from benchctl.limits import HIGHEST_RATE_HZ, MOST_COUNTS_PER_REV
 from benchctl.model_file import Model
-from benchctl.quantities import quantity, unit_stated
 from benchctl.tables import Table
 from benchctl.toml_file import line_of, named_place, parse_toml, read_text
+from benchctl.units import quantity, unit_stated
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.catalog import find_profile, is_profile
 from benchctl_instruments.chambers.profile_file import parse_profile, profile_name

@@ -18,7 +18,7 @@ from typing import Any, get_args
 from benchctl.bench import Bench
 from benchctl.metrology.limit_file import LimitFile
 from benchctl.metrology.names import UNITS
-from benchctl.quantities import unit_stated
+from benchctl.units import unit_stated
 from benchctl_instruments.catalog import Kind, models
 from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffect
 from benchctl_instruments.physics.effects.registry import effects

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ValidationError
 from benchctl.closeness import nearest
 from benchctl.documents import toml_document
 from benchctl.limits import MOST_TOML_BYTES, cut, listed, read_whole, shown
-from benchctl.quantities import quantity, unit_stated
+from benchctl.units import quantity, unit_stated
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.field_faults import field_fault
 

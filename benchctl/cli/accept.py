@@ -38,7 +38,7 @@ def accept(
 
     Example: `benchctl accept results/20261120-180000_acceptance_SIM-0001 --limits lab/limits.toml`
     """
-    from benchctl.cli.places import report_folder
+    from benchctl.cli.output import report_folder
     from benchctl.metrology.limit_file import read_limits
     from benchctl.reports.accepting import accept_recording
 

@@ -59,7 +59,7 @@ def allan(
     """
     import math
 
-    from benchctl.cli.places import report_folder
+    from benchctl.cli.output import report_folder
     from benchctl.metrology.series import series_of_step, series_of_text
     from benchctl.recordings.campaign_manifest import add_to_manifest
     from benchctl.recordings.reader import open_recording

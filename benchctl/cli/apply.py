@@ -8,8 +8,15 @@ from typing import Annotated
 
 import typer
 
-from benchctl.cli.output import JsonOption, QuietOption, RecordingArgument, refuse_existing, result_of
-from benchctl.cli.places import beside, refuse_folder
+from benchctl.cli.output import (
+    JsonOption,
+    QuietOption,
+    RecordingArgument,
+    beside,
+    refuse_existing,
+    refuse_folder,
+    result_of,
+)
 
 
 class LawChoice(StrEnum):

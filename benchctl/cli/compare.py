@@ -45,7 +45,7 @@ def compare(
 
     Example: `benchctl compare recording.h5 --model recording.diagnosis/model.toml`
     """
-    from benchctl.cli.places import report_folder
+    from benchctl.cli.output import report_folder
     from benchctl.recordings.campaign_manifest import add_to_manifest
     from benchctl.reports import comparing
     from benchctl_instruments.errors import UsageError

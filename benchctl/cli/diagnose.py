@@ -76,12 +76,12 @@ def diagnose(
     Example: `benchctl diagnose results/20261120-180000_diagnostic_SIM-0001`,
     `benchctl diagnose recording.h5 --settle --dry-run`
     """
-    from benchctl.cli.places import report_folder
+    from benchctl.cli.output import report_folder
     from benchctl.cli.terminal import search_progress
     from benchctl.recordings.campaign_manifest import add_to_manifest
     from benchctl.recordings.verify import refuse_changed
     from benchctl.reports.diagnosing import diagnose_recordings, write_diagnosed
-    from benchctl.reports.diagnosis_lines import lines
+    from benchctl.reports.diagnosis_tables import lines
     from benchctl_instruments.errors import UsageError
 
     with result_of("diagnose", json_to, quiet) as result:

@@ -9,8 +9,7 @@ from typing import Annotated
 import typer
 
 from benchctl.cli.candidates import recordings
-from benchctl.cli.output import JsonOption, QuietOption, refuse_existing, result_of
-from benchctl.cli.places import beside, refuse_folder
+from benchctl.cli.output import JsonOption, QuietOption, beside, refuse_existing, refuse_folder, result_of
 
 
 class Format(StrEnum):
@@ -95,7 +94,7 @@ def _export_recording(source: Path, to: Format, target: Path) -> None:
 def _export_compensation(source: Path, to: Format, target: Path) -> None:
     from benchctl.calibration.c_header import export_c_header
     from benchctl.calibration.compensation_json import export_json
-    from benchctl.reports.own_coefficients import own_compensation
+    from benchctl.reports.coefficient_tables import own_compensation
 
     write = export_c_header if to is Format.c_header else export_json
     write(own_compensation(source), target)

@@ -89,7 +89,7 @@ def fleet(
     `benchctl fleet accept results/* --limits lab/limits.toml --scheduler tcp://lab-server:8786`
     """
     from benchctl.campaign.stop import stop_on_signals
-    from benchctl.fleet.fleet import Settings, run_fleet
+    from benchctl.fleet.cluster import Settings, run_fleet
     from benchctl.fleet.located import located
     from benchctl.reports.fleet_facts import fleet_values, lines, write_fleet_file
     from benchctl.reports.fleet_page import write_fleet_page

@@ -37,7 +37,7 @@ def history(
     """
     from contextlib import nullcontext
 
-    from benchctl.cli.places import report_folder
+    from benchctl.cli.output import report_folder
     from benchctl.history.archives import unpacked
     from benchctl.history.history import history_of
     from benchctl.recordings.campaign_manifest import add_to_manifest

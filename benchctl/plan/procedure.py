@@ -21,7 +21,7 @@ from typing import Any
 from benchctl.closeness import meant
 from benchctl.limits import LONGEST_EXPANSION_S, MOST_STEPS, cut, shown
 from benchctl.plan.steps import Step
-from benchctl.quantities import quantity, unit_stated
+from benchctl.units import quantity, unit_stated
 from benchctl_instruments.errors import BenchError, UsageError
 
 
@@ -63,7 +63,7 @@ class Parameter:
     range: Range = ANY
 
     def parse(self, text: str) -> Any:
-        """The value that a text on the command line stands for; numbers may bring a unit, see `benchctl.quantities`.
+        """The value that a text on the command line stands for; numbers may bring a unit, see `benchctl.units`.
 
         Raises
         ------

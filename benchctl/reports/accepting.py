@@ -15,9 +15,8 @@ from benchctl.metrology.result import Acceptance
 from benchctl.recordings.campaign_manifest import add_to_manifest
 from benchctl.recordings.verify import opened_unchanged
 from benchctl.reports.acceptance.build import tally
-from benchctl.reports.acceptance.catalogue import catalogue
-from benchctl.reports.acceptance.recording_facts import RecordingFacts, facts_of
-from benchctl.reports.acceptance.values import limits, stated, verdict_of
+from benchctl.reports.acceptance.catalogue import catalogue, limits, stated, verdict_of
+from benchctl.reports.acceptance.set_up import RecordingFacts, facts_of
 from benchctl.reports.acceptance.write import values, write_acceptance
 
 

@@ -14,7 +14,8 @@ from benchctl.recordings.model import Meta, StepInfo
 from benchctl.reports import diagnosis_tables as tables
 from benchctl.reports import diagnosis_words as words
 from benchctl.reports import setup_section, verdict
-from benchctl.reports.diagnosis_headline import (
+from benchctl.reports.diagnosis_tables import next_command
+from benchctl.reports.diagnosis_words import (
     GROWING,
     WANDERING,
     changed,
@@ -24,7 +25,6 @@ from benchctl.reports.diagnosis_headline import (
     predicts_otherwise,
     title,
 )
-from benchctl.reports.diagnosis_lines import next_command
 from benchctl.reports.figures import Drawing, inline_svg, style
 from benchctl.reports.html import render, write_page
 from benchctl.reports.mismatch_figures import map_figure, significance, steps_figure, traces_figure

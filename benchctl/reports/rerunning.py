@@ -27,9 +27,8 @@ from benchctl.recordings.campaign_manifest import add_to_manifest
 from benchctl.recordings.model import Meta
 from benchctl.recordings.reader import Recording, open_recording
 from benchctl.reports import text
-from benchctl.reports.acceptance.catalogue import Catalogue, catalogue
-from benchctl.reports.acceptance.recording_facts import facts_of
-from benchctl.reports.acceptance.values import stated
+from benchctl.reports.acceptance.catalogue import Catalogue, catalogue, stated
+from benchctl.reports.acceptance.set_up import facts_of
 from benchctl.reports.acceptance.write import JSON as ACCEPTANCE
 from benchctl.reports.acceptance.write import SCHEMA as ACCEPTANCE_SCHEMA
 from benchctl.reports.accepting import Accepted

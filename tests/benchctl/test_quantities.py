@@ -10,7 +10,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from benchctl.quantities import ENDINGS, named_quantity, quantity, unit_stated
+from benchctl.units import ENDINGS, named_quantity, quantity, unit_stated
 from benchctl_instruments.errors import UsageError
 
 
@@ -174,7 +174,7 @@ def test_temperatures_are_exact_to_the_last_digit(celsius: object) -> None:
 
 def test_pint_is_imported_only_where_a_unit_is_met() -> None:
     code = (
-        "import sys; from benchctl.quantities import quantity; quantity('5', 's'); quantity('20 K', 'degC');"
+        "import sys; from benchctl.units import quantity; quantity('5', 's'); quantity('20 K', 'degC');"
         "print('pint' in sys.modules); quantity('5 min', 's'); print('pint' in sys.modules)"
     )
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

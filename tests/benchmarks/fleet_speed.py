@@ -23,7 +23,7 @@ from benchctl.bench import load_bench
 from benchctl.campaign.opened import open_bench
 from benchctl.campaign.runner import run_campaign
 from benchctl.campaign.stop import StopRequest
-from benchctl.fleet.fleet import Settings, run_fleet
+from benchctl.fleet.cluster import Settings, run_fleet
 from benchctl.fleet.job import Job, Options
 from benchctl.fleet.located import Located, located
 from benchctl.fleet.places import place_of

@@ -9,11 +9,10 @@ from dataclasses import replace
 from benchctl.limits import cut
 from benchctl.metrology.result import Acceptance, Judged
 from benchctl.reports.acceptance import set_up
-from benchctl.reports.acceptance.catalogue import Catalogue, catalogue
+from benchctl.reports.acceptance.catalogue import Catalogue, catalogue, limits, stated
 from benchctl.reports.acceptance.document import TESTS_SECTION, Badge, Report, SummaryRow, Table
-from benchctl.reports.acceptance.recording_facts import RecordingFacts
 from benchctl.reports.acceptance.sections import anchor, badge, section
-from benchctl.reports.acceptance.values import limits, stated
+from benchctl.reports.acceptance.set_up import RecordingFacts
 from benchctl.reports.verdict import is_simulated
 
 _LONGEST_NAME = 120

@@ -18,9 +18,17 @@ from benchctl.metrology.result import Acceptance, Column, Judged, Measured, Pict
 from benchctl.recordings.model import StepInfo
 from benchctl.reports import text
 from benchctl.reports.acceptance import document
-from benchctl.reports.acceptance.catalogue import Catalogue, short
+from benchctl.reports.acceptance.catalogue import (
+    Catalogue,
+    column,
+    duration,
+    limits,
+    short,
+    significant,
+    stated,
+    verdict_of,
+)
 from benchctl.reports.acceptance.document import Badge, Budget, Row, Section, Table
-from benchctl.reports.acceptance.values import column, duration, limits, significant, stated, verdict_of
 from benchctl.reports.figures import INK, Drawing, dots, inline_svg, new_figure, style
 
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")

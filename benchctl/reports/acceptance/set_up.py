@@ -1,9 +1,12 @@
-"""What was tested, with what, where and by whom: rows of the report's header, equipment, environment and appendix."""
+"""What was tested, with what, where and by whom: the recording's facts, and rows of the report made from them."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
 
 from benchctl.bench import Bench, bench_of_text
 from benchctl.campaign.provenance import software
@@ -11,13 +14,56 @@ from benchctl.documents import json_document
 from benchctl.limits import cut
 from benchctl.metrology.result import Acceptance
 from benchctl.recordings.model import Meta, StepInfo
+from benchctl.recordings.reader import Recording
 from benchctl.recordings.stated import expired_of
 from benchctl.reports import setup_section, text
-from benchctl.reports.acceptance.catalogue import Catalogue
+from benchctl.reports.acceptance.catalogue import Catalogue, duration, exact
 from benchctl.reports.acceptance.document import EquipmentRow, Row, Table
-from benchctl.reports.acceptance.recording_facts import RecordingFacts
-from benchctl.reports.acceptance.values import duration, exact
+from benchctl.reports.coefficient_tables import Coefficient
+from benchctl.reports.results import name_of, source_digest
 from benchctl_instruments.errors import UsageError
+
+_BEFORE_ANY = datetime(2000, 1, 1, tzinfo=UTC)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordingFacts:
+    """The recording that was judged, what was done otherwise than asked, and the coefficients that go with it.
+
+    `digest` is the recording's SHA-256, or of an import those of its sources; `deviations` are sentences.
+    """
+
+    path: Path
+    meta: Meta
+    infos: tuple[StepInfo, ...]
+    digest: str
+    deviations: tuple[str, ...] = ()
+    coefficients: tuple[Coefficient, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The recording's name, without its way."""
+        return name_of(self.path)
+
+    @property
+    def started(self) -> datetime:
+        """When the recording was begun, UTC; 1 January 2000 where it does not say."""
+        try:
+            told = datetime.fromisoformat(self.meta.provenance.get("started_utc", ""))
+        except ValueError:
+            return _BEFORE_ANY
+        return told.astimezone(UTC) if told.tzinfo else told.replace(tzinfo=UTC)
+
+
+def facts_of(recording: Recording) -> RecordingFacts:
+    """The facts of an open recording; raises `UsageError` where an import's sources cannot be read."""
+    return RecordingFacts(
+        path=recording.path,
+        meta=recording.meta,
+        infos=tuple(recording.infos),
+        digest=source_digest(recording),
+    )
+
 
 _JUDGED_WITH = ("benchctl", "python", "numpy", "scipy")
 _NOT_STATED = "not stated"

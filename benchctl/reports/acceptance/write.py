@@ -17,11 +17,10 @@ from xml.etree import ElementTree as ET
 from benchctl.atomic import whole_file
 from benchctl.metrology.result import Acceptance, Judged, Limit, Uncertainty
 from benchctl.reports.acceptance.build import report_of, tally
-from benchctl.reports.acceptance.catalogue import Catalogue, catalogue
+from benchctl.reports.acceptance.catalogue import Catalogue, catalogue, limits, stated
 from benchctl.reports.acceptance.document import Report
 from benchctl.reports.acceptance.pdf import pdf
-from benchctl.reports.acceptance.recording_facts import RecordingFacts
-from benchctl.reports.acceptance.values import limits, stated
+from benchctl.reports.acceptance.set_up import RecordingFacts
 from benchctl.reports.html import render
 from benchctl.reports.results import make_folder
 

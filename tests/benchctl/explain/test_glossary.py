@@ -16,7 +16,7 @@ from benchctl.metrology.names import PROCEDURES, UNITS
 from benchctl.plan.find import procedure_names
 from benchctl.recordings.model import Status
 from benchctl.reports.acceptance.catalogue import catalogue
-from benchctl.reports.diagnosis_headline import _ONLY, _VERDICTS
+from benchctl.reports.diagnosis_words import _ONLY, _VERDICTS
 from benchctl.reports.figures import PATH_LEVELS
 from benchctl_instruments.physics.chamber_effects.registry import chamber_effects
 from benchctl_instruments.physics.drive_effects.registry import drive_effects

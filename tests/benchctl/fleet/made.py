@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from benchctl.campaign.stop import StopRequest
-from benchctl.fleet.fleet import Settings, run_fleet
+from benchctl.fleet.cluster import Settings, run_fleet
 from benchctl.fleet.job import Job, Options
 from benchctl.fleet.located import located
 from benchctl.fleet.places import place_of

@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 from benchctl.campaign.stop import StopRequest
-from benchctl.fleet.cluster import connected
-from benchctl.fleet.fleet import Settings, run_fleet
+from benchctl.fleet.cluster import Settings, connected, run_fleet
 from benchctl.fleet.job import Options
 from benchctl.fleet.located import located
 from benchctl.reports.fitting import fit_recordings

@@ -11,9 +11,9 @@ import pytest
 from benchctl.diagnosis.result import Estimate, NotFound, Slice
 from benchctl.recordings.model import BenchFacts, Meta, StepInfo, Unit
 from benchctl.reports import diagnosis_words as words
-from benchctl.reports.diagnosis_headline import chip, headline
-from benchctl.reports.diagnosis_lines import lines
 from benchctl.reports.diagnosis_page import diagnosis_page, write_diagnosis_report
+from benchctl.reports.diagnosis_tables import lines
+from benchctl.reports.diagnosis_words import chip, headline
 from benchctl.reports.figures import style
 from benchctl.reports.mismatch_figures import map_figure, significance, steps_figure, traces_figure
 from tests.benchctl.diagnosis.example import NOISE_V, nothing_missing, pair, unknown_structure

@@ -26,7 +26,7 @@ from benchctl.metrology.result import (
 from benchctl.recordings.model import BenchFacts, Meta, StepInfo, Unit
 from benchctl.reports.acceptance.build import report_of
 from benchctl.reports.acceptance.document import Report
-from benchctl.reports.acceptance.recording_facts import RecordingFacts
+from benchctl.reports.acceptance.set_up import RecordingFacts
 from benchctl.reports.coefficient_tables import Coefficient
 
 HOSTILE = "<script>alert('1')</script>&\"\x00\u202e日本"

@@ -7,8 +7,7 @@ import math
 import pytest
 
 from benchctl.metrology.result import Bound, Limit, Measured, Uncertainty, message
-from benchctl.reports.acceptance.catalogue import catalogue
-from benchctl.reports.acceptance.values import column, duration, exact, limits, stated
+from benchctl.reports.acceptance.catalogue import catalogue, column, duration, exact, limits, stated
 
 ENGLISH, RUSSIAN = catalogue("en"), catalogue("ru")
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchctl.recordings.reader import open_recording
-from benchctl.reports.acceptance.recording_facts import facts_of
+from benchctl.reports.acceptance.set_up import facts_of
 from benchctl.reports.acceptance.write import write_acceptance
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made
