@@ -7,26 +7,15 @@ from typing import Annotated, Literal
 
 import typer
 
-from benchctl.cli.candidates import toml_files
-from benchctl.cli.output import JsonOption, QuietOption, RecordingArgument, result_of
+from benchctl.cli.output import JsonOption, QuietOption, RecordingArgument, out_option, result_of, toml_option
 
 LanguageOption = Annotated[Literal["en", "ru"], typer.Option("--lang", help="Language of the report.")]
 
 
 def accept(
     recording: RecordingArgument,
-    limits: Annotated[
-        Path,
-        typer.Option(
-            "--limits",
-            metavar="FILE",
-            autocompletion=toml_files,
-            help="The limits, as TOML; `benchctl init` writes an example.",
-        ),
-    ],
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="For the report; default: in the campaign's folder.")
-    ] = None,
+    limits: Annotated[Path, toml_option("--limits", "The limits, as TOML; `benchctl init` writes an example.")],
+    out: Annotated[Path | None, out_option("For the report; default: in the campaign's folder.")] = None,
     lang: LanguageOption = "en",
     json_to: JsonOption = None,
     quiet: QuietOption = False,

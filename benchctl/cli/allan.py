@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from benchctl.cli.candidates import recordings
-from benchctl.cli.output import JsonOption, QuietOption, quantity_in, result_of
+from benchctl.cli.output import JsonOption, QuietOption, out_option, quantity_in, result_of
 
 _TEXTS = (".csv", ".txt", ".dat", ".gz")
 
@@ -44,9 +44,7 @@ def allan(
             help="Scale factor by which gyro_v of a recording is a rate: 0.05, or '50 mV/(deg/s)'.",
         ),
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="For report and table; default: by the source.")
-    ] = None,
+    out: Annotated[Path | None, out_option("For report and table; default: by the source.")] = None,
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:

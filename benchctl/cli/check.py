@@ -13,6 +13,7 @@ from benchctl.cli.output import (
     ParameterOption,
     ProcedureArgument,
     QuietOption,
+    out_option,
     parameters,
     result_of,
 )
@@ -25,9 +26,7 @@ def check(
     picture: Annotated[
         Path | None, typer.Option("--picture", metavar="FILE", help="Draw the timeline into this SVG or PNG file.")
     ] = None,
-    out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Where the campaign is to land; default: in results/.")
-    ] = Path("results"),
+    out: Annotated[Path, out_option("Where the campaign is to land; default: in results/.")] = Path("results"),
     offline: Annotated[bool, typer.Option("--offline", help="Do not ask the instruments who they are.")] = False,
     json_to: JsonOption = None,
     quiet: QuietOption = False,

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from benchctl.cli.candidates import recordings, toml_files
-from benchctl.cli.output import JsonOption, QuietOption, result_of
+from benchctl.cli.candidates import recordings
+from benchctl.cli.output import JsonOption, QuietOption, out_option, result_of, toml_option
 
 
 def compare(
@@ -25,17 +25,9 @@ def compare(
         typer.Argument(metavar="REAL", autocompletion=recordings, help="A recording of the same procedure."),
     ] = None,
     model: Annotated[
-        Path | None,
-        typer.Option(
-            "--model",
-            metavar="FILE",
-            autocompletion=toml_files,
-            help="Another model beside the recording's, of a diagnosis say.",
-        ),
+        Path | None, toml_option("--model", "Another model beside the recording's, of a diagnosis say.")
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="For the report; default: by the recording.")
-    ] = None,
+    out: Annotated[Path | None, out_option("For the report; default: by the recording.")] = None,
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:

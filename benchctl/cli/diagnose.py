@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from benchctl.cli.candidates import bench_files, toml_files
-from benchctl.cli.output import JsonOption, QuietOption, RecordingsArgument, result_of
+from benchctl.cli.candidates import bench_files
+from benchctl.cli.output import JsonOption, QuietOption, RecordingsArgument, out_option, result_of, toml_option
 from benchctl_instruments.errors import UsageError
 
 if TYPE_CHECKING:
@@ -19,17 +19,10 @@ if TYPE_CHECKING:
 def diagnose(
     recordings: RecordingsArgument,
     model: Annotated[
-        Path | None,
-        typer.Option(
-            "--model",
-            metavar="FILE",
-            autocompletion=toml_files,
-            help="The lab's model of the part; default: the recording's own.",
-        ),
+        Path | None, toml_option("--model", "The lab's model of the part; default: the recording's own.")
     ] = None,
     out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="DIR", help="For the report and the corrected model; default: by the recording."),
+        Path | None, out_option("For the report and the corrected model; default: by the recording.")
     ] = None,
     following: Annotated[
         Path | None, typer.Option("--next", metavar="FILE.py", help="Write the next experiment, for benchctl run.")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from benchctl.cli.candidates import bench_files
-from benchctl.cli.output import JsonOption, QuietOption, result_of
+from benchctl.cli.output import JsonOption, QuietOption, out_option, result_of
 
 if TYPE_CHECKING:
     from benchctl.doctor.finding import Finding
@@ -32,9 +32,7 @@ def doctor(
             help="A bench.toml, whose ports and instruments are checked, too.",
         ),
     ] = None,
-    out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Where campaigns are to land; default: in results/.")
-    ] = Path("results"),
+    out: Annotated[Path, out_option("Where campaigns are to land; default: in results/.")] = Path("results"),
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:

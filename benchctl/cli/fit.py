@@ -5,16 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from benchctl.cli.output import JsonOption, QuietOption, RecordingsArgument, result_of
+from benchctl.cli.output import JsonOption, QuietOption, RecordingsArgument, out_option, result_of
 
 
 def fit(
     recordings: RecordingsArgument,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Where to write; default: beside the first recording.")
-    ] = None,
+    out: Annotated[Path | None, out_option("Where to write; default: beside the first recording.")] = None,
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from benchctl.cli.accept import LanguageOption
-from benchctl.cli.candidates import recordings, toml_files
+from benchctl.cli.candidates import recordings
 from benchctl.cli.messages import tell
-from benchctl.cli.output import JsonOption, QuietOption, Result, result_of
+from benchctl.cli.output import JsonOption, QuietOption, Result, out_option, result_of, toml_option
 
 if TYPE_CHECKING:
     from benchctl.fleet.job import Job, Options, Outcome
@@ -44,27 +44,15 @@ def fleet(
     workers: Annotated[
         int | None, typer.Option("--workers", metavar="N", min=1, help="Processes on this machine; default: its cores.")
     ] = None,
-    out: Annotated[
-        str | None,
-        typer.Option("--out", metavar="DIR", help="For all results, a folder or URL; default: beside each recording."),
-    ] = None,
+    out: Annotated[str | None, out_option("For all results, a folder or URL; default: beside each recording.")] = None,
     report: Annotated[
         Path | None,
         typer.Option("--report", metavar="DIR", help="For fleet.html and fleet.json; default: --out, or here."),
     ] = None,
-    limits: Annotated[
-        Path | None,
-        typer.Option("--limits", metavar="FILE", autocompletion=toml_files, help="accept: the limits, as TOML."),
-    ] = None,
+    limits: Annotated[Path | None, toml_option("--limits", "accept: the limits, as TOML.")] = None,
     lang: LanguageOption = "en",
     model: Annotated[
-        Path | None,
-        typer.Option(
-            "--model",
-            metavar="FILE",
-            autocompletion=toml_files,
-            help="diagnose: the lab's model of the part; default: each recording's own.",
-        ),
+        Path | None, toml_option("--model", "diagnose: the lab's model of the part; default: each recording's own.")
     ] = None,
     part: Annotated[
         Literal["gyro", "drive", "chamber"], typer.Option(help="diagnose: the part of the bench.")

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from benchctl.cli.messages import tell
-from benchctl.cli.output import JsonOption, QuietOption, result_of
+from benchctl.cli.output import JsonOption, QuietOption, out_option, result_of
 
 
 def history(
@@ -22,7 +22,7 @@ def history(
     all_parameters: Annotated[
         bool, typer.Option("--all-parameters", help="Compare runs of a procedure with other parameters, too.")
     ] = False,
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="For the page; default: the folder.")] = None,
+    out: Annotated[Path | None, out_option("For the page; default: the folder.")] = None,
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:

@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from benchctl.cli.candidates import toml_files
-from benchctl.cli.output import JsonOption, QuietOption, refuse_existing, result_of
+from benchctl.cli.output import JsonOption, QuietOption, refuse_existing, result_of, toml_option
 
 
 def further_help() -> str:
@@ -24,13 +23,7 @@ def import_(
     ],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE.h5", help="The recording to write.")],
     map_file: Annotated[
-        Path | None,
-        typer.Option(
-            "--map",
-            metavar="FILE",
-            autocompletion=toml_files,
-            help="Which column is which: a TOML file, explained below.",
-        ),
+        Path | None, toml_option("--map", "Which column is which: a TOML file, explained below.")
     ] = None,
     json_to: JsonOption = None,
     quiet: QuietOption = False,

@@ -13,9 +13,20 @@ from typing import Annotated, Any
 
 import typer
 
-from benchctl.cli.candidates import bench_files, parameters_of, procedures_named, recordings
+from benchctl.cli.candidates import bench_files, parameters_of, procedures_named, recordings, toml_files
 from benchctl.cli.messages import tell
 from benchctl_instruments.errors import BenchError, UsageError, reason
+
+
+def toml_option(name: str, says: str) -> Any:
+    """An option that takes a TOML file, which is completed."""
+    return typer.Option(name, metavar="FILE", autocompletion=toml_files, help=says)
+
+
+def out_option(says: str) -> Any:
+    """The option `--out`, which takes a folder."""
+    return typer.Option("--out", metavar="DIR", help=says)
+
 
 JsonOption = Annotated[
     str | None, typer.Option("--json", metavar="FILE", help="Write the result for programs, `-` for stdout.")

@@ -5,18 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from benchctl.cli.output import JsonOption, QuietOption, SeedOption, result_of
+from benchctl.cli.output import JsonOption, QuietOption, SeedOption, out_option, result_of
 
 if TYPE_CHECKING:
     from benchctl.calibration.paper_audit import PaperAudit
 
 
 def paper(
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Keep the recording, coefficients and report here.")
-    ] = None,
+    out: Annotated[Path | None, out_option("Keep the recording, coefficients and report here.")] = None,
     seed: SeedOption = None,
     json_to: JsonOption = None,
     quiet: QuietOption = False,

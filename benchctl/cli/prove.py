@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
-from benchctl.cli.output import JsonOption, QuietOption, Result, result_of
+from benchctl.cli.output import JsonOption, QuietOption, Result, out_option, result_of
 
 if TYPE_CHECKING:
     from benchctl.diagnosis.result import Part
@@ -30,9 +30,7 @@ def prove(
         bool | None,
         typer.Option("--generic/--no-generic", help="A sparse regression (pysindy) beside it; default: if installed."),
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Where trials are kept; default: results/prove_seed….")
-    ] = None,
+    out: Annotated[Path | None, out_option("Where trials are kept; default: results/prove_seed….")] = None,
     on: Annotated[
         Path | None,
         typer.Option("--on", metavar="RECORDING", help="Add drawn effects to this real recording."),

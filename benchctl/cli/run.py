@@ -7,14 +7,16 @@ from typing import Annotated
 
 import typer
 
-from benchctl.cli.candidates import bench_files, campaigns, procedures_named, recordings, toml_files
+from benchctl.cli.candidates import bench_files, campaigns, procedures_named, recordings
 from benchctl.cli.output import (
     JsonOption,
     ParameterOption,
     QuietOption,
     SeedOption,
+    out_option,
     parameters,
     result_of,
+    toml_option,
 )
 
 
@@ -37,13 +39,7 @@ def run(
         bool, typer.Option("--dry-run", help="Say what would be done, how long, on how much disk; do nothing of it.")
     ] = False,
     answers: Annotated[
-        Path | None,
-        typer.Option(
-            "--answers",
-            metavar="FILE",
-            autocompletion=toml_files,
-            help="Answers in an operator's place, as TOML: explained below.",
-        ),
+        Path | None, toml_option("--answers", "Answers in an operator's place, as TOML: explained below.")
     ] = None,
     again: Annotated[
         Path | None,
@@ -54,18 +50,8 @@ def run(
             help="Run again what made a recording, and compare.",
         ),
     ] = None,
-    limits: Annotated[
-        Path | None,
-        typer.Option(
-            "--limits",
-            metavar="FILE",
-            autocompletion=toml_files,
-            help="Judges --again; default: those that judged FIRST.",
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="The campaign's folder; default: a new one in results/.")
-    ] = None,
+    limits: Annotated[Path | None, toml_option("--limits", "Judges --again; default: those that judged FIRST.")] = None,
+    out: Annotated[Path | None, out_option("The campaign's folder; default: a new one in results/.")] = None,
     resume: Annotated[
         Path | None,
         typer.Option(

@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from benchctl.cli.candidates import toml_files
 from benchctl.cli.output import (
     BenchOption,
     JsonOption,
@@ -18,6 +17,7 @@ from benchctl.cli.output import (
     parameters,
     refuse_existing,
     result_of,
+    toml_option,
 )
 
 
@@ -26,13 +26,7 @@ def simulate(
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE.h5", help="The recording to write.")],
     bench: BenchOption = "simulated",
     model: Annotated[
-        Path | None,
-        typer.Option(
-            "--model",
-            metavar="FILE",
-            autocompletion=toml_files,
-            help="What the bench obeys: a model file, of a diagnosis say.",
-        ),
+        Path | None, toml_option("--model", "What the bench obeys: a model file, of a diagnosis say.")
     ] = None,
     parameter: ParameterOption = None,
     seed: SeedOption = None,
