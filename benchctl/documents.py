@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +77,17 @@ def toml_document(text: str, name: str) -> dict[str, Any]:
         raise UsageError(f"{name}: {_too_much(err)}") from err
     _require_plain(document, name)
     return document
+
+
+def json_values(value: Any) -> Any:
+    """A value as JSON can hold it: what is not finite becomes null, paths and keys become texts."""
+    if isinstance(value, Mapping):
+        return {str(key): json_values(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_values(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return str(value) if isinstance(value, Path) else value
 
 
 def _refuse_large(text: bytes | str, name: str, most: int) -> None:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,6 +14,7 @@ import typer
 
 from benchctl.cli.candidates import bench_files, parameters_of, procedures_named, recordings, toml_files
 from benchctl.cli.messages import tell
+from benchctl.documents import json_values
 from benchctl_instruments.errors import BenchError, UsageError, reason
 
 
@@ -156,7 +156,7 @@ def _write(verb: str, json_to: str, result: Result) -> None:
     document: dict[str, Any] = {"schema": f"benchctl-{verb}/1", "ok": result.ok, **result.values}
     if not result.ok:
         document["error"] = result.error
-    text = json.dumps(_plain(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    text = json.dumps(json_values(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     if json_to == "-":
         tell(text.rstrip())
         return
@@ -164,17 +164,6 @@ def _write(verb: str, json_to: str, result: Result) -> None:
 
     with whole_file(Path(json_to)) as temporary:
         temporary.write_text(text, encoding="utf-8", errors="backslashreplace")  # a name that is no UTF-8
-
-
-def _plain(value: Any) -> Any:
-    """JSON has no NaN and no infinity: they become null."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return str(value) if isinstance(value, Path) else value
 
 
 def beside(path: Path, ending: str) -> Path:

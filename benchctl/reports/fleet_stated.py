@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from benchctl.documents import read_json
+from benchctl.documents import json_values, read_json
 from benchctl.history.entries import read_document
 from benchctl.history.series import Figure, Source
 from benchctl.limits import shown
@@ -88,18 +87,14 @@ def _effect(finding: Mapping[str, Any]) -> FoundEffect:
             FoundParameter(
                 name=name,
                 value=float(one["value"]),
-                low=_finite(one["ci95"][0]),
-                high=_finite(one["ci95"][1]),
+                low=json_values(one["ci95"][0]),
+                high=json_values(one["ci95"][1]),
                 unit=str(one["unit"]),
             )
             for name, one in finding["parameters"].items()
             if one["value"] is not None
         ),
     )
-
-
-def _finite(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None
 
 
 def _tests(content: Any) -> tuple[tuple[str, str], ...]:

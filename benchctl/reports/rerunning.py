@@ -15,7 +15,7 @@ from benchctl.atomic import whole_file
 from benchctl.campaign.changes import changed
 from benchctl.campaign.differences import Differences, differences
 from benchctl.campaign.provenance import table_of
-from benchctl.documents import read_json
+from benchctl.documents import json_values, read_json
 from benchctl.limits import cut, require_file, shown
 from benchctl.metrology.acceptance import accepted, measured_in
 from benchctl.metrology.limit_file import Limits, limits_of_text, read_limits
@@ -254,24 +254,19 @@ def _test(one: Compared) -> dict[str, Any]:
     return {
         "name": one.name,
         "unit": before.unit,
-        "first": _finite(before.value),
-        "first_uncertainty": _finite(before.uncertainty.expanded if before.uncertainty else None),
+        "first": json_values(before.value),
+        "first_uncertainty": json_values(before.uncertainty.expanded if before.uncertainty else None),
         "first_bound": before.bound,
-        "again": _finite(now.value),
-        "again_uncertainty": _finite(now.uncertainty.expanded if now.uncertainty else None),
+        "again": json_values(now.value),
+        "again_uncertainty": json_values(now.uncertainty.expanded if now.uncertainty else None),
         "again_bound": now.bound,
-        "difference": _finite(one.difference),
-        "difference_uncertainty": _finite(one.uncertainty),
-        "e_n": _finite(one.e_n),
+        "difference": json_values(one.difference),
+        "difference_uncertainty": json_values(one.uncertainty),
+        "e_n": json_values(one.e_n),
         "differs": one.differs,
         "first_verdict": one.first.verdict,
         "again_verdict": one.again.verdict,
     }
-
-
-def _finite(value: float | None) -> float | None:
-    """A number as JSON can hold it: null where it is not finite."""
-    return value if value is not None and math.isfinite(value) else None
 
 
 _WIDEST = 120

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import math
 import queue
 import threading
 from collections.abc import Callable, Mapping
@@ -15,6 +14,8 @@ from typing import Any, TypeVar
 
 from starlette.responses import Response
 from starlette.types import Scope, Send
+
+from benchctl.documents import json_values
 
 T = TypeVar("T")
 
@@ -100,7 +101,7 @@ def json_text(value: Any) -> str:
     try:
         return _dumped(value)
     except ValueError:
-        return _dumped(_plain(value))
+        return _dumped(json_values(value))
 
 
 async def answer(readers: Readers, read: Callable[[], Any]) -> Response:
@@ -111,11 +112,3 @@ async def answer(readers: Readers, read: Callable[[], Any]) -> Response:
 
 def _dumped(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 
@@ -75,27 +76,14 @@ def reversals(effect: PhysicalEffect, top_dps: float) -> Scene:
     acceleration = np.zeros_like(time_s)
     acceleration[600:1000], acceleration[1800:2200] = 500.0, -500.0
     rate = -_TURNING_DPS + np.concatenate([np.zeros(1), np.cumsum(acceleration)[:-1]]) * interval_s
-    return Scene(
-        signals=_signals(time_s, rate, acceleration=acceleration),
-        x=time_s,
-        x_label="time (s)",
-        description="Reversals from −100 to 100 °/s and back at 500 °/s²",
-        memoryless=False,
-    )
+    signals = _signals(time_s, rate, acceleration=acceleration)
+    return _timed(signals, "s", "Reversals from −100 to 100 °/s and back at 500 °/s²", memoryless=False)
 
 
 def slow_sine(effect: PhysicalEffect, top_dps: float) -> Scene:
     """A sine of a period of two minutes, for an hour."""
-    time_s = _every(0.5, 7200)
-    turn = 2.0 * np.pi / 120.0
-    rate = _TURNING_DPS * np.sin(turn * time_s)
-    return Scene(
-        signals=_signals(time_s, rate, acceleration=_TURNING_DPS * turn * np.cos(turn * time_s)),
-        x=time_s / 60.0,
-        x_label="time (min)",
-        description="A sine of ±100 °/s and two minutes, for an hour",
-        memoryless=False,
-    )
+    signals = _sine(_every(0.5, 7200), 1.0 / 120.0)
+    return _timed(signals, "min", "A sine of ±100 °/s and two minutes, for an hour", memoryless=False)
 
 
 def turns(effect: PhysicalEffect, top_dps: float) -> Scene:
@@ -149,80 +137,43 @@ def ramps(effect: PhysicalEffect, top_dps: float) -> Scene:
     time_s = _every(2.0, 6300)
     hours = time_s / _HOUR_S
     celsius = np.interp(hours, [0.0, 0.25, 0.75, 1.75, 2.25, 3.5], [20.0, 20.0, 50.0, 50.0, 20.0, 20.0])
-    warm = Curve(x=hours, y=celsius, look="grey", label="thermistor")
-    return Scene(
-        signals=_signals(time_s, np.full_like(time_s, _TURNING_DPS), celsius=celsius),
-        x=hours,
-        x_label="time (h)",
-        description="Turning at 100 °/s while the temperature rises and falls by 1 °C/min",
-        stimulus=Panel(x="time (h)", y="temperature (°C)", curves=(warm,), share=0.7),
+    return _timed(
+        _signals(time_s, np.full_like(time_s, _TURNING_DPS), celsius=celsius),
+        "h",
+        "Turning at 100 °/s while the temperature rises and falls by 1 °C/min",
+        stimulus=_stimulus("time (h)", "temperature (°C)", hours, celsius, label="thermistor", share=0.7),
     )
 
 
 def long_turning(effect: PhysicalEffect, top_dps: float) -> Scene:
     """A constant rate for two hours."""
     time_s = _every(2.0, 3600)
-    signals = _signals(time_s, np.full_like(time_s, _TURNING_DPS))
-    return Scene(signals=signals, x=time_s / 60.0, x_label="time (min)", description="Turning at 100 °/s for two hours")
+    return _timed(_signals(time_s, np.full_like(time_s, _TURNING_DPS)), "min", "Turning at 100 °/s for two hours")
 
 
 def long_rest(effect: PhysicalEffect, top_dps: float) -> Scene:
     """Rest for two hours."""
-    time_s = _every(2.0, 3600)
-    signals = _signals(time_s, np.zeros_like(time_s))
-    return Scene(signals=signals, x=time_s / 60.0, x_label="time (min)", description="Two hours at rest")
+    return _timed(_rest(2.0, 3600), "min", "Two hours at rest")
 
 
 def noisy_rest(effect: PhysicalEffect, top_dps: float) -> Scene:
     """The same with the noise of samples, two a second."""
-    time_s = _every(0.5, 14400)
-    return Scene(
-        signals=_signals(time_s, np.zeros_like(time_s)),
-        x=time_s / 60.0,
-        x_label="time (min)",
-        description="Two hours at rest, two samples a second",
-        noisy=True,
-        allan=True,
-    )
+    return _timed(_rest(0.5, 14400), "min", "Two hours at rest, two samples a second", noisy=True, allan=True)
 
 
 def short_rest(effect: PhysicalEffect, top_dps: float) -> Scene:
     """Every sample of twenty seconds at rest."""
-    time_s = _every(0.01, _SWING_SCANS)
-    return Scene(
-        signals=_signals(time_s, np.zeros_like(time_s)),
-        x=time_s,
-        x_label="time (s)",
-        description="At rest, a hundred samples a second",
-        noisy=True,
-    )
+    return _timed(_rest(0.01, _SWING_SCANS), "s", "At rest, a hundred samples a second", noisy=True)
 
 
 def tone(effect: PhysicalEffect, top_dps: float) -> Scene:
     """Rest, sampled fast enough for the mains."""
-    time_s = _every(1e-3, 4000)
-    return Scene(
-        signals=_signals(time_s, np.zeros_like(time_s)),
-        x=time_s,
-        x_label="time (s)",
-        description="At rest, a thousand samples a second",
-        noisy=True,
-        spectrum=True,
-    )
+    return _timed(_rest(1e-3, 4000), "s", "At rest, a thousand samples a second", noisy=True, spectrum=True)
 
 
 def swing(effect: PhysicalEffect, top_dps: float) -> Scene:
     """A slow sine, every sample of it."""
-    time_s = _every(0.01, _SWING_SCANS)
-    turn = 2.0 * np.pi * 0.2
-    rate = _TURNING_DPS * np.sin(turn * time_s)
-    return Scene(
-        signals=_signals(time_s, rate, acceleration=_TURNING_DPS * turn * np.cos(turn * time_s)),
-        x=time_s,
-        x_label="time (s)",
-        description="A sine of ±100 °/s and 0.2 Hz",
-        memoryless=False,
-    )
+    return _timed(_sine(_every(0.01, _SWING_SCANS), 0.2), "s", "A sine of ±100 °/s and 0.2 Hz", memoryless=False)
 
 
 def supply(effect: PhysicalEffect, top_dps: float) -> Scene:
@@ -230,13 +181,11 @@ def supply(effect: PhysicalEffect, top_dps: float) -> Scene:
     time_s = _every(2.0, 1800)
     minutes = time_s / 60.0
     volts = 12.0 + np.interp(minutes, [0, 15, 15.01, 30, 30.01, 45, 60], [0, 0, 0.5, 0.5, -0.5, -0.5, 0.5])
-    stated = Curve(x=minutes, y=volts, look="grey")
-    return Scene(
-        signals=_signals(time_s, np.full_like(time_s, _TURNING_DPS), auxiliary={"supply_v": volts}),
-        x=minutes,
-        x_label="time (min)",
-        description="Turning at 100 °/s while the supply is changed",
-        stimulus=Panel(x="time (min)", y="supply (V)", curves=(stated,), share=0.6),
+    return _timed(
+        _signals(time_s, np.full_like(time_s, _TURNING_DPS), auxiliary={"supply_v": volts}),
+        "min",
+        "Turning at 100 °/s while the supply is changed",
+        stimulus=_stimulus("time (min)", "supply (V)", minutes, volts, share=0.6),
     )
 
 
@@ -269,6 +218,26 @@ BY_NAME: Mapping[str, Make] = {
 
 CIRCUMSTANCES: Mapping[str, float] = {"T0_c": T0_C, "range_dps": RANGE_DPS, "span_scans": float(_SWING_SCANS)}
 """Of every effect that has them."""
+
+
+def _timed(signals: Signals, unit: Literal["s", "min", "h"], description: str, **more: Any) -> Scene:
+    """A motion drawn over its time."""
+    seconds = {"s": 1.0, "min": 60.0, "h": _HOUR_S}[unit]
+    return Scene(signals=signals, x=signals.time_s / seconds, x_label=f"time ({unit})", description=description, **more)
+
+
+def _stimulus(x_label: str, y_label: str, x: FloatArray, y: FloatArray, *, share: float, label: str = "") -> Panel:
+    return Panel(x=x_label, y=y_label, curves=(Curve(x=x, y=y, look="grey", label=label),), share=share)
+
+
+def _sine(time_s: FloatArray, frequency_hz: float) -> Signals:
+    turn = 2.0 * np.pi * frequency_hz
+    rate = _TURNING_DPS * np.sin(turn * time_s)
+    return _signals(time_s, rate, acceleration=_TURNING_DPS * turn * np.cos(turn * time_s))
+
+
+def _rest(interval_s: float, count: int) -> Signals:
+    return _signals(_every(interval_s, count), np.zeros(count))
 
 
 def _every(interval_s: float, count: int) -> FloatArray:

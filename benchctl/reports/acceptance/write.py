@@ -8,13 +8,13 @@ limit a test is skipped where it has no value, and else passes with its value am
 from __future__ import annotations
 
 import json
-import math
 import re
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
 from benchctl.atomic import whole_file
+from benchctl.documents import json_values
 from benchctl.metrology.result import Acceptance, Judged, Limit, Uncertainty
 from benchctl.reports.acceptance.build import report_of, tally
 from benchctl.reports.acceptance.catalogue import Catalogue, catalogue, limits, stated
@@ -149,7 +149,7 @@ def _test(one: Judged, acceptance: Acceptance, names: dict[int, str], words: Cat
     measured = one.measured
     return {
         "name": measured.name,
-        "value": _finite(measured.value),
+        "value": json_values(measured.value),
         "unit": measured.unit,
         "stated": stated(measured, words),
         "limit": _limit(one.limit),
@@ -158,7 +158,7 @@ def _test(one: Judged, acceptance: Acceptance, names: dict[int, str], words: Cat
         "bound": measured.bound,
         "refused": words.said(measured.refused) if measured.refused else "",
         "notes": [words.said(note) for note in measured.notes],
-        "temperature_c": _finite(measured.temperature_c),
+        "temperature_c": json_values(measured.temperature_c),
         "steps": [
             {"index": index, "name": names.get(index, ""), "digest": acceptance.step_digests.get(index, "")}
             for index in measured.steps
@@ -175,27 +175,22 @@ def _uncertainty(found: Uncertainty | None) -> dict[str, Any]:
     if found is None:
         return {"uncertainty": None, "k": None, "dof": None, "standard": None, "monte_carlo": None, "budget": []}
     return {
-        "uncertainty": _finite(found.expanded),
+        "uncertainty": json_values(found.expanded),
         "k": found.k,
-        "dof": _finite(found.dof),
-        "standard": _finite(found.standard),
-        "monte_carlo": _finite(found.monte_carlo),
+        "dof": json_values(found.dof),
+        "standard": json_values(found.standard),
+        "monte_carlo": json_values(found.monte_carlo),
         "budget": [
             {
                 "source": part.source,
-                "standard": _finite(part.standard),
-                "dof": _finite(part.dof),
+                "standard": json_values(part.standard),
+                "dof": json_values(part.dof),
                 "kind": part.kind,
                 "says": part.says,
             }
             for part in found.contributors
         ],
     }
-
-
-def _finite(value: float | None) -> float | None:
-    """A number as JSON can hold it: null where it is not finite."""
-    return value if value is not None and math.isfinite(value) else None
 
 
 PAGE, PDF, JUNIT, JSON = "acceptance.html", "acceptance.pdf", "acceptance.xml", "acceptance.json"
