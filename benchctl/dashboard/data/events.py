@@ -33,7 +33,8 @@ def told(event: Event) -> Told | None:
     kind = str(event.get("kind", ""))
     if kind == "plan":
         return None
-    sentence, level = _CASES[kind](event) if kind in _CASES else _SENTENCES.get(kind, ("{says|kind}", "info"))
+    other = "{says}" if event.get("says") else _literal(kind.replace("_", " "))
+    sentence, level = _CASES[kind](event) if kind in _CASES else _SENTENCES.get(kind, (other, "info"))
     says = sentence.format_map(_Fields(event))
     return cut("".join(letter if letter.isprintable() else " " for letter in says), _LONGEST), level
 
@@ -49,7 +50,7 @@ class _Fields:
 
 
 class _Field:
-    """A value of an event: as text, as a whole number (`:,`) or as a number (`:g`); ? where it is no number."""
+    """A value of an event: as text, as a whole number (`:,`) or as a number to 6 decimals (`:g`), 3 (`:3g`); else ?."""
 
     def __init__(self, value: object) -> None:
         self._value = value
@@ -60,8 +61,8 @@ class _Field:
             return "" if value is None else str(value)
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             return "?"
-        if form == "g":
-            return f"{round(value, 6) + 0.0:g}"
+        if form.endswith("g"):
+            return f"{round(value, int(form[:-1] or 6)) + 0.0:g}"
         return f"{value:,}" if isinstance(value, int) else "?"
 
 
@@ -95,11 +96,9 @@ def _silence(event: Event) -> Told:
 
 
 def _gyro_fault(event: Event) -> Told:
-    return (
-        ("its fault is over", "info")
-        if event.get("says") == "over"
-        else ("the digital gyro states a fault: {says}", "warning")
-    )
+    if event.get("says") == "over":
+        return "its fault is over", "info"
+    return "the digital gyro states a fault: {says}", "warning"
 
 
 def _interlock(event: Event) -> Told:
@@ -125,14 +124,13 @@ def _safe(event: Event) -> Told:
     if problems:
         listed = "; ".join(map(str, problems)) if isinstance(problems, list) else str(problems)
         return f"NOT KNOWN TO BE AT REST: {_literal(listed)}", "bad"
-    return "at rest, read back: table at {rate_dps:g} deg/s, chamber set to {chamber_setpoint_c:g} °C", "info"
+    return "at rest, read back: table at {rate_dps:3g} deg/s, chamber set to {chamber_setpoint_c:g} °C", "info"
 
 
 def _ended(event: Event) -> Told:
-    level: Level = "warning" if event.get("status") == "interrupted" else "bad"
-    return "{status}: {reason}" if event.get("reason") else "{status}", "info" if event.get(
-        "status"
-    ) == "complete" else level
+    levels: Mapping[str, Level] = {"complete": "info", "interrupted": "warning"}
+    level = levels.get(str(event.get("status")), "bad")
+    return "{status}: {reason}" if event.get("reason") else "{status}", level
 
 
 def _recover(event: Event) -> Told:
