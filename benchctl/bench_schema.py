@@ -11,7 +11,7 @@ import dataclasses
 import json
 import math
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from importlib.resources import files
 from typing import Any, get_args
 
@@ -205,11 +205,3 @@ def _rules_of_an_interlock() -> list[Schema]:
             "else": {"not": {"required": ["give_up_s"]}},
         },
     ]
-
-
-def undescribed(schema: Schema) -> Iterator[str]:
-    """The fields that no words are known of, as TABLE.FIELD."""
-    for name, table in [("Bench", schema), *schema["$defs"].items()]:
-        for field, described in table.get("properties", {}).items():
-            if "title" not in described:
-                yield f"{name}.{field}"

@@ -216,14 +216,6 @@ def quantity(text: str, unit: str) -> float:
     return _in_unit(Fraction(found[1]) if number else Fraction(0), found[2], unit, text)
 
 
-def named_quantity(text: str, name: str) -> float:
-    """The number that a text stands for, in the unit that a name states; raises what `quantity` does, with the name."""
-    try:
-        return quantity(text, unit_stated(name))
-    except UsageError as err:
-        raise UsageError(f"{name}: {err}") from err
-
-
 def _in_unit(number: Fraction, written: str, unit: str, text: str) -> float:
 
     written = spelled(written)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 from benchctl.closeness import meant, nearest
@@ -15,6 +16,7 @@ from benchctl_instruments.errors import UsageError
 
 _MOST_DATES = 3
 _CAMPAIGN = ("path", "procedure", "started_utc", "status", "digest", "integrity")
+_POINT = ("started_utc", "value", "uncertainty", "campaign", "integrity", "bound", "temperature_c")
 MOST_PROBLEMS = 20
 """Problems that a reader is shown; programs are told all."""
 
@@ -74,40 +76,24 @@ def values(history: History, units: Sequence[UnitHistory]) -> dict[str, Any]:
 
 
 def _figure(charted: Charted) -> dict[str, Any]:
-    control, siblings, latest = charted.control, charted.siblings, charted.series.latest
+    series, siblings, latest = charted.series, charted.siblings, charted.series.latest
     return {
-        "name": charted.series.name,
-        "unit": charted.series.unit,
-        "source": charted.series.source,
-        "points": [_point(charted.series, point) for point in charted.series.points],
-        "control": control and {"centre": control.centre, "low": control.low, "high": control.high},
+        "name": series.name,
+        "unit": series.unit,
+        "source": series.source,
+        "points": [_point(series, point) for point in series.points],
+        "control": charted.control and asdict(charted.control),
         "drift": _drift(charted.drift),
         "drift_since_first": _drift(charted.drift_since_first),
-        "siblings": siblings
-        and {
-            "z": None if latest.bound else siblings.z(latest.value),
-            "limit": siblings.limit,
-            "median": siblings.median,
-            "mad": siblings.mad,
-            "units": siblings.units,
-        },
-        "flags": [{"kind": flag.kind, "campaign": flag.campaign, "says": flag.says} for flag in charted.flags],
+        "siblings": siblings and {"z": None if latest.bound else siblings.z(latest.value), **asdict(siblings)},
+        "flags": [asdict(flag) for flag in charted.flags],
     }
 
 
 def _point(series: Series, point: Point) -> dict[str, Any]:
-    return {
-        "started_utc": point.started_utc,
-        "stated": stated(series, point),
-        "value": point.value,
-        "uncertainty": point.uncertainty,
-        "campaign": point.campaign,
-        "integrity": point.integrity,
-        "verdict": point.verdict or None,
-        "bound": point.bound,
-        "temperature_c": point.temperature_c,
-        "limit": None if point.low is None and point.high is None else {"low": point.low, "high": point.high},
-    }
+    known = {name: getattr(point, name) for name in _POINT}
+    limit = None if point.low is None and point.high is None else {"low": point.low, "high": point.high}
+    return {**known, "stated": stated(series, point), "verdict": point.verdict or None, "limit": limit}
 
 
 def _drift(drift: Drift | None) -> dict[str, Any] | None:
