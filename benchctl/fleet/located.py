@@ -67,7 +67,7 @@ def located(globs: Sequence[str]) -> tuple[list[Located], list[str]]:
     found: dict[str, Located] = {}
     others: list[str] = []
     for text in globs:
-        matches = _remote(text) if is_url(text) else _local(text)
+        matches = remote_matches(text) if is_url(text) else _local(text)
         for match, recording in matches:
             if recording is not None:
                 found.setdefault(recording.where if recording.remote else os.path.realpath(recording.where), recording)
@@ -146,11 +146,6 @@ def _size(files: Iterable[Path]) -> int:
 def _stamp(files: Iterable[Path], folder: Path) -> tuple[str, ...]:
     stats = ((file.relative_to(folder).as_posix(), file.stat()) for file in files if file.exists())
     return tuple(f"{name} {stat.st_size} {stat.st_mtime_ns}" for name, stat in stats)
-
-
-def _remote(text: str) -> Iterator[tuple[str, Located | None]]:
-
-    return remote_matches(text)
 
 
 _VERSIONS = ("ETag", "etag", "md5Hash", "version_id", "CRC")

@@ -16,7 +16,6 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 from benchctl.atomic import disk_errors, sync_file, sync_folder, whole_file
 from benchctl.fleet.located import Located, filesystem, is_url, remote_errors
@@ -28,65 +27,39 @@ KINDS: Mapping[FleetVerb, str] = {"fit": "fit", "diagnose": "diagnosis", "accept
 """What the folders of results are called by, as those of the single verbs are."""
 
 
-class Place(Protocol):
-    """A folder of results that may not be there yet.
-
-    A note, `begun`, names its workers while they work on it. All methods raise `UsageError` where the disk, or
-    the filesystem of a URL, refuses.
-    """
-
-    @property
-    def where(self) -> str:
-        """Its path or URL."""
-
-    def read(self, name: str) -> bytes | None:
-        """A file's content; None where it is not there."""
-
-    def names(self) -> set[str]:
-        """The files that are there."""
-
-    def put(self, name: str, content: bytes) -> None:
-        """Write one file atomically into the existing folder."""
-
-    def land(self, folder: Path, record: str, stale: set[str]) -> None:
-        """Take all files of a local folder over, `record` last; `stale` are earlier ones to be removed."""
-
-    def begun(self) -> str:
-        """The note; empty where there is none."""
-
-    def begin(self, note: str) -> None:
-        """Leave the note."""
-
-    def end(self) -> None:
-        """Take the note away."""
-
-
 @dataclass(frozen=True, slots=True)
 class LocalPlace:
-    """A folder on a disk that all workers share; `note` is the path of the note."""
+    """A folder of results on a disk that all workers share, which may not be there yet.
+
+    The note at `note` names its workers while they work on it. All methods raise `UsageError` where the disk, or the
+    filesystem of a URL, refuses.
+    """
 
     where: str
     note: str
 
     def read(self, name: str) -> bytes | None:
-        """See `Place`."""
+        """A file's content; None where it is not there."""
         path = Path(self.where) / name
         with disk_errors(path):
             return path.read_bytes() if path.is_file() else None
 
     def names(self) -> set[str]:
-        """See `Place`."""
+        """The files that are there."""
         folder = Path(self.where)
         with disk_errors(folder):
             return {path.name for path in folder.iterdir()} if folder.is_dir() else set()
 
     def put(self, name: str, content: bytes) -> None:
-        """See `Place`."""
+        """Write one file atomically into the existing folder."""
         with whole_file(Path(self.where) / name) as temporary:
             temporary.write_bytes(content)
 
     def land(self, folder: Path, record: str, stale: set[str]) -> None:
-        """See `Place`; also into the manifest, where the folder is a campaign's."""
+        """Take all files of a local folder over, `record` last; `stale` are earlier ones to be removed.
+
+        Those in a campaign's folder are entered into its manifest.
+        """
         place = Path(self.where)
         with disk_errors(place):
             if not place.exists() and _renamed_into_place(folder, place):
@@ -101,19 +74,19 @@ class LocalPlace:
         add_to_manifest(place, [place / name for name in names])
 
     def begun(self) -> str:
-        """See `Place`."""
+        """The note; empty where there is none."""
         with disk_errors(Path(self.note)):
             return Path(self.note).read_text(encoding="utf-8") if Path(self.note).is_file() else ""
 
     def begin(self, note: str) -> None:
-        """See `Place`."""
+        """Leave the note."""
         path = Path(self.note)
         with disk_errors(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(note, encoding="utf-8")
 
     def end(self) -> None:
-        """See `Place`."""
+        """Take the note away."""
         with suppress(OSError):  # a note that stays does no harm: it names a run that has ended
             Path(self.note).unlink()
 
@@ -125,28 +98,28 @@ class RemotePlace:
     where: str
 
     def read(self, name: str) -> bytes | None:
-        """See `Place`."""
+        """See `LocalPlace`."""
         with remote_errors(self.where):
             system, path = filesystem(f"{self.where}/{name}")
             content: bytes | None = system.cat_file(path) if system.exists(path) else None
             return content
 
     def names(self) -> set[str]:
-        """See `Place`."""
+        """See `LocalPlace`."""
         with remote_errors(self.where):
             system, path = filesystem(self.where)
             found = system.ls(path, detail=False) if system.exists(path) else []
             return {entry.rstrip("/").rpartition("/")[2] for entry in found}
 
     def put(self, name: str, content: bytes) -> None:
-        """See `Place`."""
+        """See `LocalPlace`."""
         with remote_errors(self.where):
             system, path = filesystem(self.where)
             system.makedirs(path, exist_ok=True)
             system.pipe_file(f"{path}/{name}", content)
 
     def land(self, folder: Path, record: str, stale: set[str]) -> None:
-        """See `Place`."""
+        """See `LocalPlace`."""
         names = sorted((path.name for path in folder.iterdir()), key=lambda name: name == record)
         self._remove({record})
         for name in names:
@@ -154,15 +127,15 @@ class RemotePlace:
         self._remove(stale - set(names))
 
     def begun(self) -> str:
-        """See `Place`."""
+        """See `LocalPlace`."""
         return (self.read(_NOTE) or b"").decode("utf-8", "replace")
 
     def begin(self, note: str) -> None:
-        """See `Place`."""
+        """See `LocalPlace`."""
         self.put(_NOTE, note.encode())
 
     def end(self) -> None:
-        """See `Place`."""
+        """See `LocalPlace`."""
         self._remove({_NOTE})
 
     def _remove(self, names: set[str]) -> None:
@@ -172,6 +145,8 @@ class RemotePlace:
                 if system.exists(f"{path}/{name}"):
                     system.rm_file(f"{path}/{name}")
 
+
+Place = LocalPlace | RemotePlace
 
 _NOTE = ".begun"
 _ABANDONED_S = 600.0
