@@ -7,11 +7,10 @@ import queue
 import threading
 from collections import OrderedDict
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
-from benchctl.dashboard.data.cached import Cache
+from benchctl.dashboard.data.cached import BlockFile, Cache
 from benchctl.dashboard.data.envelope import BLOCK, COLUMNS, Envelope, Pyramid, Run, blocks_of
 from benchctl.dashboard.data.stored import ChangedError
 from benchctl.dashboard.data.tracks import Track
@@ -20,24 +19,6 @@ from benchctl_instruments.errors import UsageError
 
 MOST_SAMPLES = 2_000_000
 """Samples that a view reads from a recording at the most: 0.2 s."""
-
-
-class Blocks(Protocol):
-    """Where blocks are kept while they are made, and after."""
-
-    @property
-    def rows(self) -> int:
-        """How many there are."""
-
-    @property
-    def nbytes(self) -> int:
-        """What they take in memory."""
-
-    def read(self, first: int, end: int) -> FloatArray:
-        """Blocks, shape (end - first, 5)."""
-
-    def append(self, rows: FloatArray) -> None:
-        """Add blocks, shape (n, 5)."""
 
 
 class BlocksInMemory:
@@ -57,13 +38,17 @@ class BlocksInMemory:
         self.rows += len(rows)
 
     def read(self, first: int, end: int) -> FloatArray:
-        """See `Blocks`."""
+        """Blocks, shape (end - first, 5)."""
         return self._rows[first:end]
 
     @property
     def nbytes(self) -> int:
         """What they take."""
         return self._rows.nbytes
+
+
+Blocks = BlocksInMemory | BlockFile
+"""Where blocks are kept while they are made, and after."""
 
 
 class Overview:
