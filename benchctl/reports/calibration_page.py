@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,7 @@ from matplotlib.figure import Figure
 from benchctl.calibration.result import CalibrationResult, JointFit
 from benchctl.recordings.model import Meta, StepInfo
 from benchctl.reports import setup_section, text, verdict
-from benchctl.reports.coefficient_tables import Budget, Coefficient, budget, joint_coefficients, stage_tables
+from benchctl.reports.coefficient_tables import Budget, budget, joint_coefficients, stage_tables
 from benchctl.reports.figures import PATH_LEVELS, Drawing, inline_svg, level_names, style
 from benchctl.reports.html import render, write_page
 from benchctl.reports.law_figures import (
@@ -240,16 +239,6 @@ def _power(base: str, exponent: int) -> str:
     return base if exponent == 1 else base + "⁰¹²³⁴⁵⁶⁷⁸⁹"[exponent]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OtherLaw:
-    """A joint fit by another law, for comparison: by how much worse its BIC is, and its error on runs kept aside."""
-
-    law: str
-    difference: str
-    error_percent: float | None
-    rows: list[Coefficient]
-
-
 def write_calibration_report(
     path: Path, result: CalibrationResult, meta: Meta, infos: Sequence[StepInfo], *, digest: str
 ) -> None:
@@ -307,13 +296,13 @@ def _uses(result: CalibrationResult) -> dict[int, str]:
     }
 
 
-def _other(joint: JointFit, result: CalibrationResult) -> OtherLaw:
-    return OtherLaw(
-        law=joint.law,
-        difference=text.number(joint.bic - result.best.bic, 3),
-        error_percent=result.error_percent.get(f"joint_{joint.law}"),
-        rows=joint_coefficients(joint),
-    )
+def _other(joint: JointFit, result: CalibrationResult) -> dict[str, object]:
+    return {
+        "law": joint.law,
+        "difference": text.number(joint.bic - result.best.bic, 3),
+        "error_percent": result.error_percent.get(f"joint_{joint.law}"),
+        "rows": joint_coefficients(joint),
+    }
 
 
 def _notes(of: Budget) -> list[tuple[str, str]]:

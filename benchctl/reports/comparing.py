@@ -174,16 +174,6 @@ _COLUMNS = 3
 _MOST_ROWS = 20
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StepRow:
-    """One step: its differences by simulation, and the noise, as text."""
-
-    name: str
-    kind: str
-    differences: tuple[str, ...]
-    noise: str
-
-
 def comparison_page(
     parting: Parting,
     recording: str,
@@ -225,13 +215,13 @@ def sentence(parting: Parting, unit: str) -> str:
     return f"The recording differs by {told}, rms over all samples."
 
 
-def _row(step: StepParting, names: Sequence[str], unit: str) -> StepRow:
-    return StepRow(
-        name=step.name,
-        kind=setup_section.kind_name(step.kind),
-        differences=tuple(f"{words.size(step.rms_v[n], unit)} ({words.size(step.mean_v[n], unit)})" for n in names),
-        noise=words.size(step.noise_v, unit),
-    )
+def _row(step: StepParting, names: Sequence[str], unit: str) -> dict[str, object]:
+    return {
+        "name": step.name,
+        "kind": setup_section.kind_name(step.kind),
+        "differences": tuple(f"{words.size(step.rms_v[n], unit)} ({words.size(step.mean_v[n], unit)})" for n in names),
+        "noise": words.size(step.noise_v, unit),
+    }
 
 
 def _drawings(parting: Parting, unit: str) -> Mapping[str, Drawing]:

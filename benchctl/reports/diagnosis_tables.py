@@ -12,7 +12,7 @@ from benchctl.plan.written import as_texts
 from benchctl.reports import diagnosis_words as words
 from benchctl.reports import text
 from benchctl.reports.diagnosis_words import Kind, changed, headline, kind_of, moved, title
-from benchctl.reports.vocabulary import Advice, advice_for
+from benchctl.reports.vocabulary import advice_for
 from benchctl_instruments.physics.chamber_effects.registry import chamber_effects
 from benchctl_instruments.physics.drive_effects.registry import drive_effects
 from benchctl_instruments.physics.effects.effect import DescribedEffect
@@ -39,36 +39,6 @@ class ParameterRow:
     change: str = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FindingSection:
-    """A finding with what is known of its effect; `words` and `equation` are empty where nothing is.
-
-    `alone` says that rivals were tried in its place and none is an alternative.
-    """
-
-    title: str
-    effect: str
-    says: str
-    words: str
-    equation: str
-    place: str
-    parameters: tuple[ParameterRow, ...]
-    evidence: tuple[tuple[str, str], ...]
-    alternatives: tuple[tuple[str, str, str], ...]
-    alone: bool
-    advice: Advice | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NotFoundRow:
-    """An effect that was looked for, and the smallest size of it that was found again once added."""
-
-    title: str
-    effect: str
-    smallest: str
-    held: str
-
-
 def known_effects() -> dict[str, type[DescribedEffect]]:
     """The hypotheses about all parts of a bench, by identifier."""
     return {**effects(), **drive_effects(), **chamber_effects()}
@@ -76,53 +46,42 @@ def known_effects() -> dict[str, type[DescribedEffect]]:
 
 def finding_section(
     finding: Finding, known: Mapping[str, type[DescribedEffect]], threshold: float, unit: str
-) -> FindingSection:
+) -> dict[str, object]:
     """A finding, with the words and the equation of the effect where it is a known one.
 
     `threshold` is chance's, `unit` that of the diagnosed quantity.
     """
     kind = known.get(finding.effect)
     meanings = {name: one.meaning for name, one in kind.parameters.items()} if kind else {}
-    return FindingSection(
-        title=title(finding.effect),
-        effect=finding.effect,
-        says=words.prose(finding.says),
-        words=kind.words if kind else "",
-        equation=kind.equation if kind else "",
-        place=words.place(finding.where, unit, _SHARES[kind_of(finding.effect)]),
-        parameters=tuple(_parameter(name, value, meanings) for name, value in finding.parameters.items()),
-        evidence=tuple(_evidence(finding, threshold)),
-        alternatives=tuple(
+    return {
+        "title": title(finding.effect),
+        "effect": finding.effect,
+        "says": words.prose(finding.says),
+        "words": kind.words if kind else "",
+        "equation": kind.equation if kind else "",
+        "place": words.place(finding.where, unit, _SHARES[kind_of(finding.effect)]),
+        "parameters": tuple(_parameter(name, value, meanings) for name, value in finding.parameters.items()),
+        "evidence": tuple(_evidence(finding, threshold)),
+        "alternatives": tuple(
             (title(other.effect), words.probability(other.probability), words.likelihood(other.loss))
             for other in finding.alternatives
         ),
-        alone=kind_of(finding.effect) == "physics" and not finding.alternatives,
-        advice=advice_for(finding.effect),
-    )
+        "alone": kind_of(finding.effect) == "physics" and not finding.alternatives,
+        "advice": advice_for(finding.effect),
+    }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StructureSection:
-    """A structure without a name as it was modelled."""
-
-    title: str
-    formula: str
-    parameters: tuple[ParameterRow, ...]
-    explains: str
-    hints: tuple[str, ...]
-
-
-def structure_section(one: StructureModel) -> StructureSection:
+def structure_section(one: StructureModel) -> dict[str, object]:
     """A structure with its formula and its parameters."""
     meanings = {name: known.meaning for name, known in effect(one.identifier).parameters.items()}
-    return StructureSection(
-        title=f"{one.shape.replace('_', ' ').capitalize()} of the {one.stage} over the"
+    return {
+        "title": f"{one.shape.replace('_', ' ').capitalize()} of the {one.stage} over the"
         f" {' and '.join(words.coordinate(name) for name in one.coordinates)}",
-        formula=one.formula,
-        parameters=tuple(_parameter(name, value, meanings) for name, value in one.parameters.items()),
-        explains=text.percent(100 * one.explains),
-        hints=one.hints,
-    )
+        "formula": one.formula,
+        "parameters": tuple(_parameter(name, value, meanings) for name, value in one.parameters.items()),
+        "explains": text.percent(100 * one.explains),
+        "hints": one.hints,
+    }
 
 
 def _evidence(finding: Finding, threshold: float) -> Iterator[tuple[str, str]]:
@@ -143,14 +102,14 @@ def _evidence(finding: Finding, threshold: float) -> Iterator[tuple[str, str]]:
     yield "Share of the mismatch", text.percent(100 * finding.explains)
 
 
-def not_found_row(one: NotFound) -> NotFoundRow:
+def not_found_row(one: NotFound) -> dict[str, object]:
     """A line of what was looked for; the size is that of its parameter, the others being held."""
-    return NotFoundRow(
-        title=title(one.effect),
-        effect=one.effect,
-        smallest=f"{one.parameter} = {text.with_unit(text.number(one.smallest, 2), words.unit(one.unit))}",
-        held=", ".join(f"{name} = {_held(value)}" for name, value in one.others.items()),
-    )
+    return {
+        "title": title(one.effect),
+        "effect": one.effect,
+        "smallest": f"{one.parameter} = {text.with_unit(text.number(one.smallest, 2), words.unit(one.unit))}",
+        "held": ", ".join(f"{name} = {_held(value)}" for name, value in one.others.items()),
+    }
 
 
 def baseline_rows(baseline: Mapping[str, Estimate]) -> list[ParameterRow]:

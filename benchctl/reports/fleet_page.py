@@ -9,7 +9,6 @@ import os
 import statistics
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
@@ -36,47 +35,6 @@ from benchctl.reports.results import make_folder
 
 REPORT = "fleet.html"
 _TITLES: dict[FleetVerb, str] = {"fit": "Calibration", "accept": "Acceptance tests"}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SpreadRow:
-    """A figure as the page shows it."""
-
-    name: str
-    stated: str
-    drawing: Drawing
-    apart: list[str]
-    median: str
-    spread: str
-    low: str
-    high: str
-    count: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EffectRow:
-    """An effect as the page shows it: in how many, its first parameter, and where it is largest."""
-
-    effect: str
-    count: int
-    parameter: str
-    median: str
-    low: str
-    high: str
-    largest: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MemberRow:
-    """A recording as the page shows it; `reports` are the words and addresses of links."""
-
-    name: str
-    serial: str
-    model: str
-    state: str
-    verdicts: list[str]
-    effects: str
-    reports: list[tuple[str, str]]
 
 
 def write_fleet_page(fleet: Fleet, folder: Path) -> Path:
@@ -108,16 +66,16 @@ def write_fleet_page(fleet: Fleet, folder: Path) -> Path:
     return folder / REPORT
 
 
-def _groups(found: list[Spread]) -> list[tuple[str, list[SpreadRow]]]:
+def _groups(found: list[Spread]) -> list[tuple[str, list[dict[str, object]]]]:
     """Figures by where they come from and the model of gyro; those in which somebody stands apart first."""
-    groups: dict[str, list[SpreadRow]] = {}
+    groups: dict[str, list[dict[str, object]]] = {}
     for spread in sorted(found, key=lambda one: not one.apart):
         title = f"{_TITLES[spread.verb]}{f', {spread.model}' if spread.model else ''}"
         groups.setdefault(title, []).append(_spread(spread))
     return sorted(groups.items(), key=lambda one: one[0].startswith(_TITLES["accept"]))
 
 
-def _spread(spread: Spread) -> SpreadRow:
+def _spread(spread: Spread) -> dict[str, object]:
     values = [figure.value for _, figure in spread.values]
     unit = text.unit_text(spread.unit)
     said = [
@@ -126,50 +84,50 @@ def _spread(spread: Spread) -> SpreadRow:
     ]
     deviation = spread.siblings.mad / 0.6745 if spread.siblings else None
     median = text.with_unit(text.number(spread.median, 6), unit)
-    return SpreadRow(
-        name=spread.name,
-        stated=f"median {median} of {len(values)}",
-        drawing=Drawing(
+    return {
+        "name": spread.name,
+        "stated": f"median {median} of {len(values)}",
+        "drawing": Drawing(
             svg=spread_chart(spread), alt=f"{spread.name} of {len(values)} recordings, median {median}", caption=""
         ),
-        apart=said,
-        median=median,
-        spread=text.number(deviation, 2),
-        low=text.number(min(values), 6),
-        high=text.number(max(values), 6),
-        count=len(values),
-    )
+        "apart": said,
+        "median": median,
+        "spread": text.number(deviation, 2),
+        "low": text.number(min(values), 6),
+        "high": text.number(max(values), 6),
+        "count": len(values),
+    }
 
 
-def _effect(one: Recurring) -> EffectRow:
+def _effect(one: Recurring) -> dict[str, object]:
     sized = [(member, effect) for member, effect in one.found if effect.parameters]
     if not sized:
         nothing = dict.fromkeys(("parameter", "median", "low", "high", "largest"), text.NOT_KNOWN)
-        return EffectRow(effect=one.effect, count=one.count, **nothing)
+        return {"effect": one.effect, "count": one.count, **nothing}
     first = sized[0][1].parameters[0]
     member, effect = max(sized, key=lambda each: abs(each[1].parameters[0].value))
-    return EffectRow(
-        effect=one.effect,
-        count=one.count,
-        parameter=f"{first.name}{f' ({unit})' if (unit := text.unit_text(first.unit)) else ''}",
-        median=text.number(statistics.median(one.sizes), 4),
-        low=text.number(min(one.sizes), 4),
-        high=text.number(max(one.sizes), 4),
-        largest=f"{label(member)}: {size_of(effect)}",
-    )
+    return {
+        "effect": one.effect,
+        "count": one.count,
+        "parameter": f"{first.name}{f' ({unit})' if (unit := text.unit_text(first.unit)) else ''}",
+        "median": text.number(statistics.median(one.sizes), 4),
+        "low": text.number(min(one.sizes), 4),
+        "high": text.number(max(one.sizes), 4),
+        "largest": f"{label(member)}: {size_of(effect)}",
+    }
 
 
-def _member(member: Member, folder: Path) -> MemberRow:
+def _member(member: Member, folder: Path) -> dict[str, object]:
     diagnosis = member.stated.get("diagnose")
-    return MemberRow(
-        name=member.name,
-        serial=member.serial,
-        model=member.model,
-        state=member.state,
-        verdicts=[stated.verdict for stated in member.stated.values() if stated.verdict],
-        effects=", ".join(dict.fromkeys(one.effect for one in diagnosis.effects)) if diagnosis else "",
-        reports=[(verb, _address(report, folder)) for verb, report in member.reports.items()],
-    )
+    return {
+        "name": member.name,
+        "serial": member.serial,
+        "model": member.model,
+        "state": member.state,
+        "verdicts": [stated.verdict for stated in member.stated.values() if stated.verdict],
+        "effects": ", ".join(dict.fromkeys(one.effect for one in diagnosis.effects)) if diagnosis else "",
+        "reports": [(verb, _address(report, folder)) for verb, report in member.reports.items()],
+    }
 
 
 def _address(report: str, folder: Path) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from benchctl.history.flags import FEWEST, Flag, Siblings
@@ -19,29 +18,6 @@ from benchctl.reports.results import make_folder
 
 REPORT = "history.html"
 _TITLES: dict[Source, str] = {"acceptance": "Acceptance tests", "coefficients": "Calibration"}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ChartRow:
-    """A small chart as the page shows it: title, latest value, picture, what is to be looked at, what is known."""
-
-    name: str
-    latest: str
-    drawing: Drawing
-    says: list[str]
-    facts: list[str]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UnitSection:
-    """A unit as the page shows it; `groups` are titles with charts, `looked_at` the names of flagged figures."""
-
-    unit: UnitHistory
-    anchor: str
-    latest: str
-    verdict: str
-    looked_at: list[str]
-    groups: list[tuple[str, list[ChartRow]]]
 
 
 def write_page_of(history: History, units: Sequence[UnitHistory], folder: Path, title: str) -> Path:
@@ -60,29 +36,33 @@ def write_page_of(history: History, units: Sequence[UnitHistory], folder: Path, 
     return folder / REPORT
 
 
-def _section(unit: UnitHistory, anchor: str) -> UnitSection:
+def _section(unit: UnitHistory, anchor: str) -> dict[str, object]:
     groups = [
         (_TITLES[source], [_chart(one) for one in unit.figures if one.series.source == source]) for source in SOURCES
     ]
-    return UnitSection(
-        unit=unit,
-        anchor=anchor,
-        latest=latest_of(unit),
-        verdict=verdict_of(unit),
-        looked_at=[one.series.name for one in unit.figures if one.flags],
-        groups=[(name, charts) for name, charts in groups if charts],
-    )
+    return {
+        "unit": unit,
+        "anchor": anchor,
+        "latest": latest_of(unit),
+        "verdict": verdict_of(unit),
+        "looked_at": [one.series.name for one in unit.figures if one.flags],
+        "groups": [(name, charts) for name, charts in groups if charts],
+    }
 
 
-def _chart(charted: Charted) -> ChartRow:
+def _chart(charted: Charted) -> dict[str, object]:
     series = charted.series
     latest = stated(series, series.latest)
     drawing = Drawing(
         svg=time_chart(charted), alt=f"{series.name} of {series.serial} over time, latest {latest}", caption=""
     )
-    return ChartRow(
-        name=series.name, latest=latest, drawing=drawing, says=_printed(charted.flags), facts=_facts(charted)
-    )
+    return {
+        "name": series.name,
+        "latest": latest,
+        "drawing": drawing,
+        "says": _printed(charted.flags),
+        "facts": _facts(charted),
+    }
 
 
 def _printed(flags: Sequence[Flag]) -> list[str]:
@@ -112,16 +92,7 @@ def _limit(low: float | None, high: float | None, unit: str) -> str:
     return f"at least {ends[0]}" if high is None else f"at most {ends[0]}"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Comparison:
-    """One figure of all units of a model."""
-
-    name: str
-    unit: str
-    drawing: Drawing
-
-
-def _comparisons(history: History, units: Sequence[UnitHistory]) -> list[tuple[str, list[Comparison]]]:
+def _comparisons(history: History, units: Sequence[UnitHistory]) -> list[tuple[str, list[dict[str, object]]]]:
     """By model, a chart for each figure that two units or more have; all units of the models that were asked for."""
     wanted = {(one.series.source, one.series.name) for unit in units for one in unit.figures}
     found: dict[tuple[str, Source, str, str], list[Series]] = defaultdict(list)
@@ -133,7 +104,7 @@ def _comparisons(history: History, units: Sequence[UnitHistory]) -> list[tuple[s
             key = (series.model, series.source, series.name, series.unit)
             found[key].append(series)
             common[key] = one.siblings
-    by_model: dict[str, list[Comparison]] = defaultdict(list)
+    by_model: dict[str, list[dict[str, object]]] = defaultdict(list)
     for source in SOURCES:
         for key, series_of in found.items():
             model, of, name, unit_text = key
@@ -142,5 +113,5 @@ def _comparisons(history: History, units: Sequence[UnitHistory]) -> list[tuple[s
             drawing = Drawing(
                 svg=units_chart(series_of, common[key]), alt=f"latest {name} of {len(series_of)} units", caption=""
             )
-            by_model[model].append(Comparison(name=name, unit=text.unit_text(unit_text), drawing=drawing))
+            by_model[model].append({"name": name, "unit": text.unit_text(unit_text), "drawing": drawing})
     return list(by_model.items())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -128,29 +127,7 @@ def _look(level: str) -> dict[str, Any]:
 _MOST_RUNS = 60
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunLine:
-    """One run: what was asked, and its largest and rms error in percent per level."""
-
-    step: int
-    kind: str
-    temperature: str
-    peak_rate: str
-    frequency: str
-    errors: tuple[tuple[str, str], ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunTable:
-    """The runs that are shown, and which they are; `left_out` counts those beyond the table's length."""
-
-    verified: bool
-    levels: tuple[str, ...]
-    lines: tuple[RunLine, ...]
-    left_out: int
-
-
-def run_table(result: CalibrationResult, infos: Sequence[StepInfo]) -> RunTable | None:
+def run_table(result: CalibrationResult, infos: Sequence[StepInfo]) -> dict[str, object] | None:
     """The runs kept aside, or the fitted ones where there are none; None without runs."""
     runs = shown_runs(result)
     if not runs:
@@ -158,18 +135,18 @@ def run_table(result: CalibrationResult, infos: Sequence[StepInfo]) -> RunTable 
     levels = tuple(level_names(tuple({level for run in runs for level in run.error_percent})))
     asked = {info.index: info for info in infos}
     lines = [
-        RunLine(
-            step=run.step,
-            kind=kind_name(asked[run.step].kind if run.step in asked else run.kind),
-            temperature=text.plain(run.temperature_c),
-            peak_rate=text.plain(run.peak_rate_dps),
-            frequency=text.plain(asked[run.step].frequency_hz if run.step in asked else None, decimals=3),
-            errors=tuple(
+        {
+            "step": run.step,
+            "kind": kind_name(asked[run.step].kind if run.step in asked else run.kind),
+            "temperature": text.plain(run.temperature_c),
+            "peak_rate": text.plain(run.peak_rate_dps),
+            "frequency": text.plain(asked[run.step].frequency_hz if run.step in asked else None, decimals=3),
+            "errors": tuple(
                 (text.number(run.error_percent.get(level), 2), text.number(run.rms_percent.get(level), 2))
                 for level in levels
             ),
-        )
+        }
         for run in runs[:_MOST_RUNS]
     ]
     verified = runs[0].role == "verify"
-    return RunTable(verified=verified, levels=levels, lines=tuple(lines), left_out=len(runs) - len(lines))
+    return {"verified": verified, "levels": levels, "lines": tuple(lines), "left_out": len(runs) - len(lines)}

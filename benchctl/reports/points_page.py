@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,15 +15,6 @@ from benchctl.reports import setup_section, text, verdict
 from benchctl.reports.coefficient_tables import Coefficient
 from benchctl.reports.figures import INK, LEVEL_COLOURS, LEVEL_MARKERS, Drawing, inline_svg, new_figure, style
 from benchctl.reports.html import render, write_page
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FitLine:
-    """How well both laws fit one choice of points."""
-
-    points: str
-    count: int
-    fit: PointsFit
 
 
 def write_static_points_report(
@@ -102,10 +92,10 @@ def _row(fit: PointsFit, symbol: str, value: float, ends: tuple[float, float], u
     return Coefficient(name=symbol, symbol=symbol, value=value, stated=stated, interval=text.interval(*ends), says=says)
 
 
-def _fits(result: StaticPointsResult) -> list[FitLine]:
-    lines = [FitLine(points="rotating points", count=result.rotating.points, fit=result.rotating)]
+def _fits(result: StaticPointsResult) -> list[dict[str, object]]:
+    lines = [{"points": "rotating points", "count": result.rotating.points, "fit": result.rotating}]
     if result.rest_points:
-        lines.append(FitLine(points="all, with rest", count=result.all_points.points, fit=result.all_points))
+        lines.append({"points": "all, with rest", "count": result.all_points.points, "fit": result.all_points})
     return lines
 
 

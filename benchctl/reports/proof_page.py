@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -78,16 +77,6 @@ def _figures(name: str, arm: ArmFigures) -> Iterator[str]:
 REPORT, PICTURE = "proof.html", "confusion.png"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WrongTrial:
-    """A trial that was not right, in words."""
-
-    index: int
-    kind: str
-    drawn: str
-    said: str
-
-
 def write_proof_report(folder: Path, summary: Summary) -> Mapping[str, Path]:
     """Write the page and, where anything was answered, the picture; where they are, by what they are.
 
@@ -132,7 +121,7 @@ def _drawing(arms: list[tuple[str, Confusion]]) -> Drawing | None:
     )
 
 
-def _wrong(trial: Trial) -> WrongTrial:
+def _wrong(trial: Trial) -> dict[str, object]:
     drawn = "; ".join(
         f"{name} ({', '.join(f'{key} = {value:.4g}' for key, value in values.items())})"
         for name, values in trial.truth["effects"].items()
@@ -147,7 +136,7 @@ def _wrong(trial: Trial) -> WrongTrial:
         )
         if part
     )
-    return WrongTrial(index=trial.index, kind=CLASSES[trial.kind].says, drawn=drawn or "nothing", said=said)
+    return {"index": trial.index, "kind": CLASSES[trial.kind].says, "drawn": drawn or "nothing", "said": said}
 
 
 _MARGIN_IN, _CELL_IN, _LABELS_IN = 0.4, 0.17, 1.5

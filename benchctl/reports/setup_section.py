@@ -23,19 +23,6 @@ _KIND_NAMES: Mapping[str, str] = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StepGroup:
-    """Steps of one kind and use, summed up in words."""
-
-    kind: str
-    use: str
-    steps: int
-    rates: str
-    frequencies: str
-    temperatures: str
-    samples: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Instrument:
     """An instrument of the bench: what it is, who it says that it is, until when it is calibrated."""
 
@@ -116,21 +103,21 @@ def provenance(meta: Meta, digest: str) -> list[tuple[str, str]]:
     return [(name, value) for name, value in rows if value]
 
 
-def step_groups(infos: Sequence[StepInfo], uses: Mapping[int, str]) -> list[StepGroup]:
+def step_groups(infos: Sequence[StepInfo], uses: Mapping[int, str]) -> list[dict[str, object]]:
     """The steps summed up by kind and use, in the order in which they first come; `uses` says what became of each."""
     groups: dict[tuple[str, str], list[StepInfo]] = {}
     for info in infos:
         groups.setdefault((info.kind, uses.get(info.index, "not used")), []).append(info)
     return [
-        StepGroup(
-            kind=kind_name(kind),
-            use=use,
-            steps=len(members),
-            rates=_span([info.amplitude_dps or info.rate_dps for info in members], "°/s"),
-            frequencies=_levels([info.frequency_hz for info in members], "Hz"),
-            temperatures=_span([info.chamber_setpoint_c for info in members], "°C"),
-            samples=sum(info.samples for info in members),
-        )
+        {
+            "kind": kind_name(kind),
+            "use": use,
+            "steps": len(members),
+            "rates": _span([info.amplitude_dps or info.rate_dps for info in members], "°/s"),
+            "frequencies": _levels([info.frequency_hz for info in members], "Hz"),
+            "temperatures": _span([info.chamber_setpoint_c for info in members], "°C"),
+            "samples": sum(info.samples for info in members),
+        }
         for (kind, use), members in groups.items()
     ]
 
