@@ -144,7 +144,7 @@ def test_runs_that_the_fit_itself_kept_aside_are_counted_so(campaign):
     uses = {info.index: "fitted" for info in infos[1:-1]} | {infos[-1].index: "kept aside"}
     groups = step_groups([dataclasses.replace(info, role="fit") for info in infos], uses)
     assert [group["steps"] for group in groups if group["use"] == "kept aside"] == [1]
-    assert [group.steps for group in groups if group.use == "not used"] == [1]
+    assert [group["steps"] for group in groups if group["use"] == "not used"] == [1]
 
 
 @pytest.mark.slow
