@@ -14,7 +14,6 @@ import typer
 
 from benchctl.cli.candidates import bench_files, parameters_of, procedures_named, recordings, toml_files
 from benchctl.cli.messages import tell
-from benchctl.documents import json_values
 from benchctl_instruments.errors import BenchError, UsageError, reason
 
 
@@ -153,6 +152,8 @@ def refuse_existing(path: Path) -> None:
 
 
 def _write(verb: str, json_to: str, result: Result) -> None:
+    from benchctl.documents import json_values
+
     document: dict[str, Any] = {"schema": f"benchctl-{verb}/1", "ok": result.ok, **result.values}
     if not result.ok:
         document["error"] = result.error
