@@ -79,7 +79,7 @@ def _without_verb(arguments: list[str]) -> int:
 
             tell(f"benchctl {benchctl.__version__}")
         case ["--install-completion" | "--show-completion" as option, *shell]:
-            from benchctl.cli.completion_scripts import install, script
+            from benchctl.cli.completing import install, script
 
             tell((install if option == "--install-completion" else script)(*shell[:1]))
         case [unknown, *_]:

@@ -18,6 +18,7 @@ from benchctl.explain.pictures.sketch import (
     Values,
     described_values,
     stated_values,
+    title_of,
     visible_values,
     whole_values,
 )
@@ -88,7 +89,7 @@ def gyro_sketch(kind: type[PhysicalEffect]) -> Sketch:
         run = _run(kind, values, make, top_dps)
     panels, note = _panels(run)
     return Sketch(
-        title=kind.identifier.replace("_", " ").capitalize(),
+        title=title_of(kind),
         caption=f"{run.scene.description}; {described_values(kind, values)}.{note}",
         panels=tuple(panels),
         difference=run.difference,

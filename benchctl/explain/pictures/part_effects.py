@@ -12,8 +12,10 @@ from benchctl.explain.pictures.sketch import (
     Panel,
     Sketch,
     Values,
+    compared,
     described_values,
     stated_values,
+    title_of,
     visible_values,
 )
 from benchctl_instruments.arrays import FloatArray
@@ -43,25 +45,9 @@ def drive_sketch(kind: type[DriveEffect]) -> Sketch:
     x, off = scene.x, scene.signals.torque_nm
     on = _torque(kind, values, scene)
     return Sketch(
-        title=kind.identifier.replace("_", " ").capitalize(),
+        title=title_of(kind),
         caption=f"{scene.description}; {described_values(kind, values)}.",
-        panels=(
-            Panel(
-                x=scene.x_label,
-                y="torque (N·m)",
-                curves=(
-                    Curve(x=x, y=off, look="off", label="without the effect"),
-                    Curve(x=x, y=on, look="on", label="with it"),
-                ),
-            ),
-            Panel(
-                x=scene.x_label,
-                y="difference (mN·m)",
-                curves=(Curve(x=x, y=1e3 * (on - off), look="on"),),
-                zero=True,
-                share=0.8,
-            ),
-        ),
+        panels=tuple(compared(x, scene.x_label, off, on, "torque (N·m)", difference="mN·m")),
         difference=on - off,
     )
 
@@ -153,30 +139,11 @@ def chamber_sketch(kind: type[ChamberEffect]) -> Sketch:
     on = _with(kind, values, plain)
     what, unit = ("heater", "%") if drive == "power" else ("set point", "°C")
     return Sketch(
-        title=kind.identifier.replace("_", " ").capitalize(),
+        title=title_of(kind),
         caption=f"Steps of the {what}; {described_values(kind, values)}.",
         panels=(
-            Panel(
-                x="time (h)",
-                y=f"{what} ({unit})",
-                curves=(Curve(x=hours, y=plain.drive, look="grey"),),
-                share=0.5,
-            ),
-            Panel(
-                x="time (h)",
-                y="air (°C)",
-                curves=(
-                    Curve(x=hours, y=off, look="off", label="without the effect"),
-                    Curve(x=hours, y=on, look="on", label="with it"),
-                ),
-            ),
-            Panel(
-                x="time (h)",
-                y="difference (°C)",
-                curves=(Curve(x=hours, y=on - off, look="on"),),
-                zero=True,
-                share=0.8,
-            ),
+            Panel(x="time (h)", y=f"{what} ({unit})", curves=(Curve(x=hours, y=plain.drive, look="grey"),), share=0.5),
+            *compared(hours, "time (h)", off, on, "air (°C)", difference="°C"),
         ),
         difference=on - off,
     )

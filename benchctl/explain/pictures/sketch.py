@@ -76,6 +76,25 @@ def one_panel(
     return Sketch(title=title, caption=caption, panels=(panel,))
 
 
+def compared(x: FloatArray, x_label: str, off: FloatArray, on: FloatArray, y: str, *, difference: str) -> list[Panel]:
+    """What is without an effect and with it, and below it the difference."""
+    both = (
+        Curve(x=x, y=off, look="off", label="without the effect"),
+        Curve(x=x, y=on, look="on", label="with it"),
+    )
+    factor = 1e3 if difference.startswith("m") else 1.0
+    changed = (Curve(x=x, y=factor * (on - off), look="on"),)
+    return [
+        Panel(x=x_label, y=y, curves=both),
+        Panel(x=x_label, y=f"difference ({difference})", curves=changed, zero=True, share=0.8),
+    ]
+
+
+def title_of(kind: type[DescribedEffect]) -> str:
+    """An effect's identifier as a heading."""
+    return kind.identifier.replace("_", " ").capitalize()
+
+
 Values = dict[str, float]
 
 

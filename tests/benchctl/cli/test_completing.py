@@ -15,8 +15,7 @@ from pathlib import Path
 import pytest
 
 from benchctl.cli.app import run_verb
-from benchctl.cli.completing import candidates
-from benchctl.cli.completion_scripts import SHELLS
+from benchctl.cli.completing import SHELLS, candidates
 from benchctl.cli.verbs import VERBS
 from benchctl.plan.find import procedure_names
 
