@@ -15,7 +15,7 @@ from benchctl.cli.messages import tell
 from benchctl.cli.output import JsonOption, QuietOption, Result, out_option, result_of, toml_option
 
 if TYPE_CHECKING:
-    from benchctl.fleet.job import Job, Options, Outcome
+    from benchctl.fleet.job import Job, JobOutcome, Options
     from benchctl.reports.fleet_facts import Fleet
     from benchctl.reports.fleet_stated import FleetVerb
 
@@ -182,7 +182,7 @@ def _judge(ended: Fleet, stopped: bool, result: Result) -> None:
 
 
 @contextmanager
-def _told(verb: str, total: int, quiet: bool) -> Iterator[Callable[[Job, Outcome], None]]:
+def _told(verb: str, total: int, quiet: bool) -> Iterator[Callable[[Job, JobOutcome], None]]:
     """A bar where there is a terminal: what is done, what failed, what is left and for how long."""
     import time
 
@@ -193,7 +193,7 @@ def _told(verb: str, total: int, quiet: bool) -> Iterator[Callable[[Job, Outcome
     with progress_bar(f"fleet {verb}", quiet) as draw:
         begun_s = time.monotonic()
 
-        def tell_of(_: Job, outcome: Outcome) -> None:
+        def tell_of(_: Job, outcome: JobOutcome) -> None:
             counts[outcome.state] += 1
             if draw is None:
                 return

@@ -21,7 +21,7 @@ from typing import Any
 
 import benchctl
 from benchctl.campaign.stop import StoppedError, StopRequest
-from benchctl.fleet.job import Job, JobRecord, Options, Outcome, kept, record_at
+from benchctl.fleet.job import Job, JobOutcome, JobRecord, Options, kept, record_at
 from benchctl.fleet.located import Located
 from benchctl.fleet.places import Place, place_of
 from benchctl.fleet.work import MOST_STARTS, starts_of, work
@@ -162,7 +162,7 @@ _DONE_AGAIN = ("lost", "pending")
 """Of a job that had ended: its worker died before the outcome was taken from it, and the cluster asks another one."""
 
 
-def outcomes(client: Any, jobs: Sequence[Job], stop: StopRequest) -> Iterator[tuple[Job, Outcome]]:
+def outcomes(client: Any, jobs: Sequence[Job], stop: StopRequest) -> Iterator[tuple[Job, JobOutcome]]:
     """Do jobs, the largest recordings first, on the cluster of a client of dask's; each with its outcome, as it ends.
 
     Raises
@@ -212,7 +212,7 @@ def outcomes(client: Any, jobs: Sequence[Job], stop: StopRequest) -> Iterator[tu
             client.cancel(list(futures.values()), force=True)
 
 
-def _outcome_of(future: Any, status: str, job: Job) -> Outcome | None:
+def _outcome_of(future: Any, status: str, job: Job) -> JobOutcome | None:
     """How a job ended whose future has this status; None where a scheduler gave it up whose workers died, not of it.
 
     Raises `OSError` or `CancelledError` where the scheduler is gone.
@@ -220,14 +220,14 @@ def _outcome_of(future: Any, status: str, job: Job) -> Outcome | None:
     from distributed.scheduler import KilledWorker
 
     if status == "finished":
-        outcome: Outcome = future.result()
+        outcome: JobOutcome = future.result()
         return outcome
     if status != "error":
         raise CancelledError
     error = future.exception()
     if isinstance(error, KilledWorker) and _starts(job) < MOST_STARTS:
         return None
-    return Outcome(
+    return JobOutcome(
         state="failed",
         reason=f"{job.recording.where}: the worker could not do it: {type(error).__name__}: {in_line(str(error))}",
     )
@@ -256,7 +256,7 @@ def run_fleet(
     recordings: Sequence[Located],
     options: Options,
     settings: Settings,
-    on_outcome: Callable[[Job, Outcome], None],
+    on_outcome: Callable[[Job, JobOutcome], None],
     say: Callable[[str], None],
     stop: StopRequest,
 ) -> Fleet:
@@ -279,9 +279,9 @@ def run_fleet(
         )
         for recording in recordings
     ]
-    ended: dict[str, Outcome] = {}
+    ended: dict[str, JobOutcome] = {}
 
-    def end(job: Job, outcome: Outcome) -> None:
+    def end(job: Job, outcome: JobOutcome) -> None:
         ended[job.recording.where] = outcome
         on_outcome(job, outcome)
 
@@ -310,7 +310,7 @@ def run_fleet(
     return Fleet(verb=verb, members=members, left=len(jobs) - len(ended))
 
 
-def _member(job: Job, outcome: Outcome, out: str | None) -> Member:
+def _member(job: Job, outcome: JobOutcome, out: str | None) -> Member:
     """A recording of the fleet with what is stated of it: by this verb, and before by the others."""
     records: dict[FleetVerb, JobRecord] = {}
     for verb in VERBS:

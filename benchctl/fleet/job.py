@@ -87,7 +87,7 @@ class JobRecord:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
+class JobOutcome:
     """How a job ended: `done`, `kept` (done before, and nothing changed) or `failed`, and then why, in one line."""
 
     state: Literal["done", "kept", "failed"]
@@ -123,14 +123,14 @@ def earlier(job: Job) -> JobRecord | None:
     return record if record.recording == job.recording.where else None
 
 
-def kept(job: Job) -> Outcome | None:
+def kept(job: Job) -> JobOutcome | None:
     """Return the outcome of a job that is up to date by the recording's stamp; None where it may have to be done."""
     try:
         record = earlier(job)
     except BenchError:  # the worker meets the same error and reports it
         return None
     unchanged = record is not None and record.stamp == job.recording.stamp != ()
-    return Outcome(state="kept", record=record) if unchanged else None
+    return JobOutcome(state="kept", record=record) if unchanged else None
 
 
 _ADAPTER = TypeAdapter(JobRecord)

@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import benchctl
-from benchctl.fleet.job import SCHEMA, Job, JobRecord, Options, Outcome, earlier, record_at, record_name
+from benchctl.fleet.job import SCHEMA, Job, JobOutcome, JobRecord, Options, earlier, record_at, record_name
 from benchctl.fleet.located import Located, fetch, files_of
 from benchctl.recordings.model import Unit
 from benchctl.recordings.reader import open_recording
@@ -28,7 +28,7 @@ _one_at_a_time = threading.Lock()
 """HDF5 and the drawing of figures are not for several threads; workers are processes."""
 
 
-def work(job: Job, version: str) -> Outcome:
+def work(job: Job, version: str) -> JobOutcome:
     """Do a job of a fleet that `version` of benchctl runs, unless it is found to be done."""
     with _one_at_a_time:
         try:
@@ -48,14 +48,14 @@ def work(job: Job, version: str) -> Outcome:
             return _failed(f"{job.recording.where}: {type(err).__name__}: {in_line(str(err))}")
 
 
-def _failed(reason: str) -> Outcome:
-    return Outcome(state="failed", reason=" ".join(reason.split()))
+def _failed(reason: str) -> JobOutcome:
+    return JobOutcome(state="failed", reason=" ".join(reason.split()))
 
 
-def _unless_done(job: Job) -> Outcome:
+def _unless_done(job: Job) -> JobOutcome:
     there = record_at(job.place, job.verb)
     if there is not None and there.run == job.run:  # its worker died before it could say so
-        return Outcome(state="done", record=there)
+        return JobOutcome(state="done", record=there)
     before = starts_of(job)
     if len(before) >= MOST_STARTS:
         job.place.end()
@@ -70,11 +70,11 @@ def _unless_done(job: Job) -> Outcome:
         if record is not None and record.sha256 == digest:  # only touched or copied: remembered for the next time
             record = replace(record, stamp=job.recording.stamp)
             job.place.put(record_name(job.verb), record.as_bytes())
-            return Outcome(state="kept", record=record)
+            return JobOutcome(state="kept", record=record)
         return _done(job, path, digest, Path(scratch) / "results", set(there.files) if there else set())
 
 
-def _done(job: Job, path: Path, digest: str, folder: Path, stale: set[str]) -> Outcome:
+def _done(job: Job, path: Path, digest: str, folder: Path, stale: set[str]) -> JobOutcome:
     """The results, made in a folder and landed; `stale` are files of earlier ones."""
     folder.mkdir()
     unit = do_verb(job.verb, job.recording, path, job.options, folder)
@@ -95,7 +95,7 @@ def _done(job: Job, path: Path, digest: str, folder: Path, stale: set[str]) -> O
     )
     (folder / record_name(job.verb)).write_bytes(record.as_bytes())
     job.place.land(folder, record_name(job.verb), stale)
-    return Outcome(state="done", record=record)
+    return JobOutcome(state="done", record=record)
 
 
 def starts_of(job: Job) -> list[str]:

@@ -26,7 +26,7 @@ from benchctl_instruments.errors import UsageError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fitted:
+class WrittenFit:
     """What a fit left behind: `values` as `--json` gives them, `says` for the terminal."""
 
     values: Mapping[str, Any]
@@ -45,19 +45,19 @@ class Calibrated:
     says: str
     write_report: Callable[[Path], None]
 
-    def write(self, folder: Path) -> Fitted:
+    def write(self, folder: Path) -> WrittenFit:
         """Write `coefficients.json` and `report.html`; raises `UsageError` where the folder or the disk refuses."""
         make_folder(folder)
         where, report = folder / "coefficients.json", folder / "report.html"
         write_coefficients(where, self.content)
         self.write_report(report)
-        return Fitted(
+        return WrittenFit(
             values={"coefficients": where, "report": report, **self.values},
             says="\n".join([self.says, f"coefficients: {where}", f"report: {report}"]),
         )
 
 
-def fit_recordings(paths: Sequence[Path], out: Path | None = None) -> Fitted:
+def fit_recordings(paths: Sequence[Path], out: Path | None = None) -> WrittenFit:
     """Calibrate on one recording, or on several of one unit, and write `coefficients.json` and `report.html`.
 
     They land in `out`, by default beside the first recording: in its folder where it is one.

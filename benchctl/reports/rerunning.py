@@ -42,7 +42,7 @@ _SAME = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stated:
+class StatedAcceptance:
     """What an `acceptance.json` says: its limits as text and their SHA-256, and the tests by name."""
 
     path: Path
@@ -77,7 +77,7 @@ class Stated:
                 yield f"{one.measured.name} was stated as {shown(told.get('verdict'))}, is found {one.verdict!r} today"
 
 
-def acceptance_beside(recording: Path, digest: str) -> Stated | None:
+def acceptance_beside(recording: Path, digest: str) -> StatedAcceptance | None:
     """What lies beside a recording of that digest; None where nothing does.
 
     Raises
@@ -101,7 +101,7 @@ def acceptance_beside(recording: Path, digest: str) -> Stated | None:
             f"{path}: is the acceptance of another recording than {recording}; write it again with benchctl accept, or "
             "take it away"
         )
-    return Stated(
+    return StatedAcceptance(
         path=path,
         limits_text=str(limits.get("text") or ""),
         limits_sha256=str(limits.get("sha256") or ""),
@@ -135,7 +135,7 @@ class FirstRun:
     meta: Meta
     digest: str
     limits: Limits | None
-    stated: Stated | None
+    stated: StatedAcceptance | None
     judged: tuple[Judged, ...]
 
     @property

@@ -9,13 +9,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import benchctl
-from benchctl.fleet.job import Job, Outcome, kept, record_name
+from benchctl.fleet.job import Job, JobOutcome, kept, record_name
 from benchctl.fleet.work import MOST_STARTS, work
 from benchctl.reports.fitting import fit_recordings
 from tests.benchctl.fleet.made import job_of, points
 
 
-def do(job: Job) -> Outcome:
+def do(job: Job) -> JobOutcome:
     return work(job, benchctl.__version__)
 
 
