@@ -35,7 +35,7 @@ from benchctl.reports.results import source_digest
 from benchctl_instruments.errors import UsageError
 
 MOST_BYTES = 1 << 30
-"""What they take in the cache at the most."""
+"""What the imports of open recordings take in the cache at the most."""
 
 _ENDING = ".h5"
 

@@ -97,7 +97,6 @@ def told_number(value: object, most: float = math.inf) -> float | None:
 
 
 Event = Mapping[str, Any]
-_LONGEST = 200
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +178,7 @@ class RunState:
         index = event.get("index")
         if isinstance(index, int):
             number = event.get("number")
-            label = cut(str(event.get("name", "")), _LONGEST)
+            label = cut(str(event.get("name", "")), _LONGEST_TEXT)
             self.step = BegunStep(index, number if isinstance(number, int) else index, label, bench_s)
             self.begun[self.step.number] = bench_s
 
