@@ -282,18 +282,25 @@ def test_silence_after_leaving_configuration_says_what_was_expected() -> None:
 def test_on_the_walls_clock_a_host_that_is_away_loses_frames_and_says_so(over_tcp: bool) -> None:
     clock = ScaledClock()
     inputs = RampInputs(clock)
+    lost = bytearray()
+
+    def unplugged(data: bytes) -> bytes:
+        lost.extend(data)
+        return b""
+
     with (
         SimulatedKvhDsp1760(inputs, SETTINGS, baud=4_000_000, over_tcp=over_tcp) as twin,
         KvhDsp1760(twin.address, clock=clock) as gyro,
     ):
         gyro.start_stream(1000.0)
         gyro.read_stream(100, 10.0)
-        twin.line.disturb = lambda data: b""  # the cable is out
-        time.sleep(0.3)
+        twin.line.disturb = unplugged
+        while len(lost) < 300 * len(FRAME):  # more than the frames' numbers count, however slow the machine
+            time.sleep(0.01)
         twin.line.disturb = lambda data: data
         seen = 0
         gaps: list[bool] = []
-        while not gaps and seen < 20_000:
+        while False not in gaps and seen < 20_000:
             block = gyro.read_stream(50, 10.0)
             seen += len(block.sequence)
             gaps += [gap.exact for gap in block.gaps]
