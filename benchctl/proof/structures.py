@@ -47,6 +47,8 @@ SHAPE_CLASSES: Mapping[str, str] = {
     "kink_below": "kink",
     "bend": "kink",
     "root": "kink",
+    "power": "kink",
+    "power_below": "kink",
     "sawtooth": "wave",
     "bursts": "wave",
     "jump": "step",

@@ -11,6 +11,7 @@ import numpy as np
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import Signals, Stage
 
+Span = tuple[float, float]
 StructureStage = Literal["scale", "bias", "sampling", "encoder", "noise"]
 
 SETPOINT_WAY = "setpoint_way"

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import scipy  # which loads interpolate when it is first used
 
 from benchctl_instruments.arrays import BoolArray, FloatArray
-from benchctl_instruments.physics.structure_places import ACTS, OVER, StructureStage
+from benchctl_instruments.physics.structure_places import ACTS, OVER, Span, StructureStage
 
 _EDGE = 0.01
 """The edges of a plateau, as a share of its length: a fit has to see where they are."""
@@ -60,14 +60,15 @@ class Said:
 class Shape:
     """A shape: sizes with the power of the coordinate that each goes with, places in x, lengths in x, its function.
 
-    `ends` are places that no fit moves. `says` is a sentence about it; `memory` says that x is the coordinate through a
-    first-order lag.
+    `ends` are ends of its range that no fit moves, `numbers` what has no unit, with its bounds. `says` is a sentence
+    about it; `memory` says that x is the coordinate through a first-order lag.
     """
 
     sizes: Mapping[str, int] = field(default_factory=lambda: {"change": 0})
     places: tuple[str, ...] = ()
     lengths: tuple[str, ...] = ()
-    ends: tuple[str, ...] = ()
+    ends: tuple[Literal["low", "high"], ...] = ()
+    numbers: Mapping[str, Span] = field(default_factory=dict)
     formula: str
     function: Callable[[Mapping[str, float], FloatArray], Any]
     says: Callable[[Said], str]
@@ -136,7 +137,27 @@ def _kink(side: str, limited: str) -> Shape:
     )
 
 
-def _power(degree: int, name: str) -> Shape:
+def _power(side: str, sign: float, end: Literal["low", "high"], formula: str) -> Shape:
+    """A power of the distance from a place, on one side of it; its size is what is reached at the end of the range."""
+
+    def function(p: Mapping[str, float], x: FloatArray) -> FloatArray:
+        share = np.maximum(sign * (x - p["at"]), 0.0) / max(sign * (p[end] - p["at"]), 1e-9)
+        return np.asarray(p["change"] * share ** p["exponent"])
+
+    return Shape(
+        places=("at",),
+        ends=(end,),
+        numbers={"exponent": (0.2, 5.0)},
+        formula=f"change·(max({formula}, 0)/|{end} − at|)^exponent",
+        function=function,
+        says=lambda said: (
+            f"{side.capitalize()} {said.place()} of {said.along} the {said.what} changes as the distance to the power"
+            f" of {said.values['exponent']:.3g}: at {said.place(end)} it is {said.change()}."
+        ),
+    )
+
+
+def _polynomial(degree: int, name: str) -> Shape:
     """A polynomial without a constant."""
     names = [f"c{i + 1}" for i in range(degree)]
 
@@ -219,6 +240,8 @@ SHAPES: Mapping[str, Shape] = {
     ),
     "kink": _kink("above", "max"),
     "kink_below": _kink("below", "min"),
+    "power": _power("above", 1.0, "high", "{x} − at"),
+    "power_below": _power("below", -1.0, "low", "at − {x}"),
     "bend": Shape(
         sizes={"below": 1, "above": 1},
         places=("at",),
@@ -243,9 +266,9 @@ SHAPES: Mapping[str, Shape] = {
         function=_wave,
         says=_waves,
     ),
-    "line": _power(1, "straight line"),
-    "parabola": _power(2, "parabola"),
-    "cubic": _power(3, "cubic"),
+    "line": _polynomial(1, "straight line"),
+    "parabola": _polynomial(2, "parabola"),
+    "cubic": _polynomial(3, "cubic"),
     "exponential": Shape(
         lengths=("tau",),
         formula="change·exp(−{x}/tau)",

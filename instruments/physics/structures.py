@@ -28,10 +28,8 @@ from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import Signals
 from benchctl_instruments.physics.effects.draws import normals
 from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffect, Role
-from benchctl_instruments.physics.structure_places import ACTS, OVER, StructureStage, last_sign
+from benchctl_instruments.physics.structure_places import ACTS, OVER, Span, StructureStage, last_sign
 from benchctl_instruments.physics.structure_shapes import SHAPES, Said
-
-Span = tuple[float, float]
 
 _EVERYWHERE: Span = (-1e12, 1e12)
 _ARCSEC = 3600.0
@@ -95,7 +93,7 @@ class Structure(PhysicalEffect):
     @property
     def is_smooth(self) -> bool:
         """Whether it is a curve that follows anything smooth."""
-        return bool(SHAPES[self.shape].ends)
+        return len(SHAPES[self.shape].ends) > 1
 
     @property
     def is_stepped(self) -> bool:
@@ -187,6 +185,14 @@ def unmoved(effect: Structure, roles: tuple[Role, ...] = ("size", "shape")) -> S
     return held.make(effect.values)
 
 
+def freed(effect: Structure) -> Structure:
+    """The same structure with all numbers free that `unmoved` holds."""
+    kind = type(effect)
+    while kind.__base__ is not None and kind.__base__ is not Structure:
+        kind = kind.__base__
+    return kind.make(effect.values)
+
+
 def structure_named(identifier: str) -> type[Structure] | None:
     """The structure of an identifier, or of one with a number behind it, over any range; None where it names none."""
     match = _NAME.fullmatch(identifier)
@@ -219,9 +225,14 @@ def _parameters(stage: StructureStage, over: str, shape: str, span: Span) -> Map
         made[name] = Parameter(
             unit=along, meaning="where it is", low=low, high=high, role="shape", scan=(low, high), nudge=1e-4
         )
-    for name, end in zip(form.ends, span, strict=False):
+    for name in form.ends:
+        end = low if name == "low" else high
         made[name] = Parameter(
-            unit=along, meaning="where the knots end", low=-1e12, high=1e12, role="assumed", scan=(end,)
+            unit=along, meaning="where its range ends", low=-1e12, high=1e12, role="assumed", scan=(end,)
+        )
+    for name, (least, most) in form.numbers.items():
+        made[name] = Parameter(
+            unit="1", meaning="a power", low=least, high=most, role="shape", scan=(least, most), logarithmic=True
         )
     for name in (*form.lengths, *(("tau",) if form.memory else ())):
         unit, least, most = along, _NARROWEST * wide, _WIDEST * wide

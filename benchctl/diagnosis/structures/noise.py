@@ -22,8 +22,8 @@ from benchctl.diagnosis.signals.bins import bin_of
 from benchctl.diagnosis.signals.normal import Z95
 from benchctl.diagnosis.structures.scan import coordinates_of
 from benchctl_instruments.arrays import FloatArray, IntArray
-from benchctl_instruments.physics.structure_places import OVER
-from benchctl_instruments.physics.structures import Span, Structure, structure
+from benchctl_instruments.physics.structure_places import OVER, Span
+from benchctl_instruments.physics.structures import Structure, structure
 
 _BINS = 400
 _FEWEST = 2000

@@ -22,8 +22,8 @@ from benchctl.diagnosis.search.pull import Pull, peaks
 from benchctl.diagnosis.signals.bins import bin_of
 from benchctl.diagnosis.signals.threads import shared_out
 from benchctl_instruments.arrays import FloatArray
-from benchctl_instruments.physics.structure_places import CHAMBER_C, OVER, StructureStage, last_sign
-from benchctl_instruments.physics.structures import Span, Structure, structure
+from benchctl_instruments.physics.structure_places import CHAMBER_C, OVER, Span, StructureStage, last_sign
+from benchctl_instruments.physics.structures import Structure, structure
 
 _BINS = 1000
 _EDGES, _STEPS = 60, 160
@@ -39,6 +39,7 @@ _MEMORIES_S = np.geomspace(2.0, 2000.0, 13)
 _BURST_PERIODS, _NEAR = 400, 21
 _FEWEST_BURSTS = 3
 _PHASES = 48
+_POWERS = (0.4, 0.6, 1.5, 2.0, 3.0)
 _SIGNS = ("negative", "positive", "either")
 _ALONG = (
     "step",
@@ -46,8 +47,11 @@ _ALONG = (
     "plateau",
     "kink",
     "kink_below",
+    "power",
+    "power_below",
     "bend",
     "bump",
+    "resonance",
     "wave",
     "line",
     "parabola",
@@ -77,18 +81,24 @@ class Begun:
     places: int
 
 
-def begun_everywhere(problem: GyroProblem, pull: Pull) -> list[Begun]:
-    """The best place of each shape at each stage over each coordinate; of those that promise anything."""
+def begun_everywhere(problem: GyroProblem, pull: Pull, in_time: Pull) -> list[Begun]:
+    """The best place of each shape at each stage over each coordinate; of those that promise anything.
+
+    `in_time` is the pull of all steps: what happens at an instant can be seen in the step of that instant alone.
+    """
     coordinates = coordinates_of(problem)
-    factors = _factors(problem, pull)
-    known = [pull.of_known(i) for i in range(len(pull.fitted.numbers))]
+    seen = {
+        over_time: (one, [one.of_known(i) for i in range(len(one.fitted.numbers))], _factors(problem, one))
+        for over_time, one in ((False, pull), (True, in_time))
+    }
     places = [(stage, over) for stage, all_of_it in _OF_STAGE.items() for over in all_of_it if over in coordinates]
     if problem.band is not None:
         places = [(stage, over) for stage, over in places if not structure(stage, over, "line").momentary]
 
     def begun(place: tuple[StructureStage, str]) -> list[Begun]:
         stage, over = place
-        return list(_places_along(problem, pull, known, stage, over, coordinates[over], factors[stage]))
+        pulling, known, factors = seen[over == "time"]
+        return list(_places_along(problem, pulling, known, stage, over, coordinates[over], factors[stage]))
 
     return list(itertools.chain.from_iterable(shared_out(begun, places)))
 
@@ -327,9 +337,12 @@ def _grid(over: str, shape: str, span: Span) -> Iterator[dict[str, float]]:
                 yield from ({"at": at, "width": width * wide} for at in ats(count, below))
     elif shape in ("kink", "kink_below"):
         yield from ({"at": at} for at in ats(120, shape == "kink_below"))
+    elif shape in ("power", "power_below"):
+        places = ats(40, shape == "power_below")
+        yield from ({"at": at, "exponent": exponent} for at in places for exponent in _POWERS)
     elif shape == "bend":
         yield from ({"at": at} for at in ats(60))
-    elif shape == "bump":
+    elif shape in ("bump", "resonance"):
         for width in _BUMPS:
             yield from ({"at": at, "width": width * wide} for at in ats(min(round(2.0 / width), _BINS // 2)))
     elif shape == "plateau":

@@ -103,7 +103,11 @@ def modelled(
             rates = [one for one in candidates if one.structure.over == "rate"]
             nearest = max(rates, key=lambda one: one.evidence, default=best)
             best = nearest if nearest.evidence > best.evidence - _TIE else best
-        best = _sharpened(problem, chosen, _simplest(best, candidates))
+        simple = _simplest(best, candidates)
+        better = max((one for one in candidates if _alike(one, best)), key=lambda one: one.evidence)
+        with_simple = _with(problem, chosen, simple.fit)
+        rest = rest_of(problem, with_simple.whitener, with_simple.after, seed=seed)
+        best = _sharpened(problem, chosen, better if rest.significant else simple)
         if not found:
             near = [one for one in candidates if one.evidence > most_evidence - _TIE]
             words = dict.fromkeys(OVER[one.structure.over].word for one in near)
@@ -118,13 +122,17 @@ def modelled(
 
 def _simplest(best: _Candidate, candidates: Sequence[_Candidate]) -> _Candidate:
     """The shape of fewest numbers that explains nearly as much as the best, at its stage over its coordinate."""
-    stage, over = best.structure.acts_on, best.structure.over
-    alike = [one for one in candidates if (one.structure.acts_on, one.structure.over) == (stage, over)]
+    alike = [one for one in candidates if _alike(one, best)]
     most = max(one.gain for one in alike)
     return min(
         (one for one in alike if one.gain > _NEARLY * most),
         key=lambda one: (len(one.structure.parameters), -one.evidence),
     )
+
+
+def _alike(one: _Candidate, other: _Candidate) -> bool:
+    """Whether two act at one stage over one coordinate."""
+    return (one.structure.acts_on, one.structure.over) == (other.structure.acts_on, other.structure.over)
 
 
 def _sharpened(problem: GyroProblem, chosen: Selection, best: _Candidate) -> _Candidate:
@@ -206,7 +214,8 @@ def _own(coordinate: str) -> list[str]:
 
 def _candidates(problem: GyroProblem, chosen: Selection, taken: set[str], smooth: bool) -> list[_Candidate]:
     """Models with one structure more that hold on steps which they were not fitted to."""
-    begun = begun_everywhere(problem, pull_of(problem, chosen.whitener, chosen.after))
+    pulls = (pull_of(problem, chosen.whitener, one) for one in (chosen.after, chosen.whole))
+    begun = begun_everywhere(problem, *pulls)
     begun = [one for one in begun if _kind(one.effect.over) not in taken and one.effect.is_smooth <= smooth]
     looked = 2.0 * math.log(max(sum(one.places for one in begun), 1.0))
     price = math.log(chosen.after.rows)
@@ -236,9 +245,16 @@ def _fitted(problem: GyroProblem, chosen: Selection, begun: Structure, looked: f
     sized = fit(problem, chosen.whitener, there, present.fitted, rounds=_SIZED).point
     begun = type(begun).make(sized.effects[-1].values)
     start = replace(sized, effects=(*sized.effects[:-1], begun))
-    one = fit(problem, chosen.whitener, start, present.fitted)
+    held = chosen.heldout
+    # no other step foretells an instant: all steps say when it is, those that were not held out how much it changes
+    instant = begun.over == "time" and begun.acts_on != "encoder" and bool(held.any())
+    one = fit(problem, chosen.whitener, start, np.ones_like(held) if instant else present.fitted)
     added = one.point.effects[-1]
-    if at_bound(added) and not (isinstance(added, Structure) and added.is_sharp):
+    assert isinstance(added, Structure)  # noqa: S101  # it was fitted as one
+    if instant:
+        then = replace(start, effects=(*start.effects[:-1], unmoved(added, ("shape",))))
+        one = fit(problem, chosen.whitener, then, present.fitted)
+    if at_bound(added) and not added.is_sharp:
         return None
     gain = gain_of(one, present)
     evidence = gain - len(begun.parameters) * math.log(one.rows) - looked
@@ -246,7 +262,6 @@ def _fitted(problem: GyroProblem, chosen: Selection, begun: Structure, looked: f
     rows = one.fitted[problem.step]
     if gain / scatter((present.white - one.white) * rows, present.white * rows, starts) - looked < chosen.least:
         return None
-    held = chosen.heldout
     if held.any():
         rows = held[problem.step]
         if gain_of(one, present, held) < least_gain(one.white[rows], present.white[rows]) - _NOTHING:

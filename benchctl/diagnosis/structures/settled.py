@@ -17,7 +17,7 @@ from benchctl.diagnosis.search.select import reduced, without
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.structures.search import Modelled, modelled
 from benchctl_instruments.physics.effects.kinds import ClockEffect, FilterEffect
-from benchctl_instruments.physics.structures import Structure
+from benchctl_instruments.physics.structures import Structure, freed
 
 _CLEARLY = 20.0
 """In twice the log likelihood, beyond what its parameters cost: by that much a structure must be better than names."""
@@ -30,13 +30,19 @@ _NEARLY_ALL = 0.98
 
 
 def settled(problem: GyroProblem, chosen: Selection) -> Selection:
-    """The selection without findings that gain too little beside its structures, its noise measured beside them."""
+    """The selection without findings that gain too little beside its structures, its noise measured beside them.
+
+    Fitted to all steps, the structures are free in all their numbers: these are what is stated.
+    """
     while (needless := _needless(problem, chosen)) is not None:
         chosen = reduced(problem, chosen, {needless})
     if chosen.noise.found:
         noise = chosen.noise.measured(problem, chosen.after, least_gain=chosen.least)
         after, whole = (fit(problem, noise.whitener, one.point, one.fitted) for one in (chosen.after, chosen.whole))
         chosen = replace(chosen, noise=noise, after=after, whole=whole)
+    free = tuple(freed(one) if isinstance(one, Structure) else one for one in chosen.whole.point.effects)
+    whole = fit(problem, chosen.whitener, replace(chosen.whole.point, effects=free), chosen.whole.fitted)
+    chosen = replace(chosen, whole=whole)
     point = chosen.after.point
     named = tuple(effect for effect in point.effects if not isinstance(effect, Structure))
     bare = fit(problem, chosen.whitener, Point(baseline=point.baseline, effects=named), chosen.after.fitted)
@@ -53,13 +59,16 @@ def _needless(problem: GyroProblem, chosen: Selection) -> str | None:
     return None
 
 
-def instead_of_names(problem: GyroProblem, chosen: Selection, *, seed: int) -> tuple[Selection, Modelled] | None:
+def instead_of_names(
+    problem: GyroProblem, chosen: Selection, *, left: bool, seed: int
+) -> tuple[Selection, Modelled] | None:
     """A structure in the place of several findings along one coordinate, or of a wandering bias, where it is better.
 
-    It must have fewer parameters than the findings have together. Beside it comes the selection without them. None
-    where there are no such findings, or they do as well.
+    It must have fewer parameters than the findings have together; one finding beside which something is `left` gives
+    way to a structure beside which nothing is. Beside it comes the selection without them. None where there are no such
+    findings, or they do as well.
     """
-    for keys, parameters, gain in _replaceable(problem, chosen):
+    for keys, parameters, gain in _replaceable(problem, chosen, 1 if left else 2):
         less = reduced(problem, chosen, keys)
         rest = rest_of(problem, less.whitener, less.after, seed=seed)
         process = keys[0] in PROCESSES
@@ -72,13 +81,15 @@ def instead_of_names(problem: GyroProblem, chosen: Selection, *, seed: int) -> t
         if process:
             if gained - numbers * math.log(less.after.rows) > _NEARLY_ALL * gain:
                 return less, found
-        elif fewer > 0 and gained - gain + fewer * math.log(chosen.after.rows) > _CLEARLY:
+        elif gained - gain + fewer * math.log(chosen.after.rows) > _CLEARLY and (
+            fewer > 0 if len(keys) > 1 else not found.left.significant
+        ):
             return less, found
     return None
 
 
-def _replaceable(problem: GyroProblem, chosen: Selection) -> Iterator[tuple[tuple[str, ...], int, float]]:
-    """Keys of findings along one coordinate, their parameters and gain; and of a wandering bias, which has one.
+def _replaceable(problem: GyroProblem, chosen: Selection, fewest: int) -> Iterator[tuple[tuple[str, ...], int, float]]:
+    """Keys of so many findings along one coordinate, their parameters and gain; and of a wandering bias, which has one.
 
     A delay and a filter are not among them: a function of the acceleration does the same at one frequency only.
     """
@@ -86,7 +97,7 @@ def _replaceable(problem: GyroProblem, chosen: Selection) -> Iterator[tuple[tupl
     effects = {key: effect for key, effect in found if not isinstance(effect, ClockEffect | FilterEffect)}
     for coordinate in np.unique([effect.coordinate for effect in effects.values()]).tolist():
         keys = tuple(key for key, effect in effects.items() if effect.coordinate == coordinate)
-        if len(keys) > 1:
+        if len(keys) >= fewest:
             gain = gain_of(chosen.after, without(problem, chosen, *keys))
             yield keys, sum(len(effects[key].parameters) for key in keys), gain
     for name, noisy in chosen.noise.found.items():

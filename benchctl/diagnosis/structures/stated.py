@@ -111,7 +111,7 @@ def _modelled(
     problem: GyroProblem, chosen: Selection, unexplained: Unexplained, owed: tuple[str, ...], seed: int
 ) -> tuple[Selection, Modelled] | None:
     """The selection beside which something was modelled, and the model of it."""
-    better = instead_of_names(problem, chosen, seed=seed)
+    better = instead_of_names(problem, chosen, left=bool(unexplained.significant or owed), seed=seed)
     if better is not None:
         return better
     if not (unexplained.significant or owed):
@@ -220,8 +220,10 @@ def _models(
 
 
 def _with_edges(effect: Structure, parameters: Mapping[str, Estimate]) -> Mapping[str, Estimate]:
-    """Estimates in which a place is not known better than half the width of the change there."""
+    """Estimates in which a place is not known better than half the width of the change there; an end is as stated."""
     half = 0.5 * effect.values["width"] if effect.is_stepped else 0.0
+    for name in (name for name, one in effect.parameters.items() if one.role == "assumed"):
+        parameters = {**parameters, name: replace(parameters[name], low=effect.values[name], high=effect.values[name])}
     return {
         name: replace(one, low=one.low - half, high=one.high + half) if name in ("at", "at_2") else one
         for name, one in parameters.items()

@@ -62,6 +62,14 @@ def test_a_step_of_the_bias_adds_the_same_voltage_at_any_rate() -> None:
     assert step.says().startswith("Where the coil's temperature is above 30 °C the bias is 3 mV higher")
 
 
+def test_a_power_begins_at_its_place_and_reaches_its_size_at_the_end_of_the_range() -> None:
+    (root,) = make_effects(
+        {"power_of_bias_over_gyro_temp": {"at": 30.0, "change": 4e-3, "exponent": 0.5, "high": 70.0}}
+    )
+    assert root.apply(signals([20.0, 30.0, 40.0, 70.0], 0.0)).output_v.tolist() == pytest.approx([0.0, 0.0, 2e-3, 4e-3])
+    assert root.says().endswith("changes as the distance to the power of 0.5: at 70 °C it is 4 mV higher.")
+
+
 @pytest.mark.parametrize("shape", SHAPES)
 def test_the_name_of_a_structure_says_all_of_it(shape: str) -> None:
     for stage, over in itertools.product(ACTS, OVER):

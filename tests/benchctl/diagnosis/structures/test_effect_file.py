@@ -14,7 +14,17 @@ from benchctl_instruments.physics.effect_contract import check_effect
 from benchctl_instruments.physics.structure_shapes import SHAPES
 from benchctl_instruments.physics.structures import structure_named
 
-PLACES = {"at": 27.7, "at_2": 40.0, "width": 2.0, "length": 8.0, "period": 30.0, "tau": 400.0, "low": 5.0, "high": 55.0}
+PLACES = {
+    "at": 27.7,
+    "at_2": 40.0,
+    "width": 2.0,
+    "length": 8.0,
+    "period": 30.0,
+    "tau": 400.0,
+    "low": 5.0,
+    "high": 55.0,
+    "exponent": 0.5,
+}
 
 
 def loaded(source: str, name: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
