@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchctl.diagnosis.chamber.problem import ChamberProblem
-from benchctl.diagnosis.faults import Fault, faults_in, spikes_in
+from benchctl.diagnosis.faults import Fault, faults_in, rail_of, spikes_in
 from benchctl.diagnosis.findings.located import where_of
 from benchctl.diagnosis.fitting.fit import Point, fit
 from benchctl.diagnosis.fitting.noise_model import NoiseModel
@@ -16,7 +16,7 @@ from benchctl.diagnosis.gyro.points import PointsProblem, without_overload
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Finding, Where
-from benchctl_instruments.arrays import BoolArray, FloatArray
+from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.physics.effects.registry import effect
 
 _HASTIEST = 0.05
@@ -26,16 +26,19 @@ _HASTIEST = 0.05
 def cleaned(problem: Problem) -> tuple[Problem, tuple[Fault, ...]]:
     """The problem without its spoilt rows, and the faults that spoilt them.
 
-    Those of a gyro are found where its samples are compared one by one, an overload in its static points, those of a
-    chamber when its readings are laid out. What is withheld from a diagnosis is neither stated nor taken out.
+    Those of a gyro are found where its samples are compared one by one, else its rails alone; an overload in its static
+    points, those of a chamber when its readings are laid out. What is withheld from a diagnosis is neither stated nor
+    taken out.
     """
     if isinstance(problem, ChamberProblem):
         return problem, problem.faults
     if isinstance(problem, PointsProblem):
         return without_overload(problem)
-    if not isinstance(problem, GyroProblem) or problem.band is not None:
+    if not isinstance(problem, GyroProblem):
         return problem, ()
     frame = problem.frame
+    if problem.band is not None:
+        return _behind_rails(problem, rail_of(frame.volts), problem.band.rows)
     shown = faults_in(
         volts=problem.measured,
         predicted=problem.predict(problem.baseline_start, ()),
@@ -62,6 +65,17 @@ def cleaned(problem: Problem) -> tuple[Problem, tuple[Fault, ...]]:
     if "outliers" not in problem.without:
         usable &= ~spikes.masked
     return replace(problem, usable=usable), found
+
+
+def _behind_rails(problem: GyroProblem, rail: Fault | None, rows: IntArray) -> tuple[Problem, tuple[Fault, ...]]:
+    """A problem of slow parts with the rail that its samples show, which stays in every model of it.
+
+    Each slow part is made of many samples, and where the motion shakes some of them stand at the rail nearly always.
+    """
+    if rail is None or rail.effect in problem.without:
+        return problem, ()
+    its = effect(rail.effect).make({name: value.value for name, value in rail.parameters.items()})
+    return problem.behind(its), (rail.on_rows(rail.rows[rows]),)
 
 
 def _hasty(acceleration_dps2: FloatArray) -> BoolArray:

@@ -33,6 +33,9 @@ _PRINTED = 1.02
 _ALIKE = 2.0
 """Steps by which two rails may differ and be one limit in both directions: a converter has one value more below 0."""
 
+_BESIDE, _OFTEN, _MEETINGS = 10, 10.0, 30
+"""A rail is met so often, and so many times as often as any of so many values beside it."""
+
 _NEAR = 8
 """Rows on either side of one at the rail that do not count: noise is cut there on one side only."""
 
@@ -63,6 +66,32 @@ def rail_in(output: Output, runs: Runs) -> tuple[Fault | None, BoolArray]:
             says=effect.says(),
         ),
         at_rail,
+    )
+
+
+def rail_of(volts: FloatArray) -> Fault | None:
+    """The rail at which an output (n,) that shakes stands for a sample or two, again and again; None where it does not.
+
+    Its largest value is then met far more often than any of those beside it.
+    """
+    values, counts = np.unique(volts[np.isfinite(volts)], return_counts=True)
+    if values.size <= 2 * _BESIDE:
+        return None
+    limits = [
+        float(values[end])
+        for end, beside in ((-1, slice(-1 - _BESIDE, -1)), (0, slice(1, 1 + _BESIDE)))
+        if counts[end] >= _OFTEN * counts[beside].max() and counts[end] >= _MEETINGS
+    ]
+    if not limits:
+        return None
+    effect, parameters = _effect_of(limits, float(min(values[-1] - values[-2], values[1] - values[0])))
+    rows = np.isin(volts, limits)
+    return Fault(
+        effect=effect.identifier,
+        parameters=parameters,
+        rows=rows,
+        gain=bounded_gain(float(rows.sum()) * math.log(_OFTEN)),
+        says=effect.says(),
     )
 
 

@@ -67,12 +67,14 @@ class Law:
 class GyroChain:
     """Predicts the gyro's output for a frame; what effects of the same early stages share is kept for the next call.
 
-    `earth_dps` is the Earth's rate about the table's axis, 0 to leave it out. Several threads may ask at once.
+    `earth_dps` is the Earth's rate about the table's axis, 0 to leave it out; `fast_dps` (n,) is what the gyro felt
+    above the band in which the encoder's angles make a rate. Several threads may ask at once.
     """
 
     frame: Frame
     law: Law
     earth_dps: float = 0.0
+    fast_dps: FloatArray | None = None
     _volts: dict[Hashable, Signals] = field(default_factory=dict)
     _kept: dict[str, dict[Hashable, Signals]] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
@@ -206,7 +208,11 @@ class GyroChain:
         for effect in effects:
             if isinstance(effect, ClockEffect):
                 signals = self._shifted(signals, effect)
-        return signals
+        if self.fast_dps is None:
+            return signals
+        sensed, samples = signals.sensed_rate_dps.copy(), self._laid[0].samples
+        sensed[slice(None) if samples is None else samples] += self.fast_dps
+        return replace(signals, sensed_rate_dps=sensed)
 
     def _corrected(self, signals: Signals, effect: EncoderEffect) -> Signals:
         frame = self.frame

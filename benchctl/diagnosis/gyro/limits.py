@@ -117,6 +117,7 @@ def _limits(frame: Frame, simulation: Mapping[str, Any], band: Band | None) -> I
         yield (
             f"The motion goes beyond the band in which an encoder's angles make a rate: gyro and model are compared"
             f" row by row up to {band.up_to_hz:.3g} Hz, and residuals are those of that band; single spikes, a held"
-            " output, lines above it, and what is not in proportion to the momentary rate (the sine law, a dead zone,"
-            " saturation, a converter's errors) are not looked for."
+            " output and lines above it are not looked for, and what is not in proportion to the momentary rate (the"
+            " sine law, a dead zone, an asymmetry, a converter's errors) only by what it does on the average at each"
+            " output and to the shaking in both directions."
         )

@@ -15,22 +15,23 @@ from benchctl.diagnosis.gyro.encoder_noise import rate_variance, steadied_rate
 from benchctl.diagnosis.gyro.frame import Frame, frame_of
 from benchctl.diagnosis.gyro.limits import at_rest, limits_of
 from benchctl.diagnosis.gyro.model import checked_model
-from benchctl.diagnosis.gyro.response import Response, response_of
+from benchctl.diagnosis.gyro.response import Contrast, Response, contrast_of, response_of
 from benchctl.diagnosis.gyro.rounding import rounding_between
 from benchctl.diagnosis.gyro.seen_by_both import lines_of_angle
 from benchctl.diagnosis.gyro.taken import most_rows
 from benchctl.diagnosis.gyro.thinned import pieces_of, thinned
 from benchctl.diagnosis.keys import tables_of
-from benchctl.diagnosis.signals.band_limited import half_of
-from benchctl.diagnosis.signals.free_band import Band, band_of
+from benchctl.diagnosis.signals.band_limited import WIDE, differentiator, edges_hz, filtered, half_of
+from benchctl.diagnosis.signals.bins import hats
+from benchctl.diagnosis.signals.free_band import Band, band_of, shared_motion
 from benchctl.diagnosis.signals.series import cut
 from benchctl.diagnosis.stepped import Stepped
 from benchctl.recordings.model import StepInfo
 from benchctl.recordings.reader import Recording
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.physics.effects.effect import DescribedEffect
-from benchctl_instruments.physics.effects.kinds import NoiseEffect
+from benchctl_instruments.physics.effects.effect import DescribedEffect, PhysicalEffect
+from benchctl_instruments.physics.effects.kinds import FilterEffect, NoiseEffect
 from benchctl_instruments.physics.effects.registry import effects
 from benchctl_instruments.physics.gyro import earth_rate_dps
 from benchctl_instruments.physics.structure_places import SETPOINT_WAY
@@ -43,6 +44,8 @@ _ROOM_C = 20.0
 _FEWEST_IN_BAND = 100
 _MOST_LEAD_S = 1.0 / (2.0 * math.pi * 25.0)
 """A part of the acceleration that shifts the output by more than a low-pass of 25 Hz does is no strain of a coil."""
+_LEAST_UNCLIPPED = 0.1
+_KNOTS, _RIDGE = 12, 1e-9
 _FEWEST_STEPS = 12
 """Of fewer steps none can be held out; they are cut into pieces."""
 
@@ -54,7 +57,8 @@ class GyroProblem(Stepped):
     Its rows are those of the frame, or, of a motion beyond the filters' band, the slow part of some of them (`band`).
     `simulation` is the lab's model under the names of the open recording; `T0_c` its reference temperature. `earth_dps`
     is the Earth's rate about the table's axis, 0 where nobody said where the table stands; `rounding_v` (n,) what the
-    steps of a coarse converter have added to the output. `response` is what is compared above the band.
+    steps of a coarse converter have added to the output. `response` and `contrast` are what is compared above the band;
+    `rails` are those that its samples were seen to stand at.
     """
 
     frame: Frame
@@ -69,7 +73,9 @@ class GyroProblem(Stepped):
     rounding_v: FloatArray | None = None
     band: Band | None = None
     response: Response | None = None
+    contrast: Contrast | None = None
     encoder_step_deg: float = 0.0
+    rails: tuple[PhysicalEffect, ...] = ()
     unit: str = "V"
     believed: bool = True
 
@@ -159,15 +165,19 @@ class GyroProblem(Stepped):
     def effects(self) -> Mapping[str, type[DescribedEffect]]:
         """Every effect of the vocabulary that changes a prediction, but for those that are withheld.
 
-        How coarse a converter has become is seen in the samples themselves (`faults`), and what is not in proportion to
-        the rate only where the momentary one is known. An overload, which can stand for a fold, is told in static
-        points only. The processor of a digital gyro counts its fringes, if it has any.
+        How coarse a converter has become is seen in the samples themselves (`faults`), and what rings above a band, or
+        is not in proportion to the momentary rate, only where that is known. An overload, which can stand for a fold,
+        is told in static points only. The processor of a digital gyro counts its fringes, if it has any.
         """
         without = {*self.without, "adc_coarse", "overload"}
         if self.unit != "V":
             without.add("fringe_ambiguity")
         if self.band is not None:  # motion above half the sampling rate folds back as lines
             without.add("mains_pickup")
+
+        def unknown(kind: type[PhysicalEffect]) -> bool:
+            return self.chain.fast_dps is None or issubclass(kind, FilterEffect)
+
         most = abs(float(self.simulation["K0_v_per_dps"])) * _MOST_LEAD_S
         plausible = {"angular_acceleration": {"v_per_dps2": (-most, most)}}
         return {
@@ -175,7 +185,7 @@ class GyroProblem(Stepped):
             for name, kind in effects().items()
             if name not in without
             and not issubclass(kind, NoiseEffect)
-            and not (kind.momentary and self.band is not None)
+            and not (kind.momentary and self.band is not None and unknown(kind))
         }
 
     @cached_property
@@ -200,23 +210,44 @@ class GyroProblem(Stepped):
         return {name: self._kept(values) for name, values in every_row.items()}
 
     def predict(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
-        """Volts, shape (n,)."""
-        return self._slow(self.chain.predict(baseline, effects))
+        """Volts, shape (n,).
+
+        In a slow band effects of the momentary rate change them by what they do on the average at that slow output:
+        what they do beyond it hangs on motion between the samples, which nobody knows.
+        """
+        volts = self._slow(self.chain.predict(baseline, (*effects, *self.rails)))
+        lasting = [effect for effect in effects if not effect.momentary]
+        if self.band is None or len(lasting) == len(effects) + len(self.rails):
+            return volts
+        slow = self._slow(self.chain.predict(baseline, lasting))
+        return slow + self._on_the_average(volts - slow, slow)
 
     def spectral_residual(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
-        """Of gain and phase above the band, in units of its noise, shape (w,)."""
-        if self.response is None or self.band is None:
+        """Of gain and phase above the band, and of the two directions', in units of its noise, shape (w,)."""
+        parts = [one for one in (self.response, self.contrast) if one is not None]
+        if not parts or self.band is None:
             return np.zeros(0)
-        return self.band.noise * self.response.residual(self.chain.predict(baseline, effects))
+        volts = self.chain.predict(baseline, (*effects, *self.rails))
+        return self.band.noise * np.concatenate([one.residual(volts) for one in parts])
 
     @cached_property
     def spectral_step(self) -> IntArray:
         """The step of each of its numbers, shape (w,)."""
-        return np.zeros(0, np.int64) if self.response is None else self.response.step
+        of_response = () if self.response is None else (self.response.step,)
+        of_contrast = () if self.contrast is None else (self.contrast.steps,)
+        return np.concatenate([np.zeros(0, np.int64), *of_response, *of_contrast])
 
     def forget(self) -> None:
         """What the stages of the chain made last, arrays as long as the recording."""
         self.chain.forget()
+
+    def _on_the_average(self, change: FloatArray, along: FloatArray) -> FloatArray:
+        """A change as a broken line along another quantity, by least squares over the usable rows; (n,) each."""
+        lines = hats(along, np.linspace(along.min(), along.max(), _KNOTS))
+        known = lines[self.usable]
+        normal = (known.T @ known).toarray()
+        normal += _RIDGE * np.trace(normal) * np.eye(_KNOTS)
+        return np.asarray(lines @ np.linalg.solve(normal, known.T @ change[self.usable]))
 
     def _kept(self, values: FloatArray) -> FloatArray:
         return values if self.band is None else values[self.band.rows]
@@ -232,7 +263,9 @@ class GyroProblem(Stepped):
         if not self.earth_dps:
             return None
         chain = self.chain
-        return replace(self, chain=GyroChain(chain.frame, chain.law, 0.0 if chain.earth_dps else self.earth_dps))
+        return replace(
+            self, chain=GyroChain(chain.frame, chain.law, 0.0 if chain.earth_dps else self.earth_dps, chain.fast_dps)
+        )
 
     def thinned(self) -> Self | None:
         """Some seconds of many steps, more of a long one, of a recording of very many rows."""
@@ -254,6 +287,21 @@ class GyroProblem(Stepped):
         rows, volts = self.usable, self._slow(self.frame.volts)
         rounding = rounding_between(predicted[rows], volts[rows], step_v)
         return replace(self, rounding_v=rounding.mean_v(predicted) - predicted)
+
+    def behind(self, rails: PhysicalEffect) -> Self:
+        """With rails that its samples were seen to stand at.
+
+        Of motion that is clipped the filter of `shared_motion` passes only the share that is not (Bussgang, 1952).
+        """
+        chain, volts = self.chain, self.frame.volts
+        passed = ~np.logical_or.reduce([np.isclose(np.abs(volts), abs(limit)) for limit in rails.values.values()])
+        fast_dps = None if chain.fast_dps is None else chain.fast_dps / max(float(passed.mean()), _LEAST_UNCLIPPED)
+        return replace(
+            self,
+            rails=(rails,),
+            chain=GyroChain(chain.frame, chain.law, chain.earth_dps, fast_dps),
+            without=self.without | {"saturation", "two_rails"},
+        )
 
     def matters(self, name: str, change: float) -> float:
         """A share of full scale for the bias, of the scale factor for the others, at the edge of what was recorded."""
@@ -343,9 +391,13 @@ def gyro_problem(
     earth_dps = 0.0 if facts.latitude_deg is None else earth_rate_dps(facts.latitude_deg)
     limit_v = float(simulation.get("output_limit_v") or np.inf)
     band, usable = _compared(frame, limit_v)
+    K0 = float(simulation["K0_v_per_dps"])
+    shared_v = None
+    if band is not None:
+        shared_v = shared_motion(frame.stretches, 1.0 / frame.interval_s, frame.encoder_deg, frame.volts)
     return GyroProblem(
         frame=frame,
-        chain=GyroChain(frame, law, earth_dps),
+        chain=GyroChain(frame, law, earth_dps, None if shared_v is None else _beyond_wide(frame, shared_v / K0)),
         simulation=simulation,
         full_scale=abs(float(simulation["K0_v_per_dps"])) * range_dps,
         range_dps=range_dps,
@@ -355,6 +407,7 @@ def gyro_problem(
         earth_dps=earth_dps,
         band=band,
         response=None if band is None else _response(frame, band, limit_v),
+        contrast=None if band is None or shared_v is None else _contrast(frame, band, limit_v, shared_v),
         encoder_step_deg=360.0 / facts.encoder_counts_per_rev if facts.encoder_counts_per_rev else 0.0,
         believed=stated is not None or digital,
         unit="°/s" if digital else "V",
@@ -388,6 +441,26 @@ def _response(frame: Frame, band: Band, limit_v: float) -> Response | None:
         interval_s=frame.interval_s,
         above_hz=band.stop_hz,
     )
+
+
+def _contrast(frame: Frame, band: Band, limit_v: float, shared_v: FloatArray) -> Contrast | None:
+    """How the fast motion of a band is felt in both directions."""
+    fast_v = band.fast(shared_v)
+    return contrast_of(
+        slow_dps=frame.rate_dps - band.fast(frame.rate_dps),
+        fast_v=fast_v,
+        volts=frame.volts,
+        usable=_usable(frame, limit_v, band),
+        step=frame.step,
+    )
+
+
+def _beyond_wide(frame: Frame, shared_dps: FloatArray) -> FloatArray:
+    """What of a motion that encoder and gyro share the rate of the encoder's angles does not hold, shape (n,)."""
+    sample_rate_hz = 1.0 / frame.interval_s
+    smooth = differentiator(sample_rate_hz, *edges_hz(WIDE, sample_rate_hz), 0)
+    passed: FloatArray = np.concatenate([filtered(shared_dps[part], smooth) for part in frame.stretches])
+    return shared_dps - passed
 
 
 def _line(recording: Recording, frame: Frame, *, digital: bool) -> Mapping[str, Any]:

@@ -34,6 +34,12 @@ percent, the phase hardly.
 """
 
 
+_TURNING, _FEWEST_ROWS, _FEWEST_STEPS = 0.5, 100, 6
+"""A step turns in a direction where so many of its rows do, at such a share of the usual rate; of so many steps."""
+_APART = 0.001
+"""What the gains of two directions may differ by for other reasons: a fiftieth of what a gain may be wrong by."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Response:
     """The comparison, for `steps` (s,) and bins of a frequency `frequency_hz` (k,).
@@ -79,6 +85,49 @@ class Response:
             f" {high:.3g} Hz: the gain is {first:.3f} times K0 at the one end, {last:.3f} at the other; what changes"
             f" it by less than {100.0 * _GAIN:.0f} % is not looked for there."
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contrast:
+    """By how much more the fast motion is felt in the one direction of rotation, in `steps` (s,) that have both.
+
+    `weights` (n,) make of volts, summed over a step, the gain of the fast motion in the positive direction less that in
+    the negative one: whatever makes it wrong alike in both is not in it. `measured` (s,) is off by `deviation`.
+    """
+
+    weights: FloatArray
+    rows: IntArray
+    steps: IntArray
+    measured: FloatArray
+    deviation: float
+
+    def residual(self, predicted_v: FloatArray) -> FloatArray:
+        """How far predicted volts (n,) are off, in deviations, shape (s,)."""
+        return (self.measured - np.bincount(self.rows, self.weights * predicted_v)[self.steps]) / self.deviation
+
+
+def contrast_of(
+    *, slow_dps: FloatArray, fast_v: FloatArray, volts: FloatArray, usable: BoolArray, step: IntArray
+) -> Contrast | None:
+    """The contrast of an output, from arrays of shape (n,); None where too few steps turn in both directions.
+
+    `fast_v` is what the motion above the slow band makes of the output. The deviation is what steps differ by, and, of
+    all steps together, what else may be wrong.
+    """
+    turning = usable & (np.abs(slow_dps) > _TURNING * np.median(np.abs(slow_dps[usable])))
+    count = int(step[-1]) + 1
+    weights, both = np.zeros(volts.size), np.ones(count, np.bool_)
+    for sign in (-1.0, 1.0):
+        rows = turning & (np.sign(slow_dps) == sign)
+        both &= np.bincount(step, rows, count) >= _FEWEST_ROWS
+        power = np.bincount(step, fast_v**2 * rows, count)[step]
+        np.divide(sign * fast_v, power, out=weights, where=rows & (power > 0.0))
+    steps = np.flatnonzero(both)
+    if steps.size < _FEWEST_STEPS:
+        return None
+    measured = np.asarray(np.bincount(step, weights * np.where(usable, volts, 0.0))[steps], np.float64)
+    deviation = math.sqrt(float(measured.var(ddof=1)) + (_APART**2) * steps.size)
+    return Contrast(weights=weights, rows=step, steps=steps, measured=measured, deviation=deviation)
 
 
 def response_of(

@@ -10,13 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse
 
 from benchctl.diagnosis.rest.leftover import Columns
+from benchctl.diagnosis.signals.bins import hats, pairs
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.thermal_hysteresis import play
 
@@ -93,7 +92,7 @@ def groups_of(
         yield Group(
             words=("gyro_temp*rate",),
             form="a response to the rate that changes its shape with the gyro's temperature",
-            columns=lambda: _hats(rate, _knots(rate, 24, 1.0, slow), warm),
+            columns=lambda: hats(rate, _knots(rate, 24, 1.0, slow), warm),
             along=rate,
         )
     if "angle" in known:
@@ -116,7 +115,7 @@ def _smooth(values: FloatArray, cut: _Along, slow: bool, share: FloatArray | Non
     return Group(
         words=(words,),
         form=f"{'a bias' if share is None else 'a scale factor'} that depends on {cut.noun}",
-        columns=lambda: _hats(values, _knots(values, cut.knots, cut.power, slow), share),
+        columns=lambda: hats(values, _knots(values, cut.knots, cut.power, slow), share),
         along=values,
     )
 
@@ -142,7 +141,7 @@ def _of_direction(rate: FloatArray, known: Mapping[str, FloatArray], slow: bool)
     yield Group(
         words=("acceleration*rate",),
         form="a scale factor that depends on the acceleration",
-        columns=lambda: _hats(acceleration, _knots(acceleration, 25, 2.0, slow), rate / largest),
+        columns=lambda: hats(acceleration, _knots(acceleration, 25, 2.0, slow), rate / largest),
         along=acceleration,
     )
 
@@ -196,7 +195,7 @@ def _time_columns(word: str, values: FloatArray, factor: FloatArray | None) -> C
     lasts = float(np.ptp(values))
     apart = max(_TIME_S if factor is None else 3.0 * _TIME_S, lasts / _MOST_KNOTS)
     knots = float(values.min()) + apart * np.arange(int(lasts / apart) + 2, dtype=np.float64)
-    return lambda: _hats(values, knots, factor)
+    return lambda: hats(values, knots, factor)
 
 
 def _knots(values: FloatArray, count: int, power: float, slow: bool) -> FloatArray:
@@ -207,14 +206,6 @@ def _knots(values: FloatArray, count: int, power: float, slow: bool) -> FloatArr
         return np.linspace(low, high, count, dtype=np.float64)
     place = np.linspace(-1.0, 1.0, count, dtype=np.float64)
     return np.asarray(max(-low, high) * np.sign(place) * np.abs(place) ** power)
-
-
-def _hats(values: FloatArray, knots: FloatArray, factor: FloatArray | None = None) -> scipy.sparse.csr_array:
-    """Hat functions at the knots (k,), times a factor (n,): a sparse matrix (n, k), two entries in a row."""
-    left = np.clip(np.searchsorted(knots, values, side="right") - 1, 0, knots.size - 2)
-    width = knots[left + 1] - knots[left]
-    part = np.clip((values - knots[left]) / np.where(width > 0.0, width, 1.0), 0.0, 1.0)
-    return _pairs(left, left + 1, part, factor, knots.size)
 
 
 def _levels(values: FloatArray, factor: FloatArray | None) -> scipy.sparse.csr_array:
@@ -234,22 +225,4 @@ def _ring(angle_deg: FloatArray, count: int, factor: FloatArray | None = None) -
     place = np.mod(angle_deg, _TURN) * (count / _TURN)
     left = place.astype(np.int32) % count
     part = place - np.floor(place)
-    return _pairs(left, (left + 1) % count, part, factor, count)
-
-
-def _pairs(
-    left: npt.NDArray[np.integer[Any]],
-    right: npt.NDArray[np.integer[Any]],
-    part: FloatArray,
-    factor: FloatArray | None,
-    count: int,
-) -> scipy.sparse.csr_array:
-    """1 − part in the column `left`, part in `right`, times a factor, each (n,): a sparse matrix (n, count)."""
-    data, places = np.empty((part.size, 2)), np.empty((part.size, 2), np.int32)
-    np.subtract(1.0, part, out=data[:, 0])
-    data[:, 1] = part
-    if factor is not None:
-        data *= factor[:, None]
-    places[:, 0], places[:, 1] = left, right
-    ends = np.arange(0, 2 * part.size + 1, 2, dtype=np.int32)
-    return scipy.sparse.csr_array((data.ravel(), places.ravel(), ends), shape=(part.size, count))
+    return pairs(left, (left + 1) % count, part, factor, count)

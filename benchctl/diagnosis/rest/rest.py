@@ -107,7 +107,8 @@ class Rest:
 
     `log_p` and `threshold` are natural logarithms of chances. `power` is the mean square [whitened unit²] that it would
     explain. `noise_gain` is what slow noise in the whitener brings; `for_noise` says that the best coordinate, with
-    white noise, brings as much as that: then the noise is a structure, and all the rest is said of white noise.
+    white noise, brings as much as that: then the noise is a structure, and all the rest is said of white noise. `event`
+    is the line, jump or bump that it is.
     """
 
     significant: bool
@@ -123,6 +124,7 @@ class Rest:
     for_noise: bool
     says: str
     looked: tuple[Looked, ...]
+    event: Group | None = None
 
     def share_of(self, ceiling: Rest) -> float:
         """What is left as a share of what could be explained from the baseline alone, 0 to 1."""
@@ -182,14 +184,17 @@ def instead_of(problem: Problem, whitener: Whitens, without: Fitted, rest: Rest,
     """What the coordinate of a rest brings in the place of a finding, less what its numbers are worth.
 
     `without` is the fit of everything but the finding. A finding that is right brings more than anything smooth in a
-    coordinate does in its stead. Steps do not count: what each step does by itself follows almost anything.
+    coordinate does in its stead. Steps do not count: what each step does by itself follows almost anything. Of lines,
+    jumps and bumps only the rest's own counts: another one, at another place, is nothing that the rest shows.
     """
     rows = without.fitted[problem.step] & (whitener.weight > 0.0)
     left = Leftover(without.white, without.derivatives, rows)
     plain = is_plain(whitener, seed)
     whitened = _weighted(whitener.weight) if plain else _through(whitener)
     words = {word for word in rest.coordinates if "step" not in word.split("*")}
-    groups = [one for one in _groups(problem, without, left, slow=not plain) if one.words[0] in words]
+    groups = [one for one in _smooth_groups(problem, without, slow=not plain) if one.words[0] in words]
+    if rest.event is not None:
+        groups.append(rest.event)
     return max(one.promise for one in look(left, groups, whitened).looked) if groups else 0.0
 
 
@@ -267,11 +272,15 @@ def _rank(one: Looked) -> tuple[bool, float]:
     return one.log_p < math.log(1e-6), float(f"{one.promise:.9g}")
 
 
+def _smooth_groups(problem: Problem, fit: Fitted, *, slow: bool) -> Iterator[Group]:
+    reference_c = problem.circumstances.get("T0_c", 0.0)
+    yield from groups_of(problem.coordinates, output=fit.predicted, reference_c=reference_c, slow=slow)
+
+
 def _groups(problem: Problem, fit: Fitted, left: Leftover, *, slow: bool = False) -> Iterator[Group]:
     """All that can be looked at; what happens at one instant only where the noise is white."""
-    coordinates, time_s = problem.coordinates, problem.time_s
-    reference_c = problem.circumstances.get("T0_c", 0.0)
-    yield from groups_of(coordinates, output=fit.predicted, reference_c=reference_c, slow=slow)
+    time_s = problem.time_s
+    yield from _smooth_groups(problem, fit, slow=slow)
     yield from lines(left, time_s, problem.interval_s, problem.step)
     if not slow:
         yield jump(left, time_s)
@@ -324,6 +333,7 @@ def _told(view: View, noise_gain: float) -> Rest:
         for_noise=False,
         says=_says(best, named, ranges) if significant else "",
         looked=tuple(sorted(view.looked, key=_rank, reverse=True)),
+        event=view.group if view.group.places > 1.0 else None,
     )
 
 

@@ -176,8 +176,9 @@ class Models:
         return self._scatter_over(block_starts(better.white.size), better, worse)
 
     def _scatter_over(self, starts: IntArray, better: Fit, worse: Fit) -> float:
-        rows = self._fitted[self._problem.step]
-        return scatter((worse.white - better.white) * rows, worse.white * rows, starts)
+        rows = self._fitted[np.concatenate([self._problem.step, self._problem.spectral_step])]
+        good, bad = (np.concatenate([one.white, one.spectral.residual]) * rows for one in (better, worse))
+        return scatter(bad - good, bad, np.concatenate([starts, np.arange(better.white.size, rows.size)]))
 
     def _promising(self, present: Fit, screening: Screening) -> list[Scored]:
         """What is worth a fit: the best place, still free, of each effect that chance does not bring."""

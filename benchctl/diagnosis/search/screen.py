@@ -158,10 +158,11 @@ class _Products:
 class _Beside:
     """The fit that probes are held against: derivatives `known` (n, p) and residual `white` (n,), both whitened.
 
-    Columns, the residual and the noise's `weight` (n,) are 0 on rows of steps that it was not fitted to (`rows` (n,)),
-    so that their products with the derivatives are those of the others. `covariance` (p, p) is that of its numbers for
-    noise of one; `count` is how many rows are free; where the air, say, is
-    `disturbed` a gain is weighed against that after a fit only.
+    What is compared beside the problem's rows (`spectral_residual`) comes behind them, as if it were more of them.
+    Columns, the residual and the noise's `weight` are 0 on rows of steps that it was not fitted to (`rows`), so that
+    their products with the derivatives are those of the others. `covariance` (p, p) is that of its numbers for noise of
+    one; `count` is how many rows are free; where the air, say, is `disturbed` a gain is weighed against that after a
+    fit only.
     """
 
     white: FloatArray
@@ -175,12 +176,15 @@ class _Beside:
     @classmethod
     def of(cls, problem: Problem, whitener: Whitener, fitted: Fit) -> Self:
         rows = fitted.fitted[problem.step]
+        beside, spectral = fitted.fitted[problem.spectral_step], fitted.spectral
+        every = np.concatenate([rows, beside])
+        none = not beside.size
         return cls(
-            white=fitted.white * rows,
-            known=fitted.derivatives,
+            white=np.concatenate([fitted.white, spectral.residual]) * every,
+            known=fitted.derivatives if none else np.vstack([fitted.derivatives, spectral.derivatives]),
             covariance=fitted.inverse_information,
             count=max(float((whitener.weight[rows] > 0.0).sum()) - len(fitted.numbers), 1.0),
-            rows=rows,
+            rows=every,
             weight=whitener.weight * rows,
             disturbed=problem.disturbed,
         )
@@ -201,19 +205,23 @@ class _Beside:
         """What the probes' effects change in the prediction, whitened, one row an effect, shape (k, n)."""
         changed = np.empty((sum(len(probe.columns) for probe in probes), self.white.size))
         filled = iter(changed)
+        count = fitted.predicted.size
         for probe in probes:
             progress(probe.identifier)
             for effect, column in zip(probe.columns, filled, strict=False):
-                predicted = problem.predict(fitted.point.baseline, (*fitted.point.effects, effect))
-                self._fill(column, predicted, fitted.predicted, None if whitener.slow else self.weight)
+                effects = (*fitted.point.effects, effect)
+                predicted = problem.predict(fitted.point.baseline, effects)
+                beside = problem.spectral_residual(fitted.point.baseline, effects)
+                column[count:] = (fitted.spectral.residual - beside) * self.rows[count:]
+                self._fill(column[:count], predicted, fitted.predicted, None if whitener.slow else self.weight)
         if whitener.slow:
-            changed = whitener(changed)
-            changed *= self.rows
+            changed[:, :count] = whitener(changed[:, :count])
+            changed[:, :count] *= self.rows[:count]
         return changed
 
     def _fill(self, column: FloatArray, predicted: FloatArray, known: FloatArray, weight: FloatArray | None) -> None:
         """The column (n,) of what is predicted beyond what is known, weighed; 0 where it is not a number somewhere."""
-        for rows in self._in_cache():
+        for rows in in_cache(slice(0, known.size)):
             part = np.subtract(predicted[rows], known[rows], out=column[rows])
             if not np.isfinite(part).all():
                 column[:] = 0.0

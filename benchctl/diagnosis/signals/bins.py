@@ -1,9 +1,12 @@
-"""Values sorted into bins of a coordinate."""
+"""Values sorted into bins of a coordinate, and broken lines along one."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
+import scipy.sparse
 
 from benchctl_instruments.arrays import FloatArray
 
@@ -11,3 +14,29 @@ from benchctl_instruments.arrays import FloatArray
 def bin_of(values: FloatArray, edges: FloatArray) -> npt.NDArray[np.int64]:
     """Which bin each value lies in, shape (n,), for m+1 increasing edges; what lies beyond is in the outermost."""
     return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, edges.size - 2)
+
+
+def hats(values: FloatArray, knots: FloatArray, factor: FloatArray | None = None) -> scipy.sparse.csr_array:
+    """Hat functions at the knots (k,), times a factor (n,): a sparse matrix (n, k), two entries in a row."""
+    left = np.clip(np.searchsorted(knots, values, side="right") - 1, 0, knots.size - 2)
+    width = knots[left + 1] - knots[left]
+    part = np.clip((values - knots[left]) / np.where(width > 0.0, width, 1.0), 0.0, 1.0)
+    return pairs(left, left + 1, part, factor, knots.size)
+
+
+def pairs(
+    left: npt.NDArray[np.integer[Any]],
+    right: npt.NDArray[np.integer[Any]],
+    part: FloatArray,
+    factor: FloatArray | None,
+    count: int,
+) -> scipy.sparse.csr_array:
+    """1 − part in the column `left`, part in `right`, times a factor, each (n,): a sparse matrix (n, count)."""
+    data, places = np.empty((part.size, 2)), np.empty((part.size, 2), np.int32)
+    np.subtract(1.0, part, out=data[:, 0])
+    data[:, 1] = part
+    if factor is not None:
+        data *= factor[:, None]
+    places[:, 0], places[:, 1] = left, right
+    ends = np.arange(0, 2 * part.size + 1, 2, dtype=np.int32)
+    return scipy.sparse.csr_array((data.ravel(), places.ravel(), ends), shape=(part.size, count))

@@ -15,6 +15,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.signal import csd, firwin, kaiserord, welch
+from scipy.signal.windows import hann
 
 from benchctl.diagnosis.signals.band_limited import NARROW, WIDE, differentiator, edges_hz, filtered, half_of
 from benchctl.diagnosis.signals.motion import Motion, motion_of
@@ -35,6 +36,7 @@ _PASSING = 0.6
 _ATTENUATION_DB = 80.0
 _RESOLUTION_S = 10.0
 _BIN_HZ = 0.4
+_FILTER_S = 2.56
 _FEWEST_BINS = 2
 _EVEN = 4.0
 """A bin's power over the median of the band's, up to which it still passes for white noise."""
@@ -113,11 +115,37 @@ class Band:
         """The low-passed values, shape (n,), in the rows that are kept, shape (m,)."""
         return np.concatenate([filtered(values[part], self._kernel)[:: self.every] for part in self.stretches])
 
+    def fast(self, values: FloatArray) -> FloatArray:
+        """What the low pass takes off, of every row, shape (n,)."""
+        passed: FloatArray = np.concatenate([filtered(values[part], self._kernel) for part in self.stretches])
+        return values - passed
+
     @cached_property
     def _kernel(self) -> FloatArray:
         taps, beta = kaiserord(_ATTENUATION_DB, (self.stop_hz - self.up_to_hz) * 2.0 / self.sample_rate_hz)
         middle_hz = 0.5 * (self.up_to_hz + self.stop_hz)
         return np.asarray(firwin(taps | 1, middle_hz, window=("kaiser", beta), fs=self.sample_rate_hz))
+
+
+def shared_motion(
+    stretches: Sequence[slice], sample_rate_hz: float, angle_deg: FloatArray, volts: FloatArray
+) -> FloatArray | None:
+    """What of volts an encoder's angles foretell by a linear filter, shape (n,), up to half the sampling rate.
+
+    The filter is the best in each frequency, S_xy/S_xx (Wiener), of all stretches together: with the output's delay,
+    its own smoothing and nothing of what the two do not share. None where no stretch is long enough.
+    """
+    size = 1 << round(math.log2(_FILTER_S * sample_rate_hz))
+    long = [part for part in stretches if part.stop - part.start >= 2 * size]
+    if not long:
+        return None
+    seen = np.concatenate([np.gradient(angle_deg[part]) for part in stretches])
+    crossed, power = np.zeros(size // 2 + 1, np.complex128), np.zeros(size // 2 + 1)
+    for part in long:
+        crossed += (part.stop - part.start) * csd(seen[part], volts[part], sample_rate_hz, nperseg=size)[1]
+        power += (part.stop - part.start) * welch(seen[part], sample_rate_hz, nperseg=size)[1]
+    kernel = np.roll(np.fft.irfft(crossed / np.maximum(power, 1e-300)), size // 2) * hann(size, sym=False)
+    return np.concatenate([filtered(seen[part], kernel[1:]) for part in stretches])
 
 
 def band_of(stretches: tuple[slice, ...], sample_rate_hz: float, rate_dps: FloatArray, volts: FloatArray) -> Band:

@@ -162,7 +162,7 @@ class PhysicalEffect(DescribedEffect):
         That of the chain after whose baseline it acts.
     momentary
         Whether it answers to the momentary rate, acceleration or voltage otherwise than in proportion, or rings above a
-        band: of a motion whose slow part alone is compared it cannot be told.
+        band: of a motion whose slow part alone is compared it shows on the average only.
     pointwise
         Whether what it makes of a sample depends on nothing but that sample: then it may be given all stretches of a
         recording in one row after another, where it would be given one at a time.

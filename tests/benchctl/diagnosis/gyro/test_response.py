@@ -9,6 +9,7 @@ import numpy.typing as npt
 import pytest
 from scipy.signal import butter, lfilter
 
+from benchctl.diagnosis.cleaned import cleaned
 from benchctl.diagnosis.gyro.problem import GyroProblem, _compared, gyro_problem
 from benchctl.diagnosis.search.select import select
 from tests.benchctl.diagnosis.made_recording import recording_of
@@ -37,7 +38,9 @@ def shaft() -> FloatArray:
     return np.asarray(swept + 0.5 * np.sin(turned) + 0.01 * np.sin(8.0 * turned))
 
 
-def stepped(*, delay_s: float = 0.0, low_pass_hz: float = 0.0) -> GyroProblem:
+def stepped(
+    *, delay_s: float = 0.0, low_pass_hz: float = 0.0, asymmetry: float = 0.0, limit: float = np.inf
+) -> GyroProblem:
     """What an encoder of 4096 counts and a digital gyro say of it."""
     angle = shaft()
     rate = np.gradient(angle, 1.0 / (RATE_HZ * FINE))
@@ -45,8 +48,12 @@ def stepped(*, delay_s: float = 0.0, low_pass_hz: float = 0.0) -> GyroProblem:
         rate = lfilter(*butter(1, low_pass_hz, fs=RATE_HZ * FINE), rate)
     felt = np.roll(rate, round(delay_s * RATE_HZ * FINE))[::FINE]
     encoder = np.round(angle[::FINE] / STEP_DEG) * STEP_DEG
-    noise = 0.3 * np.random.default_rng(0).standard_normal(felt.size)
-    channels = {"time_s": np.arange(felt.size) / RATE_HZ, "encoder_deg": encoder, "gyro_v": felt + noise}
+    felt = felt * (1.0 + 0.5 * asymmetry * np.sign(felt)) + 0.3 * np.random.default_rng(0).standard_normal(felt.size)
+    channels = {
+        "time_s": np.arange(felt.size) / RATE_HZ,
+        "encoder_deg": encoder,
+        "gyro_v": np.clip(felt, -limit, limit),
+    }
     return gyro_problem(recording_of(channels), model=MODEL)
 
 
@@ -61,7 +68,32 @@ def test_a_delay_is_told_from_a_low_pass_above_the_band() -> None:
     assert problem.band.stop_hz < 4.0
     effects = found(problem)
     assert effects["timing_offset"]["offset_s"] == pytest.approx(DELAY_S, abs=1e-4)
-    assert "sensor_bandwidth" not in effects
+    assert set(effects) == {"timing_offset"}
+
+
+def test_an_asymmetry_is_told_by_how_the_shaking_is_felt_in_both_directions() -> None:
+    """At one speed the slow output shows no more than another bias."""
+    problem = stepped(delay_s=DELAY_S, asymmetry=0.03)
+    effects = found(problem)
+    assert effects["timing_offset"]["offset_s"] == pytest.approx(DELAY_S, abs=2e-4)
+    alike = {"scale_asymmetry", "rate_squared"} & set(effects)
+    assert set(effects) == {"timing_offset", *alike}
+    assert len(alike) == 1
+    found_there = effects.get("scale_asymmetry", {"fraction": 0.0})["fraction"]
+    found_there += 4.0 * SWEEP_DPS * effects.get("rate_squared", {"v_per_dps2": 0.0})["v_per_dps2"]
+    assert found_there == pytest.approx(0.03, rel=0.25)
+
+
+def test_a_rail_is_seen_in_the_samples_of_a_shaking_shaft_and_stays_in_every_model() -> None:
+    problem, faults = cleaned(stepped(limit=60.0))
+    assert [(one.effect, one.parameters["limit_v"].value) for one in faults] == [("saturation", 60.0)]
+    assert isinstance(problem, GyroProblem)
+    assert not {"saturation", "two_rails"} & set(problem.effects)
+    baseline = problem.baseline_start
+    left = (problem.measured - problem.predict(baseline, ()))[problem.usable]
+    unclipped = replace(problem, rails=())
+    left_without = (problem.measured - unclipped.predict(baseline, ()))[problem.usable]
+    assert np.mean(left**2) < 0.1 * np.mean(left_without**2)
 
 
 def test_a_low_pass_is_told_from_a_delay_above_the_band() -> None:
@@ -81,7 +113,8 @@ def test_only_what_both_see_is_compared() -> None:
     assert "the gain is 1.0" in response.says(1.0)
     off = problem.spectral_residual(problem.baseline_start, ()) / problem.band.noise
     assert np.mean(off**2) < 0.2  # in deviations that hold more than noise
-    assert replace(problem, response=None).spectral_residual(problem.baseline_start, ()).size == 0
+    nothing = replace(problem, response=None, contrast=None)
+    assert nothing.spectral_residual(problem.baseline_start, ()).size == 0
 
 
 def test_stretches_too_short_for_a_band_are_compared_whole() -> None:
