@@ -172,8 +172,8 @@ class GyroProblem(Stepped):
         without = {*self.without, "adc_coarse", "overload"}
         if self.unit != "V":
             without.add("fringe_ambiguity")
-        if self.band is not None:  # motion above half the sampling rate folds back as lines
-            without.add("mains_pickup")
+        if self.band is not None:  # motion above half the sampling rate folds back as lines, of time and of angle
+            without |= {"mains_pickup", "encoder_interpolation"}
 
         def unknown(kind: type[PhysicalEffect]) -> bool:
             return self.chain.fast_dps is None or issubclass(kind, FilterEffect)

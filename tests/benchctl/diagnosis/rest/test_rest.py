@@ -184,6 +184,18 @@ def test_a_coordinate_takes_the_place_of_a_wrong_finding_and_not_of_a_right_one(
     assert of_temp < 0.1 * rest.gain
 
 
+def test_another_line_than_its_own_does_not_take_the_place_of_a_finding() -> None:
+    """The pickup of 21 Hz that was found is right; what is left is a line of 17 Hz."""
+    problem = lab()
+    left, found = (0.1 * np.sin(2.0 * np.pi * hz * problem.time_s) for hz in (17.3, 21.7))
+    rest = rest_with(left)
+    assert rest.coordinates[0] == "frequency"
+    beside_it = instead_of(problem, Filtered(), fitted_to(problem, left + 3.0 * found, 0, 0.0, 0.0), rest)
+    assert beside_it < 2.0 * rest.gain
+    own = instead_of(problem, Filtered(), fitted_to(problem, 4.0 * left, 0, 0.0, 0.0), rest)
+    assert own > 5.0 * rest.gain
+
+
 def test_a_whitener_that_remembers_nothing_is_known() -> None:
     assert is_plain(Filtered(), 0)
     assert not is_plain(Filtered(1e-3), 0)
