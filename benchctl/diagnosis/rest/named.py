@@ -44,13 +44,12 @@ def named(
         less = {name: without(problem, chosen, *shared) for name, shared in _shared(chosen).items()}
         agreed = _agreed(problem, chosen)
         gains = {name: _beside(judged, chosen.after, one) for name, one in less.items()} | _noises(chosen, rest)
-        instead = dict.fromkeys(agreed, 0.0) | {
-            name: instead_of(problem, chosen.whitener, one, judged, seed=seed)
-            * gains[name]
-            / max(gain_of(chosen.after, one), 1.0)
-            for name, one in less.items()
-            if name not in agreed
-        }
+        instead = dict.fromkeys(agreed, 0.0)
+        for name, one in less.items():
+            if name not in agreed:
+                own = instead_of(problem, chosen.whitener, one, judged, seed=seed)
+                own = min(own, _in_rows(problem, chosen.after, one))
+                instead[name] = own * gains[name] / max(gain_of(chosen.after, one), 1.0)
         forbidden = withdrawn(gains, judged, instead)
         if not forbidden:
             break
@@ -103,6 +102,13 @@ def _beside(rest: Rest, fitted: Fit, less: Fit) -> float:
     """What a finding explains, in the measure of the gain of the rest: by power, which no logarithm makes small."""
     power = (less.squares - fitted.squares) / max(fitted.rows, 1.0)
     return max(power, 0.0) / max(rest.power, 1e-300) * rest.gain
+
+
+def _in_rows(problem: Problem, fitted: Fit, less: Fit) -> float:
+    """What a finding gains in the rows alone: a coordinate explains nothing of what is compared beside them."""
+    rows = fitted.fitted[problem.step]
+    good, bad = (max(float(one.white[rows] @ one.white[rows]), 1e-300) for one in (fitted, less))
+    return max(fitted.rows * math.log(bad / good), 0.0)
 
 
 def _beside_time(rest: Rest, fitted: Fit) -> Rest:
