@@ -24,8 +24,7 @@ from typing import Any
 
 from benchctl.bench import SIMULATED, Bench, load_bench
 from benchctl.campaign.playing import new_folder, play
-from benchctl.campaign.progress import Moment, Progress, nobody
-from benchctl.campaign.runner import Outcome
+from benchctl.campaign.runner import Moment, Outcome, Progress, nobody
 from benchctl.diagnosis.result import Diagnosis, Finding, Part
 from benchctl.diagnosis.result import Verdict as DiagnosisVerdict
 from benchctl.metrology.limit_file import read_limits

@@ -17,7 +17,7 @@ from benchctl.toml_file import line_of, named_place, parse_toml, read_text
 from benchctl.units import quantity, unit_stated
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.catalog import find_profile, is_profile
-from benchctl_instruments.chambers.profile_file import parse_profile, profile_name
+from benchctl_instruments.chambers.profile import parse_profile, profile_name
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.simulated.faults.bench import AnyFault
 

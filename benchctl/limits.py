@@ -6,7 +6,7 @@ They are generous: 60 hours at 100 kHz, or a recording of 10 GB, stay far below 
 
 What no limit in this process can mend: HDF5 is decoded by a library in C. A damaged file can keep it busy, make it
 allocate gigabytes (a text's length stands where Python cannot see it) or end the program. So a child process, whose
-memory and time are limited, opens a file from elsewhere first: see `benchctl.recordings.hdf5_trial`. A campaign's
+memory and time are limited, opens a file from elsewhere first: see `benchctl.recordings.hdf5_guard`. A campaign's
 folder is taken for one of this suite's own. Whoever gets one from a stranger copies its `recording.h5` out of it first.
 """
 

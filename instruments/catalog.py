@@ -22,7 +22,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from benchctl_instruments.chambers.profile_file import parse_profile, profile_name, profile_text
+from benchctl_instruments.chambers.profile import parse_profile, profile_name, profile_text
 from benchctl_instruments.entry_points import Offer, leave_out_clash, offers
 from benchctl_instruments.errors import UsageError
 

@@ -65,9 +65,12 @@ class Instrument(Protocol):
     def identify(self) -> Identity:
         """Who it is."""
 
-    def __enter__(self) -> Self: ...
+    def __enter__(self) -> Self:
+        self.open()
+        return self
 
-    def __exit__(self, *exc: object) -> None: ...
+    def __exit__(self, *exc: object) -> None:
+        self.close()
 
 
 class RateTable(Instrument, Protocol):

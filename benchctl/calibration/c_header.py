@@ -1,8 +1,8 @@
 """`benchctl export --to c-header`: the compensation as one C99 header for the firmware that reads the gyro.
 
 It needs `<math.h>` alone, compiles as C++ too, and depends on the coefficients' bytes only: the same file gives the
-same header. The operations are those of `AppliedLaw.rate_dps`, in its order; `gyro_self_test` checks on the
-target that the same rates come out.
+same header. Its template is `c_header.h.j2`; the operations are those of `AppliedLaw.rate_dps`, in its order, and
+`gyro_self_test` checks on the target that the same rates come out.
 """
 
 from __future__ import annotations
@@ -12,9 +12,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
 from benchctl.atomic import whole_file
-from benchctl.calibration.applied_law import CONVERGED, FLATTEST, STEEPEST, STEPS, AppliedLaw, reach
 from benchctl.calibration.compensating import Compensation, self_test_points, tolerance_dps
+from benchctl.calibration.model import CONVERGED, FLATTEST, STEEPEST, STEPS, AppliedLaw, reach
 from benchctl.limits import cut
 from benchctl_instruments.errors import UsageError
 
@@ -152,7 +154,6 @@ def _limits(compensation: Compensation) -> Iterator[Constant]:
     yield Constant(name="GYRO_COVERAGE_FACTOR", value=compensation.k, comment="their level is that of this k, 95.45 %")
 
 
-_GUARD = "GYRO_COMPENSATION_H"
 _FORMULAS = {
     "sine": "rate = asin(S x / k(T)) / S",
     "polynomial": "rate = x k(T) k(x), and again by the factors of each further stage",
@@ -173,15 +174,38 @@ def c_header(compensation: Compensation) -> str:
             f"these coefficients are of an output in {compensation.output_unit}, expected V for a "
             "C header; export --to json"
         )
-    parts = (
-        _opening(compensation),
-        _macros(compensation),
-        _rate(compensation),
-        _valid(compensation),
-        _self_test(compensation),
-        ["", f"#endif /* {_GUARD} */"],
+    law = compensation.law
+    stages = [stage_names(law, index) for index in range(len(law.stages))]
+    environment = Environment(
+        loader=PackageLoader("benchctl.calibration", ""),
+        autoescape=False,  # noqa: S701 - C, whose texts the filters make harmless
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
     )
-    return "\n".join(line for part in parts for line in part) + "\n"
+    environment.filters |= {
+        "in_comment": in_comment,
+        "string_literal": string,
+        "number": number,
+        "polynomial": polynomial,
+    }
+    return environment.get_template("c_header.h.j2").render(
+        compensation=compensation,
+        law=law,
+        formula=_FORMULAS[law.name],
+        constants=list(constants(compensation)),
+        stages=stages,
+        slopes=[f"{2 * i + 3}.0 * {name}" for i, name in enumerate(stages[0].k_omega)],
+        bias=[f"GYRO_U0_T{i + 1}_V_PER_C{i + 1}" for i in range(len(law.bias))],
+        temperature_known=all(math.isfinite(end) for end in compensation.valid.temperature_c),
+        points=self_test_points(compensation),
+        tolerance_dps=tolerance_dps(compensation),
+        STEEPEST=STEEPEST,
+        FLATTEST=FLATTEST,
+        CONVERGED=CONVERGED,
+        STEPS=STEPS,
+    )
 
 
 def export_c_header(compensation: Compensation, path: Path) -> None:
@@ -189,183 +213,3 @@ def export_c_header(compensation: Compensation, path: Path) -> None:
     text = c_header(compensation)
     with whole_file(path) as temporary:
         temporary.write_text(text, encoding="ascii", newline="\n")
-
-
-def _opening(compensation: Compensation) -> Iterator[str]:
-    yield "/*"
-    yield " * Compensation of a gyroscope, written by benchctl: from volts and degrees Celsius to degrees per second."
-    yield " *"
-    yield f" * unit: {in_comment(compensation.unit) or 'not named'}"
-    for name, digest in compensation.sources:
-        yield f" * fitted on: {in_comment(name)}, digest {in_comment(digest)}"
-    yield f" * coefficients.json: SHA-256 {compensation.sha256}"
-    law = _FORMULAS[compensation.law.name]
-    yield f" * law of the {'joint fit' if compensation.by == 'joint' else 'stages'}: {law},"
-    yield " *   with x = (volts - U0(T)) / K0, U0(T) and k(T) polynomials in dT = celsius - T0"
-    if compensation.error_percent is not None:
-        percent = f"{compensation.error_percent:.3g} %"
-        yield f" * largest error on runs that were not fitted: {percent} of the run's largest rate"
-    yield " *"
-    yield " * The rate is the sensed one: that of the case and the part of the Earth's rate along the axis. It belongs"
-    yield " * to the output's time less GYRO_DELAY_S. _EXPANDED is the expanded uncertainty of a constant, with the"
-    yield " * coverage factor GYRO_COVERAGE_FACTOR. For doubles of 64 bits, without -ffast-math: see gyro_self_test."
-    yield " */"
-    yield f"#ifndef {_GUARD}"
-    yield f"#define {_GUARD}"
-    yield ""
-    yield "#include <math.h>"
-
-
-def _macros(compensation: Compensation) -> Iterator[str]:
-    yield ""
-    yield f"#define GYRO_UNIT_SERIAL {string(compensation.unit)}"
-    for i, (_, digest) in enumerate(compensation.sources, start=1):
-        yield f"#define GYRO_SOURCE_{i}_DIGEST {string(digest)}"
-    yield f"#define GYRO_COEFFICIENTS_SHA256 {string(compensation.sha256)}"
-    yield ""
-    for constant in constants(compensation):
-        yield from _defined(constant)
-
-
-def _defined(constant: Constant) -> Iterator[str]:
-    yield f"#define {constant.name} {number(constant.value)} /* {constant.comment} */"
-    if constant.expanded is not None:
-        yield f"#define {constant.name}_EXPANDED {number(constant.expanded)}"
-
-
-def _rate(compensation: Compensation) -> Iterator[str]:
-    law = compensation.law
-    stages = [stage_names(law, i) for i in range(len(law.stages))]
-    if law.name == "response" and law.stages[0].k_omega:
-        yield from _inverse(stages[0].k_omega)
-    yield ""
-    yield "/* Sensed rate in degrees per second; NaN where the law has none for these volts. */"
-    yield "static inline double gyro_rate_dps(double volts, double celsius)"
-    yield "{"
-    yield from _indicated(law)
-    if law.name == "sine":
-        yield f"    const double sine = GYRO_S_RAD_PER_DPS * indicated_dps{_over(stages[0].k_t)};"
-        yield "    return fabs(sine) <= 1.0 ? asin(sine) / GYRO_S_RAD_PER_DPS : (double)NAN;"
-    elif law.name == "response":
-        target = f"indicated_dps{_over(stages[0].k_t)}"
-        yield f"    return gyro_inverse({target});" if law.stages[0].k_omega else f"    return {target};"
-    else:
-        yield "    double rate_dps = indicated_dps;"
-        for stage in stages:
-            yield from _corrected(stage)
-        yield "    return rate_dps;"
-    yield "}"
-
-
-def _indicated(law: AppliedLaw) -> Iterator[str]:
-    """The indicated rate, from volts and the straight line at this temperature."""
-    bias = tuple(f"GYRO_U0_T{i + 1}_V_PER_C{i + 1}" for i in range(len(law.bias)))
-    if law.knows_temperature:
-        yield "    const double dt_c = celsius - GYRO_T0_C;"
-    if bias:
-        yield f"    const double bias_v = {polynomial(bias, 'dt_c')};"
-    yield f"    const double indicated_dps = (volts - GYRO_U0_V{' - bias_v' if bias else ''}) / GYRO_K0_V_PER_DPS;"
-    if not law.knows_temperature:
-        yield "    (void)celsius;"
-
-
-def _over(names: tuple[str, ...]) -> str:
-    return f" / (1.0 + {polynomial(names, 'dt_c')})" if names else ""
-
-
-def _corrected(stage: StageNames) -> Iterator[str]:
-    """Yield the factors of one stage, both of that stage's input."""
-    factors = [(stage.k_t, "dt_c"), (stage.k_omega, "square")]
-    product = "".join(f" * (1.0 + {polynomial(names, argument)})" for names, argument in factors if names)
-    if product:
-        yield "    {"
-        if stage.k_omega:
-            yield "        const double square = rate_dps * rate_dps;"
-        yield f"        rate_dps = rate_dps{product};"
-        yield "    }"
-
-
-def _inverse(names: tuple[str, ...]) -> Iterator[str]:
-    """The inverse of rate·k_ω(rate), as `odd_inverse`."""
-    slopes = tuple(f"{2 * i + 3}.0 * {name}" for i, name in enumerate(names))
-    yield ""
-    yield "/* The rate of which the gyro makes `target`: Newton's method, kept in a bracket. */"
-    yield "static inline double gyro_inverse(double target)"
-    yield "{"
-    yield "    const double wanted = fabs(target);"
-    yield f"    double low = wanted / {number(STEEPEST)};"
-    yield f"    double high = fmin(wanted / {number(FLATTEST)}, GYRO_REACH_DPS);"
-    yield "    double x = fmin(wanted, high);"
-    yield "    double before = HUGE_VAL;"
-    yield "    int step;"
-    yield "    if (!(wanted <= GYRO_REACH_INDICATED_DPS)) {"
-    yield "        return (double)NAN;"
-    yield "    }"
-    yield f"    for (step = 0; step < {STEPS}; ++step) {{"
-    yield "        const double square = x * x;"
-    yield f"        const double excess = x * (1.0 + {polynomial(names, 'square')}) - wanted;"
-    yield f"        const double newton = x - excess / (1.0 + {polynomial(slopes, 'square')});"
-    yield "        const double missed = fabs(excess);"
-    yield "        double following;"
-    yield "        if (excess > 0.0) {"
-    yield "            high = x;"
-    yield "        } else {"
-    yield "            low = x;"
-    yield "        }"
-    yield "        following = newton >= low && newton <= high && 2.0 * missed <= before ? newton : 0.5 * (low + high);"
-    yield "        before = missed;"
-    yield f"        if (fabs(following - x) <= {number(CONVERGED)} * following) {{"
-    yield "            x = following;"
-    yield "            break;"
-    yield "        }"
-    yield "        x = following;"
-    yield "    }"
-    yield "    return target < 0.0 ? -x : x;"
-    yield "}"
-
-
-def _valid(compensation: Compensation) -> Iterator[str]:
-    known = all(math.isfinite(end) for end in compensation.valid.temperature_c)
-    yield ""
-    yield "/* 1 where the coefficients were measured at such a rate and temperature, 0 where they only reach out. */"
-    yield "static inline int gyro_rate_valid(double rate_dps, double celsius)"
-    yield "{"
-    if not known:
-        yield "    (void)celsius; /* the temperature of their measurement is not recorded */"
-    within = "rate_dps >= GYRO_VALID_RATE_MIN_DPS && rate_dps <= GYRO_VALID_RATE_MAX_DPS"
-    if known:
-        within += "\n        && celsius >= GYRO_VALID_TEMPERATURE_MIN_C && celsius <= GYRO_VALID_TEMPERATURE_MAX_C"
-    yield f"    return {within};"
-    yield "}"
-
-
-def _self_test(compensation: Compensation) -> Iterator[str]:
-    points = self_test_points(compensation)
-    yield ""
-    yield f"#define GYRO_SELF_TEST_POINTS {len(points)}"
-    yield f"#define GYRO_SELF_TEST_TOLERANCE_DPS {number(tolerance_dps(compensation))}"
-    yield ""
-    yield "/* Outputs over the valid range, its corners among them, and the rates that they mean. */"
-    yield "static const struct {"
-    yield "    double volts;"
-    yield "    double celsius;"
-    yield "    double rate_dps;"
-    yield "} gyro_self_test_points[GYRO_SELF_TEST_POINTS] = {"
-    for point in points:
-        yield f"    {{{number(point.volts)}, {number(point.celsius)}, {number(point.rate_dps)}}},"
-    yield "};"
-    yield ""
-    yield "/* The number of points at which gyro_rate_dps() misses by more than the tolerance: 0 where all is well. */"
-    yield "static inline int gyro_self_test(void)"
-    yield "{"
-    yield "    int missed = 0;"
-    yield "    int i;"
-    yield "    for (i = 0; i < GYRO_SELF_TEST_POINTS; ++i) {"
-    yield "        const double rate_dps ="
-    yield "            gyro_rate_dps(gyro_self_test_points[i].volts, gyro_self_test_points[i].celsius);"
-    yield "        if (!(fabs(rate_dps - gyro_self_test_points[i].rate_dps) <= GYRO_SELF_TEST_TOLERANCE_DPS)) {"
-    yield "            ++missed;"
-    yield "        }"
-    yield "    }"
-    yield "    return missed;"
-    yield "}"

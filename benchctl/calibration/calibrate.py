@@ -8,12 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from benchctl.calibration.compensation import Compensator, by_law, by_line, by_stages, mean_rate
 from benchctl.calibration.free_motion import FreeMotionFit, fit_free_motion_of
 from benchctl.calibration.joint import THERMAL_LAG
 from benchctl.calibration.laws_fit import fit_laws, law_of, only_free_motion
 from benchctl.calibration.model import earth_rate_dps
-from benchctl.calibration.reduce import ReducedStep, reduce_steps
+from benchctl.calibration.reduce import ReducedStep, gather, reduce_steps
 from benchctl.calibration.result import (
     BeforeAfter,
     CalibrationOptions,
@@ -27,9 +26,8 @@ from benchctl.calibration.result import (
     StraightLine,
     ValidRange,
 )
-from benchctl.calibration.rows import gather
 from benchctl.calibration.stage_one import StageOne, line_in_motion, mean_points, stage_one, what_it_carries
-from benchctl.calibration.stage_two import stage_two
+from benchctl.calibration.stage_two import Compensator, by_law, by_line, by_stages, mean_rate, stage_two
 from benchctl.calibration.step_reduction import CHANNELS
 from benchctl.calibration.thermistor import ThermalHistory
 from benchctl.recordings.model import Meta, Step
@@ -236,9 +234,8 @@ def _kept_aside(
     if options.hold_out and len(fast) >= _HOLD_OUT_EVERY:
         aside = frozenset(step.key for step in fast[_HOLD_OUT_EVERY // 2 :: _HOLD_OUT_EVERY])
         notes.append(
-            f"No run is marked for verification, so {len(aside)} of {len(fast)} fast runs in motion "
-            "(every fourth) were "
-            "kept aside by the calibration; errors are measured on them alone."
+            f"No run is marked for verification, so {len(aside)} of {len(fast)} fast runs in motion (every fourth) "
+            "were kept aside by the calibration; errors are measured on them alone."
         )
         return aside
     warnings.append(
@@ -317,9 +314,8 @@ def _smoother(steps: Sequence[ReducedStep], meta: Meta) -> SmootherFacts | None:
         attenuation=worst.gain_error,
         rate_noise_dps=float(noise),
         says=(
-            f"Rates are derivatives of local polynomials (order {widest.order}) over up to "
-            f"{1e3 * widest.window_s:.0f} ms of "
-            f"angle; gain error at most {worst.gain_error:.1g} in the band of the motion."
+            f"Rates are derivatives of local polynomials (order {widest.order}) over up to {1e3 * widest.window_s:.0f} "
+            f"ms of angle; gain error at most {worst.gain_error:.1g} in the band of the motion."
         ),
     )
 

@@ -1,21 +1,47 @@
-"""A `coefficients.json` ready for use: its law, its valid range, and whose it is."""
+"""A `coefficients.json` ready for use: its law, its valid range, its unit; applied to files and exported.
+
+`benchctl apply` copies a recording with the compensated rate added. `benchctl export --to json` writes the compensation
+for programs that read JSON, without the details of the fit:
+
+| key | what |
+|---|---|
+| `schema` | `benchctl-compensation/1` |
+| `law`, `formula` | `sine`, `polynomial` or `response`, and how a rate comes of it, in words |
+| `K0_v_per_dps`, `U0_v`, `T0_c` | scale factor, output at rest, reference of ΔT (null: no temperature plays a part) |
+| `U0_T` | coefficients of ΔT, ΔT², … of the bias, V/°C^i |
+| `S_rad_per_dps` | of the sine, else null |
+| `stages` | list: `k_T` (of ΔT, ΔT², …) and `k_omega` (of ω², ω⁴, …), as the formula uses them |
+| `delay_s` | a rate belongs to its output's time less this |
+| `earth_rate_dps` | the part of the sensed rate that is the Earth's, where the calibration's latitude was known |
+| `valid` | ranges `rate_dps` and `temperature_c` that were measured; null: not written down |
+| `uncertainty` | `k`; `expanded` by parameter: `c1` of `U0_T[0]`, `g1` or `a1` of `k_T[0]`, `b2` of `k_omega[0]` |
+| `error_percent` | largest residual over largest rate, on runs that were not fitted, or null |
+| `unit`, `output_unit` | serial; the output's unit where it is not V, as the names say, but a rate |
+| `source`, `coefficients_sha256` | digests of the recordings that were fitted, and of the file |
+| `self_test` | `columns`, `points` and `tolerance_dps`: a program that misses a point by more is wrong |
+"""
 
 from __future__ import annotations
 
 import hashlib
+import json
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from benchctl.calibration.applied_law import AppliedLaw
-from benchctl.calibration.coefficients import coefficients_in
-from benchctl.calibration.coefficients_law import By, Coefficients, applied_law, checked, is_of_law
+from benchctl.atomic import whole_file
+from benchctl.calibration.coefficients import By, Coefficients, applied_law, checked, coefficients_in, is_of_law
+from benchctl.calibration.model import AppliedLaw
 from benchctl.calibration.result import ValidRange
 from benchctl.documents import json_document
 from benchctl.limits import MOST_DESCRIPTION_BYTES, read_whole, shown
+from benchctl.recordings.model import COMPENSATED, COMPENSATED_VALID, Meta, Step
+from benchctl.recordings.reader import Recording
+from benchctl.recordings.writer import write_recording
 from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.errors import UsageError
 
@@ -164,3 +190,170 @@ def self_test_points(compensation: Compensation) -> list[SelfTestPoint]:
             "write the coefficients with `benchctl fit`"
         )
     return [SelfTestPoint(*map(float, point)) for point in zip(volts, celsius, given, strict=True)]
+
+
+_NEEDED = ("gyro_v", "gyro_temp_c")
+
+
+@dataclass(slots=True)
+class Applied:
+    """What became of a recording's samples.
+
+    `samples` got a rate or NaN, of which `outside` have a rate or a temperature that the coefficients were not measured
+    at, by `most_dps` and `most_c` at most; `without` lists the steps that have an output and no temperature.
+    """
+
+    samples: int = 0
+    outside: int = 0
+    most_dps: float = 0.0
+    most_c: float = 0.0
+    without: tuple[int, ...] = ()
+
+
+def write_compensated(
+    path: Path, recording: Recording, compensation: Compensation, *, digest: str, coefficients: str
+) -> Applied:
+    """Write the recording anew with `compensated_dps` and `compensated_valid` in each step that can have them.
+
+    One step is in memory at a time. The provenance names the recording by its `digest`, and the file of coefficients
+    by its name and SHA-256. No sample is moved in time: `comment` of the channel states its delay.
+
+    Raises
+    ------
+    UsageError
+        The coefficients are of another unit or output, the recording is compensated already, no step has an output and
+        a temperature, or the disk refuses. Nothing is left behind.
+    """
+    _refuse_another(recording, compensation)
+    channels = {info.index: recording.channels(info.index) for info in recording.infos}
+    if any(COMPENSATED in names for names in channels.values()):
+        raise UsageError(
+            f"{recording.path}: has {COMPENSATED} already; take the recording that it was made of, which its "
+            "provenance names"
+        )
+    if not any(set(_NEEDED) <= set(names) for names in channels.values()):
+        raise UsageError(
+            f"{recording.path}: no step has gyro_v and gyro_temp_c, sample by sample, and so nothing "
+            "to compensate; `benchctl show` lists its channels"
+        )
+    applied = Applied(
+        without=tuple(index for index, names in channels.items() if "gyro_v" in names and "gyro_temp_c" not in names)
+    )
+    meta = _described(recording, compensation, digest, coefficients)
+    write_recording(path, meta, _compensated(recording, compensation, applied))
+    return applied
+
+
+def _refuse_another(recording: Recording, compensation: Compensation) -> None:
+    serial = recording.meta.unit.serial
+    if serial and compensation.unit and serial != compensation.unit:
+        raise UsageError(
+            f"{recording.path}: is of unit {serial}, the coefficients are of unit {compensation.unit}; take those of "
+            "its own unit"
+        )
+    if recording.meta.output_unit != compensation.output_unit:
+        raise UsageError(
+            f"{recording.path}: its output is in {recording.meta.output_unit}, that of the coefficients in "
+            f"{compensation.output_unit}; take those that were fitted on such a recording"
+        )
+
+
+def _described(recording: Recording, compensation: Compensation, digest: str, coefficients: str) -> Meta:
+    meta, law, valid = recording.meta, compensation.law, compensation.valid
+    facts = {
+        "recording": recording.path.name,
+        "digest": digest,
+        "coefficients": coefficients,
+        "coefficients_sha256": compensation.sha256,
+        "law": compensation.by,
+        "delay_s": law.delay_s,
+    }
+    comments = {
+        COMPENSATED: f"by coefficients with SHA-256 {compensation.sha256}, law {law.name} of the "
+        f"{'joint fit' if compensation.by == 'joint' else 'stages'}; the rate belongs to time_s - {law.delay_s:.9g} s",
+        COMPENSATED_VALID: f"the coefficients were measured from {valid.rate_dps[0]:.9g} to {valid.rate_dps[1]:.9g} "
+        f"degree/s and from {valid.temperature_c[0]:.9g} to {valid.temperature_c[1]:.9g} degC",
+    }
+    return replace(
+        meta,
+        provenance={**meta.provenance, "compensation": json.dumps(facts, ensure_ascii=False)},
+        extra={**meta.extra, "channel_comments": {**meta.extra.get("channel_comments", {}), **comments}},
+    )
+
+
+def _compensated(recording: Recording, compensation: Compensation, applied: Applied) -> Iterator[Step]:
+    for step in recording.steps():
+        yield _with_rate(step, compensation, applied) if set(_NEEDED) <= set(step.channels) else step
+
+
+def _with_rate(step: Step, compensation: Compensation, applied: Applied) -> Step:
+    celsius = step["gyro_temp_c"]
+    rate_dps = compensation.law.rate_dps(step["gyro_v"], celsius)
+    inside = compensation.inside(rate_dps, celsius)
+    applied.samples += inside.size
+    applied.outside += int(np.count_nonzero(~inside))
+    applied.most_dps = max(applied.most_dps, _beyond(rate_dps, compensation.valid.rate_dps))
+    applied.most_c = max(applied.most_c, _beyond(celsius, compensation.valid.temperature_c))
+    return Step(step.info, {**step.channels, COMPENSATED: rate_dps, COMPENSATED_VALID: inside.astype(np.float64)})
+
+
+def _beyond(values: np.ndarray, ends: tuple[float, float]) -> float:
+    known = values[np.isfinite(values)]
+    return float(max(np.max(known, initial=ends[1]) - ends[1], ends[0] - np.min(known, initial=ends[0]), 0.0))
+
+
+SCHEMA = "benchctl-compensation/1"
+
+_INDICATED = "x = (U - U0_v - sum of U0_T[i] * dT**(i + 1)) / K0_v_per_dps with dT = T - T0_c"
+_FACTORS = "k_T = 1 + sum of stage.k_T[i] * dT**(i + 1)"
+_BENT = "k_omega(w) = 1 + sum of stage.k_omega[i] * w**(2 * i + 2)"
+FORMULAS = {
+    "sine": f"{_INDICATED}; {_FACTORS}; rate = asin(S_rad_per_dps * x / k_T) / S_rad_per_dps",
+    "polynomial": f"{_INDICATED}; rate = x; for each stage in turn: {_FACTORS}, {_BENT}, rate = rate * k_T * "
+    "k_omega(rate)",
+    "response": f"{_INDICATED}; {_FACTORS}; {_BENT}; rate is the solution nearest to 0 of rate * k_omega(rate) = "
+    "x / k_T",
+}
+"""Law -> how a rate comes of an output U at a temperature T [degC]."""
+
+
+def compensation_json(compensation: Compensation) -> dict[str, Any]:
+    """The content; `UsageError` where the law has no output for a rate in `valid`."""
+    law = compensation.law
+    points = self_test_points(compensation)
+    return {
+        "schema": SCHEMA,
+        "unit": compensation.unit,
+        "output_unit": compensation.output_unit,
+        "law": law.name,
+        "formula": FORMULAS[law.name],
+        "rate_is": "sensed, in deg/s: that of the case and the part of the Earth's along the axis",
+        "K0_v_per_dps": law.K0_v_per_dps,
+        "U0_v": law.U0_v,
+        "T0_c": law.T0_c if law.knows_temperature else None,
+        "U0_T": list(law.bias),
+        "S_rad_per_dps": law.S_rad_per_dps if law.name == "sine" else None,
+        "stages": [{"k_T": list(stage.k_t), "k_omega": list(stage.k_omega)} for stage in law.stages],
+        "delay_s": law.delay_s,
+        "earth_rate_dps": compensation.earth_rate_dps,
+        "valid": {
+            "rate_dps": list(compensation.valid.rate_dps),
+            "temperature_c": [end if math.isfinite(end) else None for end in compensation.valid.temperature_c],
+        },
+        "uncertainty": {"k": compensation.k, "expanded": dict(compensation.expanded)},
+        "error_percent": compensation.error_percent,
+        "source": [{"recording": name, "digest": digest} for name, digest in compensation.sources],
+        "coefficients_sha256": compensation.sha256,
+        "self_test": {
+            "columns": ["volts", "celsius", "rate_dps"],
+            "points": [[point.volts, point.celsius, point.rate_dps] for point in points],
+            "tolerance_dps": tolerance_dps(compensation),
+        },
+    }
+
+
+def export_json(compensation: Compensation, path: Path) -> None:
+    """Write the file atomically; `UsageError` where the law or the disk refuses."""
+    text = json.dumps(compensation_json(compensation), indent=1, ensure_ascii=False, allow_nan=False)
+    with whole_file(path) as temporary:
+        temporary.write_text(text + "\n", encoding="utf-8", newline="\n")

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from benchctl.calibration.angle_rate import unwrap_deg
-from benchctl.calibration.rows import clustered_covariance
+from benchctl.calibration.reduce import clustered_covariance
 from benchctl.calibration.uncertainty import coverage_factor
 from benchctl.recordings.model import Step
 from benchctl_instruments.arrays import FloatArray

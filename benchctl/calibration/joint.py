@@ -26,8 +26,7 @@ from benchctl.calibration.noise_model import (
     score_scatter,
     walk_covariance,
 )
-from benchctl.calibration.reduce import ReducedStep
-from benchctl.calibration.rows import Rows, gather
+from benchctl.calibration.reduce import ReducedStep, Rows, gather
 from benchctl.calibration.thermistor import ThermalHistory
 from benchctl.calibration.uncertainty import Mixture
 from benchctl_instruments.arrays import FloatArray, IntArray

@@ -127,9 +127,8 @@ def _eight_to_ten() -> PaperPoint:
             "true_high_dps": true[1],
         },
         verdict=(
-            f"k1 is 8 to 10 % at {low:.0f} to {high:.0f} °/s in the polynomial's argument, which are "
-            f"true rates of {true[0]:.0f} "
-            f"to {true[1]:.0f} °/s if the argument is the indicated rate: the range of the experiment."
+            f"k1 is 8 to 10 % at {low:.0f} to {high:.0f} °/s in the polynomial's argument, which are true rates of "
+            f"{true[0]:.0f} to {true[1]:.0f} °/s if the argument is the indicated rate: the range of the experiment."
         ),
     )
 
@@ -141,10 +140,9 @@ def _inverse_of_sine() -> PaperPoint:
         claim="k(ω) = 1 + 3.02e-6·ω² + 5.89e-11·ω⁴ grows with the rate, as is characteristic of interferometers.",
         computed={"S_rad_per_dps": S, "largest_misfit_percent": misfit, "S2_over_6": S**2 / 6},
         verdict=(
-            "An interferometer's output falls short of the line, so that k above 1 is a correction "
-            "of the indicated rate. "
-            f"It is the inverse of sin(Sω)/S with S = {S:.5f} rad/(°/s) to within {misfit:.2f} % up "
-            f"to {SINE_RANGE_DPS:.0f} °/s."
+            "An interferometer's output falls short of the line, so that k above 1 is a correction of the indicated "
+            f"rate. It is the inverse of sin(Sω)/S with S = {S:.5f} rad/(°/s) to within {misfit:.2f} % up to "
+            f"{SINE_RANGE_DPS:.0f} °/s."
         ),
     )
 
@@ -157,9 +155,8 @@ def _room_temperature() -> PaperPoint:
         claim="k(T) = 1 + 1.315e-4·T − 2.066e-6·T², with K0 the scale factor at room temperature.",
         computed={"k1_at_20_c_percent": first, "k1_k2_at_20_c_percent": both},
         verdict=(
-            f"Read with T in °C, k1 at {ROOM_C:g} °C departs from 1 by {first:.2f} % ({both:.2f} % "
-            "with stage 2), half of what is "
-            "claimed in the end. Here T − T0 is the argument and k(T0) is 1."
+            f"Read with T in °C, k1 at {ROOM_C:g} °C departs from 1 by {first:.2f} % ({both:.2f} % with stage 2), half "
+            "of what is claimed in the end. Here T − T0 is the argument and k(T0) is 1."
         ),
     )
 
@@ -175,11 +172,9 @@ def _second_stage() -> PaperPoint:
         claim="Stage 2 takes the error from 3–4 % to 0.7 %.",
         computed={"k2_omega_at_150_percent": rate, "at_150_and_20_c_percent": room, "at_150_and_85_c_percent": both},
         verdict=(
-            f"Its coefficients move the result by at most {room:.2f} % at 150 °/s and 20 °C, "
-            f"{both:.2f} % at 85 °C; 2.3 to 3.3 % "
-            "are needed. Something else changed between the stages (K0, U0, a delay, the argument of "
-            "k). Here K0, U0 and the "
-            "delay are refitted with the polynomials, and each one's share is reported."
+            f"Its coefficients move the result by at most {room:.2f} % at 150 °/s and 20 °C, {both:.2f} % at 85 °C; "
+            "2.3 to 3.3 % are needed. Something else changed between the stages (K0, U0, a delay, the argument of k). "
+            "Here K0, U0 and the delay are refitted with the polynomials, and each one's share is reported."
         ),
     )
 

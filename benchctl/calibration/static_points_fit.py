@@ -122,11 +122,10 @@ def fit_static_points(rate_dps: FloatArray, mean_v: FloatArray, std_v: FloatArra
     says = "There is no point at rest."
     if rest.any():
         says = (
-            f"The {int(rest.sum())} points at rest lie {offset / alone.K0_v_per_dps:+.2f} °/s off the "
-            "sine through the rotating "
-            f"points; with them the sine's misfit is {together.sine.rms_dps:.3f} °/s instead of "
-            f"{alone.sine.rms_dps:.3f} °/s, "
-            f"and S {together.S_rad_per_dps:.5f} instead of {alone.S_rad_per_dps:.5f} rad/(°/s)."
+            f"The {int(rest.sum())} points at rest lie {offset / alone.K0_v_per_dps:+.2f} °/s off the sine through the "
+            f"rotating points; with them the sine's misfit is {together.sine.rms_dps:.3f} °/s instead of "
+            f"{alone.sine.rms_dps:.3f} °/s, and S {together.S_rad_per_dps:.5f} instead of {alone.S_rad_per_dps:.5f} "
+            "rad/(°/s)."
         )
     if not follows.all():
         law = np.array([alone.K0_v_per_dps, alone.U0_v, alone.S_rad_per_dps])

@@ -1,16 +1,18 @@
-"""A plan against a bench's limits, before anything moves."""
+"""Check a plan against a bench's limits and its certificates, before anything moves."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from benchctl.atomic import free_bytes
 from benchctl.bench import Bench
 from benchctl.campaign.timing import disk_bytes, step_that_fills, timeline
+from benchctl.certificates import Expired, expired
 from benchctl.plan import Plan, Soak, Step, ThermalRamp
 from benchctl.plan.steps import Polled, faults
 from benchctl.recordings.schema import CAMPAIGN, RECORDING
@@ -124,3 +126,29 @@ def _temperatures(step: Step) -> tuple[float, ...]:
             return (step.from_c, step.to_c)
         case _:
             return ()
+
+
+_LONGEST_S = 100 * 365.25 * 86400.0
+"""No certificate holds for longer, and the calendar ends somewhere."""
+
+
+def expiring(plan: Plan, bench: Bench, first: int = 1) -> tuple[Expired, ...]:
+    """The instruments whose certificate has expired today (UTC), or will before a plan that begins now has ended.
+
+    `first` is the step, counted from 1, with which it begins.
+    """
+    before = replace(plan, steps=plan.steps[: first - 1])
+    left_s = (bench_time_s(plan, bench) - bench_time_s(before, bench)) / bench.time_factor
+    now = datetime.now(UTC)
+    ends = now + timedelta(seconds=min(left_s, _LONGEST_S))
+    return expired(bench.entries, now.date(), ends.date())
+
+
+def as_event(expired: Expired) -> dict[str, str]:
+    """What the journal keeps of it."""
+    return {
+        "instrument": expired.role,
+        "serial": expired.serial,
+        "calibrated_until": expired.calibrated_until.isoformat(),
+        "says": expired.says,
+    }

@@ -1,21 +1,247 @@
-"""A digital gyro's frames into a step, timed as the scans are: what is missing is counted, nothing lost silently."""
+"""Record a digital gyro's frames into a step, timed as the scans are; every missing frame is counted.
+
+A thread of its own reads the gyro's blocks as they come, so that nothing else of a run waits for them.
+
+    instant of sample i = instant of sample 0 + i / rate
+
+The gyro's own numbers give i, its nominal rate the distance. A stamp says when the last sample of a block had reached
+the host, so each block bounds the instant of sample 0 from above, and the one that was least late has the last word:
+what is left is its delay, the least that a frame takes (on a simulated bench, whose clock leaps: up to one sample
+interval). That is settled once, by the blocks up to the first `settle`; later ones change nothing, so a crystal that is
+off by 20 ppm puts the end of an hour's step 0.07 s from its place.
+
+Where the line was deaf for so long that the numbers may have wrapped, the samples from there on wait for the next
+`settle`: their own blocks say how many whole wraps are missing. That is right while a frame takes less than half a wrap
+to come; no sample is ever put before one that came earlier.
+"""
 
 from __future__ import annotations
 
+import itertools
 import math
-from dataclasses import replace
+import queue
+import threading
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
-from benchctl.campaign.frame_pump import FramePump
-from benchctl.campaign.frame_times import FrameTimes
+import numpy as np
+
 from benchctl.campaign.opened import OpenBench
 from benchctl.campaign.safety import Supervisor
 from benchctl.campaign.stream import StreamRecorder
 from benchctl.recordings.campaign_folder import StepWriter
 from benchctl.recordings.model import FRAME_CHANNELS, StepInfo
-from benchctl_instruments.arrays import FloatArray, IntArray
+from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.errors import BenchError, LinkError
-from benchctl_instruments.interfaces import Gyro, GyroCounts
+from benchctl_instruments.interfaces import Clock, Gyro, GyroBlock, GyroCounts
+
+UNKNOWN = 256.0
+"""What is added to the status of a sample for which its gyro does not vouch, so that it is never 0."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frames:
+    """Frames with their instants, by the clock of the stamps; every array of shape (n,), oldest first.
+
+    `status` is 0 where the gyro vouches for the sample, otherwise 256 + its own. `missing` says how many samples are
+    missing just before each.
+    """
+
+    time_s: FloatArray
+    rate_dps: FloatArray
+    temp_c: FloatArray
+    status: FloatArray
+    missing: IntArray
+
+
+@dataclass(slots=True)
+class _Stretch:
+    """Blocks, or parts of them, between two places where the line was deaf."""
+
+    zero_s: float = math.inf
+    blocks: list[tuple[GyroBlock, slice]] = field(default_factory=list)
+
+
+class FrameTimes:
+    """Blocks and the stamps of their last samples in, frames with their instants out.
+
+    Parameters
+    ----------
+    rate_hz
+        The gyro's nominal rate.
+    """
+
+    def __init__(self, rate_hz: float) -> None:
+        self._rate_hz = rate_hz
+        self._zero_s: float | None = None
+        self._shift = 0  # samples in whole wraps that the gyro's numbers have missed
+        self._unsettled: list[_Stretch] = []
+        self._placed: list[Frames] = []
+        self._next_index: int | None = None
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether the place of everything that has come is known, and something has come."""
+        return self._zero_s is not None and not self._unsettled
+
+    @property
+    def reached_s(self) -> float:
+        """The instant after the last sample whose place is known; -inf where there is none."""
+        if self._zero_s is None or self._next_index is None:
+            return -math.inf
+        return self._zero_s + self._next_index / self._rate_hz
+
+    def feed(self, block: GyroBlock, stamp_s: float) -> None:
+        """Take a block whose last sample had come at `stamp_s`."""
+        deaf = {gap.index for gap in block.gaps if not gap.exact}
+        for first, last in itertools.pairwise(sorted({0, block.sequence.size} | deaf)):
+            if first in deaf or (self._zero_s is None and not self._unsettled):
+                self._unsettled.append(_Stretch())
+            part = slice(first, last)
+            if self._zero_s is not None and not self._unsettled:
+                self._place(block, part, self._zero_s)
+                continue
+            stretch = self._unsettled[-1]
+            stretch.zero_s = min(stretch.zero_s, stamp_s - float(block.sequence[last - 1]) / self._rate_hz)
+            stretch.blocks.append((block, part))
+
+    def settle(self, latest_zero_s: float = math.inf) -> None:
+        """Find the place of whatever has none yet, from what has come by now.
+
+        Where the stream fell silent at once no block may be fresh: `latest_zero_s` is when its first sample must have
+        been taken, whatever the stamps say.
+        """
+        # What comes later can only have missed more, so its bound holds for what came before it as well.
+        bounds_s = np.minimum.accumulate([stretch.zero_s for stretch in self._unsettled][::-1])[::-1]
+        stretches, self._unsettled = self._unsettled, []
+        for stretch, bound_s in zip(stretches, bounds_s.tolist(), strict=True):
+            if self._zero_s is None:
+                self._zero_s = min(bound_s, latest_zero_s)
+            else:
+                wrap = stretch.blocks[0][0].wrap
+                missed = (bound_s - self._zero_s) * self._rate_hz - self._shift
+                self._shift += max(0, round(missed / wrap)) * wrap
+            for block, part in stretch.blocks:
+                self._place(block, part, self._zero_s)
+
+    def take(self, until_s: float) -> Frames:
+        """All frames that were sampled before an instant and have not been taken."""
+        waiting, self._placed = self._placed, []
+        taken = [_of(frames, frames.time_s < until_s) for frames in waiting]
+        left = [_of(frames, frames.time_s >= until_s) for frames in waiting]
+        self._placed = [frames for frames in left if frames.time_s.size]
+        return _joined(taken)
+
+    def _place(self, block: GyroBlock, part: slice, zero_s: float) -> None:
+        index = block.sequence[part] + self._shift
+        before = index[0] - 1 if self._next_index is None else self._next_index - 1
+        self._next_index = int(index[-1]) + 1
+        self._placed.append(
+            Frames(
+                time_s=zero_s + index / self._rate_hz,
+                rate_dps=block.rate_dps[part],
+                temp_c=block.temperature_c[part],
+                status=np.where(block.valid[part], 0.0, UNKNOWN + block.status[part]),
+                missing=np.diff(index, prepend=before) - 1,
+            )
+        )
+
+
+def _of(frames: Frames, those: BoolArray) -> Frames:
+    return Frames(
+        time_s=frames.time_s[those],
+        rate_dps=frames.rate_dps[those],
+        temp_c=frames.temp_c[those],
+        status=frames.status[those],
+        missing=frames.missing[those],
+    )
+
+
+def _joined(parts: list[Frames]) -> Frames:
+    return Frames(
+        time_s=np.concatenate([np.empty(0), *(part.time_s for part in parts)]),
+        rate_dps=np.concatenate([np.empty(0), *(part.rate_dps for part in parts)]),
+        temp_c=np.concatenate([np.empty(0), *(part.temp_c for part in parts)]),
+        status=np.concatenate([np.empty(0), *(part.status for part in parts)]),
+        missing=np.concatenate([np.empty(0, np.int64), *(part.missing for part in parts)]),
+    )
+
+
+LOOK_S = 0.1
+"""Wall time for which one read waits, and within which the thread ends."""
+
+MOST_BLOCKS = 1024
+"""Blocks that wait to be taken. Where there are so many the line is not read: what it loses the gyro's numbers tell."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Heard:
+    """A block, and the clock's time at which the last of it had come."""
+
+    block: GyroBlock
+    stamp_s: float
+
+
+class FramePump:
+    """Reads a gyro's stream from when it is made until `stop`.
+
+    `began_s` is the clock just before the gyro was asked to send, `runs_s` just after it agreed; `rate_hz` is what it
+    says that it sends at, `silence` why nothing came when it was last listened to. Raises as `Gyro.start_stream`.
+    """
+
+    def __init__(self, gyro: Gyro, clock: Clock, rate_hz: float) -> None:
+        self._gyro, self._clock = gyro, clock
+        self.began_s = clock.now()
+        self.rate_hz = gyro.start_stream(rate_hz)
+        self.runs_s = clock.now()
+        self.silence = "nothing came yet"
+        self._heard: queue.Queue[Heard] = queue.Queue(MOST_BLOCKS)
+        self._failure: Exception | None = None
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._read, name="gyro's frames", daemon=True)
+        self._thread.start()
+
+    def take(self, wait_s: float) -> list[Heard]:
+        """All that has come and was not taken; where that is nothing, it waits so long by the wall for the next.
+
+        Raises what ended the reading, if something did: a line that is silent does not.
+        """
+        taken: list[Heard] = []
+        try:
+            taken.append(self._heard.get(timeout=wait_s) if wait_s > 0.0 else self._heard.get_nowait())
+            while True:
+                taken.append(self._heard.get_nowait())
+        except queue.Empty:
+            if not taken and self._failure is not None:
+                raise self._failure from None
+            return taken
+
+    def stop(self) -> None:
+        """End the reading; the gyro itself is left as it is. Safe to call twice."""
+        self._stopping.set()
+        self._thread.join()
+
+    def _read(self) -> None:
+        while not self._stopping.is_set():
+            try:
+                heard = Heard(block=self._gyro.read_stream(1, LOOK_S), stamp_s=self._clock.now())
+            except LinkError as err:
+                self.silence = str(err)
+                self._stopping.wait(LOOK_S / 10.0)  # a line that is gone says so at once, again and again
+            except Exception as err:
+                self._failure = err
+                return
+            else:
+                self._put(heard)
+
+    def _put(self, heard: Heard) -> None:
+        while not self._stopping.is_set():
+            try:
+                self._heard.put(heard, timeout=LOOK_S)
+            except queue.Full:
+                continue
+            return
+
 
 PATIENCE_S = 0.25
 """Wall time to wait for frames that should have come: the digitizer buffers its scans for longer."""
@@ -188,7 +414,7 @@ class FrameRecorder:
             self._supervisor.event("recovered", says=says)
 
     def _tell_faults(self, faults: tuple[str, ...]) -> None:
-        """Say what the gyro says against itself, where that has changed."""
+        """Report the faults that the gyro states, where they have changed."""
         if faults != self._faults:
             self._faults = faults
             self._supervisor.event("gyro_fault", says=", ".join(faults) or "over")

@@ -1,29 +1,81 @@
-"""Who does what no instrument of the bench can: switch the unit's supply, mount the unit, whatever a plan asks for."""
+"""What no instrument can do: switch the unit's supply, mount the unit, whatever a plan asks for; and who does it.
+
+All questions of a plan are known before anything moves. Without an operator, a file may answer them. It is TOML: each
+question in full, as `benchctl check` lists it, and its answer, `done` or `refuse`:
+
+    "close the chamber's door" = "done"
+    "switch the supply of unit SN-17 off" = "refuse"       # ends the run there, the bench brought to rest
+
+A question that is asked several times has one answer. Answers to questions that are not asked do no harm.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol, TextIO
 
 from benchctl.bench import Bench
-from benchctl.campaign.questions import mount_question, power_question
 from benchctl.campaign.stop import StoppedError
-from benchctl.plan import Step
+from benchctl.closeness import nearest
+from benchctl.documents import toml_document
+from benchctl.limits import cut, shown
+from benchctl.plan import Ask, Mount, PowerCycle, Step
 from benchctl.plan.steps import ByHand
+from benchctl.toml_file import read_text
 from benchctl_instruments.errors import SafetyError, UsageError
 from benchctl_instruments.mounting import Position
 from benchctl_instruments.simulated.world import World
 
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Question:
+    """A question of a step of a plan, counted from 1."""
+
+    step: int
+    says: str
+
+
+def power_question(unit: str, on: bool) -> str:
+    """To switch the supply of a unit."""
+    return f"switch the supply of unit {unit} {'on' if on else 'off'}"
+
+
+def mount_question(unit: str, position: Position) -> str:
+    """To mount a unit with its input axis along or across the table's axis."""
+    return f"mount unit {unit} with its input axis {position} the table's axis, then stand clear of the table"
+
+
+def questions(steps: Iterable[tuple[int, Step]], unit: str, *, may_be_off: bool = False) -> Iterator[Question]:
+    """Everything that is asked in some steps, given with their number in the plan, in its order.
+
+    `may_be_off`: before the first of them the unit's supply is asked for, as where a power cycle was broken off.
+    """
+    for place, (number, step) in enumerate(steps):
+        if may_be_off and place == 0:
+            yield Question(step=number, says=power_question(unit, True))
+        match step:
+            case PowerCycle():
+                yield Question(step=number, says=power_question(unit, False))
+                yield Question(step=number, says=power_question(unit, True))
+            case Mount():
+                yield Question(step=number, says=mount_question(unit, step.position))
+            case Ask():
+                yield Question(step=number, says=step.says)
+
+
 Meanwhile = Callable[[], None]
-"""Called over and over until somebody says that it is done; what it raises ends the waiting."""
+"""Called repeatedly until the operator confirms; what it raises ends the waiting."""
 
 
 class Hands(Protocol):
-    """Somebody who touches the unit; each method returns once it is done. `who` they are; empty: nobody is there."""
+    """Who touches the unit; each method returns once it is done. `who` names the person; empty: none is there."""
 
     who: str
 
@@ -38,7 +90,7 @@ class Hands(Protocol):
 
 
 class NoHands:
-    """Nobody: a plan that needs somebody is refused."""
+    """No operator: a plan that needs one is refused."""
 
     who = ""
 
@@ -101,14 +153,14 @@ class OperatorHands:
 
 
 def hands_at_the_terminal(bench: Bench) -> Hands:
-    """The operator of a bench where stdin and stderr are a terminal, else nobody."""
+    """The operator of a bench where stdin and stderr are a terminal, else `NoHands`."""
     if _is_terminal(sys.stdin) and _is_terminal(sys.stderr):
         return OperatorHands(bench.unit.serial, bench.operator)
     return NoHands()
 
 
 def refuse_without_hands(procedure: str, steps: Iterable[tuple[int, Step]], hands: Hands) -> None:
-    """Raise `UsageError` where a step, given with its number in the plan, needs somebody and nobody is there."""
+    """Raise `UsageError` where a step, given with its number in the plan, needs an operator and none is there."""
     for number, step in steps:
         if isinstance(step, ByHand) and not hands.who:
             raise UsageError(
@@ -127,7 +179,7 @@ _REFUSED = {b"refuse", b"n", b"no"}
 
 
 def _ask(what: str, meanwhile: Meanwhile) -> None:
-    """Say what to do and wait until somebody says that it is done; what is neither that nor a refusal is asked back."""
+    """Print what to do and wait until the operator confirms; any answer but that and a refusal is asked again."""
     terminal = sys.stdin.fileno()
     _forget_typed(terminal)
     _say(f"the table is at rest: {what}; then press Enter. (To end the run instead, type refuse.)")
@@ -192,3 +244,80 @@ def _forget_typed(terminal: int) -> None:
     except ImportError:  # Windows
         return
     termios.tcflush(terminal, termios.TCIFLUSH)
+
+
+DONE, REFUSE = "done", "refuse"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answers:
+    """The answers of a file, by question."""
+
+    path: Path
+    by_question: Mapping[str, str]
+
+    def refuse_unanswered(self, asked: Iterable[Question]) -> None:
+        """Raise `UsageError` where a question has no answer; it names all that have none, as the file would."""
+        without = list(dict.fromkeys(one.says for one in asked if one.says not in self.by_question))
+        if not without:
+            return
+        close = nearest(without[0], self.by_question)
+        hint = f" (for the first there is only {shown(close)})" if close else ""
+        lines = ", ".join(answer_line(says) for says in without)
+        raise UsageError(
+            f"answers {self.path}: {len(without)} of the plan's questions have no answer{hint}; add {lines}, a line "
+            "each, or refuse in the place of done"
+        )
+
+
+class AnsweringHands:
+    """Takes the answers of a file as an operator's; on a bench simulated in this process, `then` carries them out.
+
+    `StoppedError` where the file refuses.
+    """
+
+    def __init__(self, answers: Answers, unit: str, then: Hands | None) -> None:
+        self.who = f"the answers of {answers.path}"
+        self._by_question, self._unit, self._then = answers.by_question, unit, then
+
+    def power(self, on: bool, meanwhile: Meanwhile) -> None:
+        """Switch the unit's supply, or end the run."""
+        self._answer(power_question(self._unit, on))
+        if self._then is not None:
+            self._then.power(on, meanwhile)
+
+    def mount(self, position: Position, meanwhile: Meanwhile) -> None:
+        """Mount the unit, or end the run."""
+        self._answer(mount_question(self._unit, position))
+        if self._then is not None:
+            self._then.mount(position, meanwhile)
+
+    def ask(self, says: str, meanwhile: Meanwhile) -> None:
+        """Do what is asked, or end the run."""
+        self._answer(says)
+        if self._then is not None:
+            self._then.ask(says, meanwhile)
+
+    def _answer(self, says: str) -> None:
+        if self._by_question.get(says) != DONE:
+            raise StoppedError(f"stopped by {self.who}: refused to {says}")
+
+
+def read_answers(path: Path) -> Answers:
+    """The answers of a file.
+
+    Raises
+    ------
+    UsageError
+        Where it cannot be read, is no TOML, or holds another answer than done or refuse.
+    """
+    found = toml_document(read_text(path, "answers"), f"answers {path}")
+    for says, answer in found.items():
+        if answer not in (DONE, REFUSE):
+            raise UsageError(f'answers {path}: {cut(says)}: expected "{DONE}" or "{REFUSE}", got {shown(answer)}')
+    return Answers(path=path, by_question=found)
+
+
+def answer_line(says: str) -> str:
+    """A question as a line of a file of answers, answered with `done`."""
+    return f'{json.dumps(says, ensure_ascii=False)} = "{DONE}"'

@@ -3,27 +3,29 @@
 from __future__ import annotations
 
 import inspect
+import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
+import tomli_w
+
 from benchctl.bench import Bench, InstrumentEntry
 from benchctl.campaign.hands import Hands, NoHands, SimulatedHands, hands_at_the_terminal
-from benchctl.campaign.one_processor import on_one_processor
 from benchctl.campaign.reserved import reserved
 from benchctl.closeness import meant
+from benchctl.processors import on_one_processor
 from benchctl_instruments.catalog import Kind, driver
 from benchctl_instruments.errors import BenchError, BenchNotReadyError, UsageError
 from benchctl_instruments.interfaces import Chamber, Clock, Digitizer, Gyro, Identity, Instrument, RateTable
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
 from benchctl_instruments.physics.effects.making import make_effects
-from benchctl_instruments.simulated.bench import SimulatedBench
+from benchctl_instruments.simulated.bench import SimulatedBench, twin_keywords
 from benchctl_instruments.simulated.clock import ScaledClock, VirtualClock
 from benchctl_instruments.simulated.direct import DirectChamber, DirectDigitizer, DirectRateTable
 from benchctl_instruments.simulated.sensor import sensor_of
 from benchctl_instruments.simulated.settings import WorldSettings
-from benchctl_instruments.simulated.wiring import twin_keywords
 from benchctl_instruments.simulated.world import World
 
 FASTEST = 2.0
@@ -269,3 +271,23 @@ def _open_all(stack: ExitStack, instruments: Mapping[str, Instrument], bench: Be
     if failures:
         raise BenchNotReadyError(failures)
     return identities
+
+
+_SIMULATION = ("physics", "effects", "faults")
+
+
+def bench_toml_at(bench: Bench, addresses: Mapping[str, str], speed: float) -> str:
+    """The bench's own text with the servers' addresses, without what only a simulation has.
+
+    `speed` is bench seconds a wall second.
+    """
+    document = tomllib.loads(bench.text)
+    document |= {"simulated": False, "time_factor": speed}
+    for table in _SIMULATION:
+        document.pop(table, None)
+    for name in bench.entries:
+        document[name]["address"] = addresses[name]
+    document["chamber"]["model"] = bench.chamber.model  # a profile's whole path: the new file may lie elsewhere
+    if "digitizer_stream" in addresses:
+        document["digitizer"]["stream_address"] = addresses["digitizer_stream"]
+    return tomli_w.dumps(document)

@@ -1,4 +1,8 @@
-"""Playing one step: go there, settle, record; every wait looks at the limits and heeds a wish to stop."""
+"""Play one step: go there, settle, record; every wait checks the limits and heeds a request to stop.
+
+During an operator's step the table rests, read back, and the bench is still supervised. A hold between two steps
+waits, with the table at rest, until the interlocks that ask for it are off.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +10,9 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
-from benchctl.campaign.by_hand import ask, mount, power_cycle
 from benchctl.campaign.frames import NoFrames, StepFrames, frames_of
+from benchctl.campaign.hands import Hands, Meanwhile
+from benchctl.campaign.interlocks import Change
 from benchctl.campaign.opened import OpenBench
 from benchctl.campaign.rest import wait_for_rest
 from benchctl.campaign.safety import Supervisor, rest_s
@@ -19,7 +24,7 @@ from benchctl.plan.steps import Polled
 from benchctl.recordings.campaign_folder import CampaignWriter, StepWriter
 from benchctl.recordings.model import FRAME_CHANNELS, StepInfo
 from benchctl.recordings.step_writer import CLOSING_S_PER_SCAN
-from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.errors import InstrumentError, SafetyError
 from benchctl_instruments.interfaces import Position
 
 Notify = Callable[[str], None]
@@ -36,7 +41,7 @@ class Span:
 
 @dataclass(slots=True)
 class StepPlayer:
-    """Plays the steps of one campaign, in order, into one writer; `notify` is told what is being done.
+    """Plays the steps of one campaign, in order, into one writer; `notify` receives what is being done.
 
     `setpoint_c`, `gyro_c`, `streamed` and `gaps` are where it is: set point, thermistor, scans of this step so far and
     gaps in them; `frames` are those of the step's digital gyro. `position` is how the unit is mounted.
@@ -66,11 +71,11 @@ class StepPlayer:
             case Soak():
                 return self._record(index, step, SOAK_CHANNELS, lambda into: self._soak(step, into))
             case PowerCycle():
-                return self._record(index, step, SOAK_CHANNELS, lambda into: _span(power_cycle(self, step, into)))
+                return self._record(index, step, SOAK_CHANNELS, lambda into: power_cycle(self, step, into))
             case Mount():
-                return self._record(index, step, SOAK_CHANNELS, lambda into: _span(mount(self, step, into)))
+                return self._record(index, step, SOAK_CHANNELS, lambda into: mount(self, step, into))
             case Ask():
-                return self._record(index, step, SOAK_CHANNELS, lambda into: _span(ask(self, step, into)))
+                return self._record(index, step, SOAK_CHANNELS, lambda into: ask(self, step, into))
             case Static():
                 self.rest(step.settle_s)
             case ConstantRate():
@@ -87,7 +92,7 @@ class StepPlayer:
     def close_torn(self, aside: int | None = None) -> int:
         """Close the step that was torn, if one was, marked as cut; returns the samples in it.
 
-        That takes a while, for its file is written once more: the bench comes to rest before. `aside` is the index
+        That takes a while, for its file is rewritten: the bench comes to rest before. `aside` is the index
         under which it is filed as an attempt that no fit sees, so that the step can be played again.
         """
         if self._torn is None:
@@ -255,11 +260,6 @@ def _name_of(step: Step, setpoint_c: float, mounting: str) -> str:
     return f"{step.label}{temperature}{mounting and f', {mounting}'}"
 
 
-def _span(ends_s: tuple[float, float]) -> Span:
-    t_start, t_end = ends_s
-    return Span(t_start=t_start, t_end=t_end)
-
-
 def _swing_of(step: Step) -> tuple[float | None, float | None]:
     """Peak rate and frequency of a step in which the table swings; None, None of others."""
     if isinstance(step, Sine):
@@ -267,3 +267,136 @@ def _swing_of(step: Step) -> tuple[float | None, float | None]:
     if isinstance(step, ThermalRamp) and step.swing_dps:
         return step.swing_dps, step.swing_hz
     return None, None
+
+
+_SETTLE_S = 1.0
+"""Waiting time after the unit on the table was touched."""
+
+
+def power_cycle(player: StepPlayer, step: PowerCycle, into: StepWriter) -> Span:
+    """Have the supply switched off and on; the span lasts from off to on."""
+    clock = player.opened.clock
+    _rest_confirmed(player)
+    _have_done(player, "supply off", lambda hands, meanwhile: hands.power(False, meanwhile))
+    off_s, end_s, polled = player.now_s(), clock.now() + step.off_s, False
+    while clock.now() < end_s or not polled:
+        player.notify("supply off")
+        left_s = end_s - clock.now()
+        player.wait(min(left_s, 6 * clock.chunk_s) if left_s > 0 else clock.chunk_s)
+        polled |= _poll(player, into)
+    _have_switched_on(player)
+    return Span(t_start=off_s, t_end=player.now_s())
+
+
+def mount(player: StepPlayer, step: Mount, into: StepWriter) -> Span:
+    """Have the unit mounted."""
+    span = _done_at_rest(player, step.label, into, lambda hands, meanwhile: hands.mount(step.position, meanwhile))
+    player.position = step.position
+    return span
+
+
+def ask(player: StepPlayer, step: Ask, into: StepWriter) -> Span:
+    """Have done what the step asks for."""
+    return _done_at_rest(player, step.says, into, lambda hands, meanwhile: hands.ask(step.says, meanwhile))
+
+
+def switch_on(player: StepPlayer) -> None:
+    """Have the supply switched on, or made sure that it is, before a run goes on."""
+    _rest_confirmed(player)
+    _have_switched_on(player)
+
+
+def _have_switched_on(player: StepPlayer) -> None:
+    _have_done(player, "supply on", lambda hands, meanwhile: hands.power(True, meanwhile))
+
+
+def _done_at_rest(player: StepPlayer, says: str, into: StepWriter, act: Callable[[Hands, Meanwhile], None]) -> Span:
+    """Have something done while the table rests, then record one poll."""
+    _rest_confirmed(player)
+    begun_s = player.now_s()
+    _have_done(player, says, act)
+    _rest_confirmed(player)
+    while not _poll(player, into):
+        player.wait(player.opened.clock.chunk_s)
+    return Span(t_start=begun_s, t_end=player.now_s())
+
+
+def _rest_confirmed(player: StepPlayer) -> None:
+    """The table at rest, read back, its servo on and without a fault."""
+    player.supervisor.check_state()
+    player.rest(_SETTLE_S)
+
+
+def _have_done(player: StepPlayer, says: str, act: Callable[[Hands, Meanwhile], None]) -> None:
+    opened, supervisor = player.opened, player.supervisor
+    began_s = opened.clock.now()
+
+    def meanwhile() -> None:
+        # not the table's state: to open the chamber's door may cut the servo off
+        player.notify(f"waiting for {opened.hands.who}: {says}")
+        player.wait(opened.clock.chunk_s)
+        supervisor.look_at_chamber()
+
+    act(opened.hands, meanwhile)
+    supervisor.event("operator", says=says, by=opened.hands.who, waited_s=round(opened.clock.now() - began_s, 3))
+
+
+def _poll(player: StepPlayer, into: StepWriter) -> bool:
+    """Record what the chamber and the gyro's terminals say, whether they have answered.
+
+    No interlock is held against the gyro: without its supply its words are void.
+    """
+    opened, supervisor = player.opened, player.supervisor
+    air, scan = supervisor.look_at_chamber(), supervisor.ask("digitizer", opened.digitizer.read_once)
+    if air is None or scan is None:
+        return False
+    player.gyro_c = opened.bench.digitizer.gyro_celsius(scan.thermistor_v)
+    into.append_point(one_poll(player.now_s(), air, {"poll_gyro_temp_c": player.gyro_c, "poll_gyro_v": scan.gyro_v}))
+    return True
+
+
+def hold_if_asked(player: StepPlayer) -> None:
+    """Look at everything that is measured; where an interlock asks for a hold, wait until none does any more.
+
+    A bench without such interlocks is not looked at, and costs no time.
+
+    Raises
+    ------
+    SafetyError
+        Where one has asked for longer than its `give_up_s`, counted from when the run began to wait for it.
+    """
+    interlocks = player.supervisor.interlocks
+    if not interlocks.may_hold:
+        return
+    _look_at_all(player)
+    if not interlocks.holds:
+        return
+    clock, event = player.opened.clock, player.supervisor.event
+    event("hold", on=True, says=_reasons(interlocks.holds))
+    player.rest(0.0)
+    began_s = clock.now()
+    while holds := interlocks.holds:
+        player.notify(f"on hold, {_reasons(holds)}")
+        for change in holds:
+            waited_s = clock.now() - max(began_s, change.now_s)
+            if waited_s > (change.interlock.give_up_s or 0.0):
+                raise SafetyError(
+                    f"on hold for {waited_s:.0f} s: {change.says} ({change.value:.6g} at first), and it is not over; "
+                    "find out why, then run again"
+                )
+        player.wait(2 * clock.chunk_s)
+        _look_at_all(player)
+    event("hold", on=False, waited_s=round(clock.now() - began_s, 3))
+
+
+def _look_at_all(player: StepPlayer) -> None:
+    supervisor = player.supervisor
+    supervisor.check_state()
+    supervisor.look_at_table()
+    supervisor.look_at_chamber()
+    if (gyro := supervisor.look_at_gyro()) is not None:
+        player.gyro_c, _ = gyro
+
+
+def _reasons(holds: list[Change]) -> str:
+    return ", ".join(change.says for change in holds)

@@ -10,17 +10,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from benchctl.bench import Bench
-from benchctl.campaign.answers import AnsweringHands, Answers
-from benchctl.campaign.check import refuse_problems
-from benchctl.campaign.expiry import expiring
+from benchctl.campaign.check import expiring, refuse_problems
 from benchctl.campaign.guard.keeper import guarded
+from benchctl.campaign.hands import AnsweringHands, Answers, Question, questions
 from benchctl.campaign.opened import open_bench
-from benchctl.campaign.progress import Progress, nobody
-from benchctl.campaign.questions import Question, questions
 from benchctl.campaign.resume import Past, steps_to_play
-from benchctl.campaign.runner import Outcome, run_campaign
-from benchctl.campaign.stop import stop_on_signals
-from benchctl.campaign.stop_file import forget_stale_stop, forget_stop, heed_file
+from benchctl.campaign.runner import Outcome, Progress, nobody, run_campaign
+from benchctl.campaign.stop import forget_stale_stop, forget_stop, heed_file, stop_on_signals
 from benchctl.plan import Plan
 from benchctl.recordings.campaign_manifest import write_manifest
 from benchctl.recordings.schema import JOURNAL, RECORDING

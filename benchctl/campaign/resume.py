@@ -9,19 +9,19 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from benchctl.bench import Bench
+from benchctl.campaign.differences import refuse_another
 from benchctl.campaign.opened import another_day, as_drawn
 from benchctl.campaign.provenance import recorded_bench
-from benchctl.campaign.sameness import refuse_another
 from benchctl.limits import LONGEST_TIME_S
 from benchctl.locks import Lock
 from benchctl.plan import Mount, Plan, PowerCycle, Soak, Step, ThermalRamp
 from benchctl.plan.steps import positions
 from benchctl.recordings.campaign_folder import CampaignWriter, campaign_lock
-from benchctl.recordings.campaign_state import described, require_campaign
-from benchctl.recordings.hdf5_trial import note_ended
+from benchctl.recordings.hdf5_guard import note_ended
 from benchctl.recordings.journal import Events, events_in, journal_text
 from benchctl.recordings.model import Meta, StepInfo
-from benchctl.recordings.reopen import free_index, reopen, sound_steps
+from benchctl.recordings.reader import described, require_campaign
+from benchctl.recordings.recover import free_index, reopen, sound_steps
 from benchctl.recordings.schema import JOURNAL
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.interfaces import Position

@@ -1,4 +1,4 @@
-"""Running a whole plan: play its steps, bring the bench to rest whatever happens, close the recording honestly."""
+"""Run a plan: play its steps, bring the bench to rest whatever happens, close the recording honestly."""
 
 from __future__ import annotations
 
@@ -8,30 +8,53 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Protocol
 
-from benchctl.campaign.by_hand import switch_on
-from benchctl.campaign.check import refuse_problems
-from benchctl.campaign.expiry import as_event, expiring
+from benchctl.campaign.check import as_event, expiring, refuse_problems
+from benchctl.campaign.differences import refuse_other_instruments
 from benchctl.campaign.guard.keeper import Guard, NoGuard
 from benchctl.campaign.hands import refuse_without_hands
-from benchctl.campaign.hold import hold_if_asked
 from benchctl.campaign.opened import OpenBench
-from benchctl.campaign.plan_events import plan_events
-from benchctl.campaign.play import StepPlayer
-from benchctl.campaign.progress import Moment, Progress, nobody
+from benchctl.campaign.play import StepPlayer, hold_if_asked, switch_on
 from benchctl.campaign.provenance import describe, software
 from benchctl.campaign.resume import Past, soak_before, steps_to_play, whole_steps
 from benchctl.campaign.safety import SafeState, Supervisor, bring_to_rest, refuse_bench_in_use
-from benchctl.campaign.sameness import refuse_other_instruments
 from benchctl.campaign.stop import StoppedError, StopRequest
 from benchctl.campaign.stream import StepError
-from benchctl.campaign.timing import timeline
+from benchctl.campaign.timing import plan_events, timeline
 from benchctl.plan import Plan, Step, ThermalRamp
 from benchctl.recordings.campaign_folder import CampaignWriter
 from benchctl.recordings.model import Status
 from benchctl_instruments.errors import BenchError, SafetyError, UsageError
 from benchctl_instruments.interfaces import TableLimits
-from benchctl_instruments.links.recovered import logger
+from benchctl_instruments.links.wirelog import logger
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Moment:
+    """Where a run is: step `index` of `count` (from 1), what it does in it, what was last measured, bench time left."""
+
+    index: int
+    count: int
+    label: str
+    doing: str
+    setpoint_c: float
+    air_c: float
+    gyro_c: float
+    rate_dps: float
+    left_s: float
+    samples: int
+
+
+class Progress(Protocol):
+    """A listener to a run; called often, so it must be quick."""
+
+    def __call__(self, moment: Moment) -> None:
+        """The run is here now."""
+
+
+def nobody(moment: Moment) -> None:
+    """A listener that does nothing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +91,7 @@ def run_campaign(
 
     Once it has begun to command the bench, whatever ends it, the table is brought to rest and the chamber sent to its
     safe set point, each read back, before the recording is closed; the outcome says what ended it. A step in which the
-    encoder shows another motion than was demanded, or that gaps have swallowed, is played once more. Errors that are no
+    encoder shows another motion than was demanded, or that gaps have swallowed, is played again. Errors that are no
     `BenchError` are faults of this program: the bench is brought to rest and the recording closed all the same, then
     they go on up.
 

@@ -1,19 +1,37 @@
-"""A wish to stop, from Ctrl-C or the system: noted by the signal's handler, heeded by the runner between two looks.
+"""A request to stop: a signal (Ctrl-C, the system) or a file in the campaign's folder (the live page).
 
 An exception out of a signal handler could tear an exchange with an instrument in two, and the next answer on that link
-would be that of the question before. So the handler only takes a note.
+would be that of the question before. So the handler only takes a note, which the runner heeds between two looks.
+
+A process that sends no signals leaves a file:
+
+```
+{"who": "operator", "asked_utc": "2026-11-20T18:00:00+00:00"}
+```
+
+It needs no more than the folder, and the run looks for the file between two looks at its instruments. The file counts
+only for the run that holds the campaign's lock, and only where it was written since that took it: what an earlier run
+left behind stops nobody. It is removed once the campaign is closed, and no manifest names it.
 """
 
 from __future__ import annotations
 
+import json
 import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
+from pathlib import Path
 from types import FrameType
 
-from benchctl_instruments.errors import BenchError
+from benchctl.atomic import whole_file
+from benchctl.documents import read_json
+from benchctl.limits import cut
+from benchctl.locks import is_held
+from benchctl.recordings.schema import LOCK, STOP
+from benchctl_instruments.errors import BenchError, UsageError
 
 _LOOK_EVERY_S = 0.2
 """Wall time between two looks at what may ask for a stop beside the signals: `heed` is called thousands of times."""
@@ -75,3 +93,79 @@ def stop_on_signals(*, deaf_after: bool = True) -> Iterator[StopRequest]:
     finally:
         for number, handler in before.items():
             signal.signal(number, signal.SIG_IGN if request.reason and deaf_after else handler)
+
+
+_LONGEST_WHO = 60
+
+
+class NotRunningError(UsageError):
+    """No process writes the campaign: there is no run to stop."""
+
+
+def ask_by_file(folder: Path, who: str) -> None:
+    """Ask the run that writes a campaign's folder to stop; `who` asks, in a word or two.
+
+    Raises
+    ------
+    NotRunningError
+        Where no run holds the campaign's lock, or it ended meanwhile.
+    UsageError
+        Where the folder may not be written to.
+    """
+    _require_run(folder)
+    with whole_file(folder / STOP) as temporary:
+        temporary.write_text(json.dumps({"who": who, "asked_utc": datetime.now(UTC).isoformat(timespec="seconds")}))
+    try:
+        _require_run(folder)
+    except NotRunningError:
+        forget_stop(folder)
+        raise
+
+
+def is_asked(folder: Path) -> bool:
+    """Whether a wish to stop lies in a campaign's folder that its run has not heeded yet."""
+    return (folder / STOP).exists()
+
+
+def heed_file(stop: StopRequest, folder: Path) -> None:
+    """Let a run's `stop` also heed what is asked in its campaign's folder, which need not be there yet."""
+    path = folder / STOP
+
+    def asked() -> str:
+        try:
+            path.stat()
+        except OSError:
+            return ""
+        return f"the live page ({_who(path)})"
+
+    stop.watch(asked)
+
+
+def forget_stop(folder: Path) -> None:
+    """Remove a wish to stop; who calls this has the campaign's lock, or has just closed the campaign."""
+    with suppress(OSError):
+        (folder / STOP).unlink()
+
+
+def forget_stale_stop(folder: Path) -> None:
+    """Remove a wish to stop that an earlier run has left; one that came since the lock was taken stays.
+
+    Who calls this has the campaign's lock.
+    """
+    with suppress(OSError):
+        if (folder / STOP).stat().st_mtime_ns < (folder / LOCK).with_suffix(".json").stat().st_mtime_ns:
+            forget_stop(folder)
+
+
+def _require_run(folder: Path) -> None:
+    if not is_held(folder / LOCK):
+        raise NotRunningError(f"campaign {folder.name}: nobody runs it any more; there is nothing to stop")
+
+
+def _who(path: Path) -> str:
+    """Who asks, as far as the file states it: a stop is heeded whatever is in it."""
+    try:
+        who = read_json(path, "stop request")["who"]
+    except (UsageError, KeyError, TypeError):
+        return "somebody"
+    return cut("".join(letter for letter in str(who) if letter.isprintable()), _LONGEST_WHO) or "somebody"

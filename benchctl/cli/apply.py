@@ -47,8 +47,7 @@ def apply(
 
     Example: `benchctl apply recording.h5 --coefficients coefficients.json`
     """
-    from benchctl.calibration.compensated_file import write_compensated
-    from benchctl.calibration.compensating import read_compensation
+    from benchctl.calibration.compensating import read_compensation, write_compensated
     from benchctl.recordings.campaign_manifest import add_to_manifest
     from benchctl.recordings.reader import open_recording
     from benchctl.recordings.verify import refuse_changed

@@ -11,7 +11,7 @@ import typer
 
 from benchctl.bench import Bench
 from benchctl.campaign import playing
-from benchctl.campaign.answers import Answers
+from benchctl.campaign.hands import Answers
 from benchctl.campaign.resume import Past, past_of, whole_steps
 from benchctl.campaign.runner import AbortedError, Outcome
 from benchctl.campaign.safety import SafeState

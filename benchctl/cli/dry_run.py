@@ -8,10 +8,8 @@ from pathlib import Path
 
 from benchctl.atomic import free_bytes, require_empty
 from benchctl.bench import Bench, Limits
-from benchctl.campaign.answers import Answers, answer_line
-from benchctl.campaign.check import bench_time_s, problems, refusal, room_problems
-from benchctl.campaign.expiry import expiring
-from benchctl.campaign.hands import hands_at_the_terminal, refuse_without_hands
+from benchctl.campaign.check import bench_time_s, expiring, problems, refusal, room_problems
+from benchctl.campaign.hands import Answers, answer_line, hands_at_the_terminal, refuse_without_hands
 from benchctl.campaign.interlocks import words
 from benchctl.campaign.playing import questions_asked
 from benchctl.campaign.resume import Past, steps_to_play

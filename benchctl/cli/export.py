@@ -93,7 +93,7 @@ def _export_recording(source: Path, to: Format, target: Path) -> None:
 
 def _export_compensation(source: Path, to: Format, target: Path) -> None:
     from benchctl.calibration.c_header import export_c_header
-    from benchctl.calibration.compensation_json import export_json
+    from benchctl.calibration.compensating import export_json
     from benchctl.reports.coefficient_tables import own_compensation
 
     write = export_c_header if to is Format.c_header else export_json

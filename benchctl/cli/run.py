@@ -82,7 +82,7 @@ def run(
     from contextlib import nullcontext
 
     from benchctl.bench import load_bench
-    from benchctl.campaign.answers import read_answers
+    from benchctl.campaign.hands import read_answers
     from benchctl.campaign.playing import new_folder
     from benchctl.campaign.resume import past_of
     from benchctl.cli.campaigns import play, resumed, summary, told

@@ -17,7 +17,7 @@ def show(
     Example: `benchctl show results/20261120-180000_two_stage_SIM-0001`
     """
     from benchctl.recordings.reader import open_recording
-    from benchctl.recordings.summary import summarise
+    from benchctl.recordings.verify import summarise
 
     with result_of("show", json_to, quiet) as result:
         with open_recording(recording) as opened:

@@ -63,7 +63,7 @@ def sim(
 
 
 def _write_bench(path: Path, bench: Bench, addresses: dict[str, str], speed: float) -> None:
-    from benchctl.campaign.served import bench_toml_at
+    from benchctl.campaign.opened import bench_toml_at
     from benchctl_instruments.errors import UsageError, reason
 
     try:

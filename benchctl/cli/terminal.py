@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import IO, cast
 
-from benchctl.campaign.progress import Moment, Progress, nobody
+from benchctl.campaign.runner import Moment, Progress, nobody
 from benchctl.cli.messages import duration, let_go
 
 REDRAW_S = 0.1

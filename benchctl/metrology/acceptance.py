@@ -10,15 +10,12 @@ from threadpoolctl import threadpool_limits
 
 from benchctl.metrology.gyro_tests.across import across_tests
 from benchctl.metrology.gyro_tests.at_rest import rest_tests
-from benchctl.metrology.gyro_tests.dead_zone import dead_zone_tests
-from benchctl.metrology.gyro_tests.hysteresis import hysteresis_tests
-from benchctl.metrology.gyro_tests.ramps import ramp_tests
 from benchctl.metrology.gyro_tests.repeatability import repeatability_tests
 from benchctl.metrology.gyro_tests.response import response_tests
-from benchctl.metrology.gyro_tests.scale_factor import scale_factor_tests
-from benchctl.metrology.gyro_tests.small_rates import small_rate_tests
+from benchctl.metrology.gyro_tests.scale_factor import hysteresis_tests, scale_factor_tests
+from benchctl.metrology.gyro_tests.small_rates import dead_zone_tests, small_rate_tests
 from benchctl.metrology.gyro_tests.temperature import temperature_tests
-from benchctl.metrology.gyro_tests.warm_up import warm_up_tests
+from benchctl.metrology.gyro_tests.warm_up import ramp_tests, warm_up_tests
 from benchctl.metrology.limit_file import Limits
 from benchctl.metrology.names import UNITS
 from benchctl.metrology.observations import Observations, Settings, observe

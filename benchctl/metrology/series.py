@@ -11,11 +11,10 @@ import numpy.typing as npt
 
 from benchctl.closeness import meant
 from benchctl.limits import shown
-from benchctl.recordings.delimited import Layout, header_names, read_columns
 from benchctl.recordings.model import FRAME_CHANNELS, UNITS, StepInfo, axis_of
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.stored import StoredStep
-from benchctl.recordings.text_file import read_bytes
+from benchctl.recordings.text_file import Layout, header_names, read_bytes, read_columns
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 

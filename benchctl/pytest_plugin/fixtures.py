@@ -121,8 +121,7 @@ def benchctl_run(benchctl_bench: OpenBench, tmp_path: Path) -> Runner:
 @pytest.fixture
 def benchctl_server(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Server]:
     """Simulated instruments as servers, `time_factor` of bench.toml bench seconds a wall second."""
-    from benchctl.campaign.opened import simulated_bench
-    from benchctl.campaign.served import bench_toml_at
+    from benchctl.campaign.opened import bench_toml_at, simulated_bench
     from benchctl_instruments.simulated.clock import ScaledClock
 
     with ExitStack() as stack:

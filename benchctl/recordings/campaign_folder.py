@@ -4,10 +4,9 @@
 campaign.h5                   what is known before the first step: a recording without steps
 journal.jsonl                 one JSON object a line: what was decided and when
 running.lock                  held by the process that writes; running.json says which that is
-stop.json                     somebody's wish to stop it, until it is heeded (`benchctl.campaign.stop_file`)
+stop.json                     somebody's wish to stop it, until it is heeded (`benchctl.campaign.stop`)
 steps/0001_zero.h5            a finished step: closed, compressed, sealed, on the disk
 steps/0002_rate_+50.h5.part   the step being written: HDF5 under SWMR, flushed at least every half second
-.gathered.h5.PID.tmp          of a long campaign: the steps so far, gathered beforehand (`gathering`)
 recording.h5                  once the campaign is finished: all steps; campaign.h5 and steps/ are then gone
 unreadable/                   files of steps that a crash left unreadable, where there were any
 ```
@@ -22,7 +21,6 @@ from typing import Any
 from benchctl.atomic import disk_errors, require_empty, sync_folder
 from benchctl.locks import Lock
 from benchctl.recordings.gather import gather
-from benchctl.recordings.gathering import Gathering
 from benchctl.recordings.journal import append_event, sync_journal
 from benchctl.recordings.model import Meta, Status, StepInfo
 from benchctl.recordings.schema import CAMPAIGN, JOURNAL, LOCK, STEPS
@@ -39,7 +37,7 @@ def campaign_lock(folder: Path) -> Lock:
 
 
 class CampaignWriter:
-    """Writes a campaign's folder; one step at a time, each with an index of its own.
+    """Writes a campaign's folder; one step at a time, each with its own index.
 
     `meta.status` should be `running`. `lock` is that of a folder which is gone on with, taken by the caller; without it
     the folder is made. Raises `UsageError` where a folder to be made exists and holds something, or the disk refuses.
@@ -50,7 +48,6 @@ class CampaignWriter:
         self.meta = meta
         self._step: StepWriter | None = None
         self._lock = _make(folder, meta) if lock is None else lock
-        self._gathering = Gathering(folder)
 
     def event(self, kind: str, /, **data: Any) -> None:
         """Append a line to the journal: `kind`, wall time (UTC) and `data` (plain JSON); it survives `kill -9`."""
@@ -71,10 +68,9 @@ class CampaignWriter:
         return self._step
 
     def step_over(self, info: StepInfo) -> None:
-        """Note that a step is whole; it, and the line that says so, are then on the disk."""
+        """Note that a step is complete; the step and its line in the journal are then on the disk."""
         self.event("whole", index=info.index, name=info.name, samples=info.samples, digest=info.digest)
         sync_journal(self.folder / JOURNAL)
-        self._gathering.step_over()
 
     def finish(self, status: Status, reason: str = "") -> Path:
         """Gather all steps in `recording.h5`, check every digest in it, remove `steps/`; returns the path of the file.
@@ -85,17 +81,16 @@ class CampaignWriter:
         self.event("finish", status=status, reason=reason)
         if self._step is not None and self._step.is_open:
             self._step.cut()
-        recording = gather(self.folder, self.meta, status, reason, self._gathering.begun())
+        recording = gather(self.folder, self.meta, status, reason)
         self._lock.release()
         return recording
 
     def release(self) -> None:
-        """Let go of every file and of the lock, leaving the folder as a crash would: it opens, and can be resumed."""
+        """Close every file and release the lock, leaving the folder as a crash would: it opens, and can be resumed."""
         try:
             if self._step is not None:
                 self._step.release()
         finally:
-            self._gathering.end()
             self._lock.release()
 
 

@@ -1,21 +1,26 @@
-"""The map file: which column of a foreign file is which channel, in which unit, with which sign; checked by pydantic.
+"""The map file, checked by pydantic, and the columns of a foreign file that it asks for.
 
-`map_examples` explains it by example.
+It says which column is which channel, in which unit, with which sign; `map_examples` explains it by example. The
+columns are kept as they stand, before units and clocks.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
+import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from benchctl.limits import MOST_COLUMNS, MOST_COUNTS_PER_REV, MOST_HEADER_LINES
 from benchctl.recordings import units
 from benchctl.recordings.step_entries import Rate, StepEntry
 from benchctl.toml_file import parse_toml, read_text
+from benchctl_instruments.arrays import FloatArray
+from benchctl_instruments.errors import UsageError
 
 ColumnName = Annotated[str, Field(min_length=1)] | Annotated[int, Field(ge=1, le=MOST_COLUMNS)]
 
@@ -146,7 +151,7 @@ class Channels(BaseModel):
 
     @property
     def columns(self) -> dict[str, Column]:
-        """Name of the channel -> where it stands."""
+        """Name of the channel -> its column."""
         ours: dict[str, Column | None] = {name: getattr(self, name) for name in type(self).model_fields}
         return {name: column for name, column in (ours | self.__pydantic_extra__).items() if column is not None}
 
@@ -231,7 +236,7 @@ class MapStep(StepEntry):
 
 
 class ColumnMap(_Table):
-    """A whole map file: channels with their time, or static points.
+    """A map file: channels with their time, or static points.
 
     `drive` and `chamber` are a lab's models of these parts, for a diagnosis of them.
     """
@@ -264,3 +269,89 @@ def read_map(path: Path) -> tuple[ColumnMap, str]:
     """A map file and its text; raises `UsageError` that names the file, the line and the field."""
     text = read_text(path, "map file")
     return parse_map(text, str(path)), text
+
+
+TIME = "time_s"
+"""The name under which the column of stamps is kept among the channels."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wanted:
+    """A column that the map asks for: a name, or a number from 1, and the column of a matrix where it is one."""
+
+    column: str | int
+    index: int | None = None
+
+    def __str__(self) -> str:
+        return f"{self.column}" if self.index is None else f"{self.column}[{self.index}]"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RawColumns:
+    """Channel -> numbers as the file has them, each of shape (rows,); the first is the file's own `first_row`."""
+
+    path: Path
+    values: Mapping[str, FloatArray]
+    wanted: Mapping[str, Wanted]
+    first_row: int
+    row_word: str
+
+    def place(self, row: int, channel: str) -> str:
+        """The place of a value: file, line and column; `row` counts from 0."""
+        return f"{self.path}, {self.row_word} {row + self.first_row}, column {self.wanted[channel]}"
+
+    def require_finite(self) -> None:
+        """Raise `UsageError` at the first value that is not a finite number."""
+        for channel, values in self.values.items():
+            odd = np.flatnonzero(~np.isfinite(values))
+            if odd.size:
+                raise UsageError(
+                    f"{self.place(int(odd[0]), channel)}: expected a finite number, got {values[odd[0]]}; "
+                    "leave such rows out"
+                )
+
+
+def raw_columns(path: Path, columns: Mapping[str, FloatArray], wanted: Mapping[str, Wanted], first: int) -> RawColumns:
+    """The columns by channel, from row `first` on.
+
+    Raises `UsageError` where they differ in length, have no such row, or hold what is no finite number.
+    """
+    lengths = {str(wanted[channel]): column.size for channel, column in columns.items()}
+    if len(set(lengths.values())) > 1:
+        counted = ", ".join(f"{name} {length}" for name, length in lengths.items())
+        raise UsageError(f"{path}: the columns have different numbers of rows: {counted}; map those of one length")
+    rows = min(lengths.values())
+    if first > rows:
+        raise UsageError(f"{path}: has {rows} rows, none from row {first}, where the map begins; correct first_line")
+    values = {channel: column[first - 1 :] for channel, column in columns.items()}
+    raw = RawColumns(path=path, values=values, wanted=wanted, first_row=first, row_word="row")
+    raw.require_finite()
+    return raw
+
+
+def converted(raw: RawColumns, channel: str, entry: Column) -> FloatArray:
+    """A column in the unit of its channel, shape (rows,); raises `UsageError` where scale and offset overflow it."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        values = entry.conversion.apply(raw.values[channel])
+    odd = np.flatnonzero(~np.isfinite(values))
+    if odd.size:
+        raise UsageError(
+            f"{raw.place(int(odd[0]), channel)}: {raw.values[channel][odd[0]]} becomes {values[odd[0]]}; "
+            "correct unit, scale and offset in the map file"
+        )
+    return values
+
+
+def wanted_columns(mapping: ColumnMap) -> dict[str, Wanted]:
+    """The columns that a map asks for, by channel; the stamps, where they are a column, as `time_s`."""
+    found: dict[str, Wanted] = {}
+    if mapping.time is not None and mapping.time.column is not None:
+        found[TIME] = Wanted(column=mapping.time.column, index=mapping.time.index)
+    if mapping.channels is not None:
+        for name, entry in mapping.channels.columns.items():
+            found[name] = Wanted(column=entry.column, index=entry.index)
+    if mapping.points is not None:
+        for name in ("rate", "mean", "std", "run", "temperature", "duration"):
+            if (point := getattr(mapping.points, name)) is not None:
+                found[name] = Wanted(column=point.column, index=point.index)
+    return found

@@ -3,7 +3,7 @@
 What is digested is the content, not the file: SHA-256 over a canonical form that is the same however the samples are
 chunked or compressed. Each channel has the attribute `digest`; each step, and the root, has a `manifest` (canonical
 JSON: its attributes, and the digests of what is in it) and a `digest` of that manifest. The digest of the root
-therefore stands for the whole recording. A seal finds accidents and careless edits; it is no signature: who edits a
+therefore stands for the entire recording. A seal finds accidents and careless edits; it is no signature: who edits a
 recording on purpose can seal it anew.
 """
 
@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeAlias
@@ -21,7 +21,6 @@ import numpy as np
 
 from benchctl.documents import json_document
 from benchctl.limits import cut
-from benchctl.recordings.attributes import Plain, write_attribute
 from benchctl.recordings.descriptions import AXIS_ATTRIBUTES, attributes_of
 from benchctl.recordings.hdf5_guard import (
     attribute,
@@ -33,8 +32,8 @@ from benchctl.recordings.hdf5_guard import (
     plain_errors,
 )
 from benchctl.recordings.model import axis_of
-from benchctl.recordings.schema import STEPS
-from benchctl.recordings.unpacking import read_samples
+from benchctl.recordings.opening import read_samples
+from benchctl.recordings.schema import STEPS, Plain, write_attribute
 from benchctl.side_by_side import cores, in_order
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
@@ -54,7 +53,7 @@ _HEX_DIGITS = 64
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One thing that is not as it was written: where it is, and what is said of it."""
+    """One thing that is not as it was written: where it is, and what is wrong."""
 
     where: str
     says: str
@@ -105,7 +104,7 @@ def seal_step(
 ) -> str:
     """Write the digests of a finished step, channel -> digest of its samples; returns the digest of the step.
 
-    `written` is what was just written of its attributes; what is not told is read.
+    `written` is what was just written of its attributes; the rest is read.
     """
     for name, digest in digests.items():
         _put(channels[name], "digest", digest)
@@ -115,7 +114,7 @@ def seal_step(
 def seal_recording(root: h5py.Group, attributes: Mapping[str, Plain] | None = None) -> str:
     """Write the digest of a finished recording, all of whose steps are sealed; returns it.
 
-    `attributes` are those that the root was written with; what is not told of them is read.
+    `attributes` are those that the root was written with; None: they are read.
     """
     return _seal(root, _root_manifest(root, attributes))
 
@@ -125,13 +124,8 @@ def _none_known(*_: str) -> str | None:
     return None
 
 
-def problems_of_recording(
-    root: h5py.Group, known: Known = _none_known, proven: Collection[str] = ()
-) -> Iterator[Problem]:
-    """Everything in a sealed recording that is not as it was sealed.
-
-    Reads every sample but those `known`; of the steps `proven`, by the names of their groups, the digest only.
-    """
+def problems_of_recording(root: h5py.Group, known: Known = _none_known) -> Iterator[Problem]:
+    """Everything in a sealed recording that is not as it was sealed; reads every sample but those `known`."""
     try:
         yield from _compare(root, _root_manifest(root), "recording", "step")
         steps = child_group(root, STEPS)
@@ -143,18 +137,12 @@ def problems_of_recording(
         yield Problem("recording", f"cannot be read: {err}")
         return
     for name in names:
-        if name not in proven:
-            yield from problems_of_member(root, name, known)
-
-
-def problems_of_member(root: h5py.Group, name: str, known: Known = _none_known) -> Iterator[Problem]:
-    """Everything in one step of a recording, by the name of its group, that is not as it was sealed."""
-    try:
-        step = child_group(root[STEPS], name)
-    except ValueError as err:
-        yield Problem(f"step {name}", f"cannot be read: {err}")
-    else:
-        yield from problems_of_step(step, f"step {name}", partial(known, name))
+        try:
+            step = child_group(steps, name)
+        except ValueError as err:
+            yield Problem(f"step {name}", f"cannot be read: {err}")
+        else:
+            yield from problems_of_step(step, f"step {name}", partial(known, name))
 
 
 def problems_of_step(
@@ -261,7 +249,7 @@ def _put(thing: h5py.Group | h5py.Dataset, name: str, text: str) -> None:
 
 
 def _compare(group: h5py.Group, found: Mapping[str, Any], where: str, part: str) -> Iterator[Problem]:
-    """Hold what is there against what the seal says was there."""
+    """Compare what is there with the manifest."""
     if not {"manifest", "digest"} <= set(attribute_names(group)):
         yield Problem(where, "has no digest: it was not written to its end, or not by this program")
         return
@@ -329,3 +317,30 @@ def _brief(attributes: Mapping[str, Any]) -> dict[str, str]:
 def _canonical(value: object) -> bytes:
     """JSON with sorted keys, no spaces, UTF-8."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False, default=repr).encode()
+
+
+class ReadDigests:
+    """Of each channel that was read from its first sample to its last, in order; other channels have none.
+
+    Channels may be read in several threads, each channel in one at a time.
+    """
+
+    def __init__(self) -> None:
+        self._digests: dict[tuple[int, str], SampleDigest] = {}
+        self._taken: dict[tuple[int, str], int] = {}
+        self._lengths: dict[tuple[int, str], int] = {}
+
+    def take(self, step: int, channel: str, length: int, start: int, samples: FloatArray) -> None:
+        """Samples from `start` on were read of a channel of `length` samples in the step of this index."""
+        key = step, channel
+        taken = self._taken.get(key, 0)
+        if not start <= taken < start + samples.size:
+            return
+        self._digests.setdefault(key, SampleDigest(length)).update(samples[taken - start :])
+        self._taken[key], self._lengths[key] = start + samples.size, length
+
+    def of(self, step: int, channel: str) -> str | None:
+        """The digest of a channel that was read completely; None where it was not."""
+        key = step, channel
+        whole = key in self._taken and self._taken[key] == self._lengths[key]
+        return self._digests[key].hexdigest() if whole else None

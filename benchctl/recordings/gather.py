@@ -1,18 +1,94 @@
-"""From a campaign's folder to the one file that people keep."""
+"""Gather the files of a campaign's steps in the one file that people keep, and take such a file apart again."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Iterable, Sequence
+from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
 
-from benchctl.atomic import disk_errors, sync_folder
-from benchctl.recordings.combine import Begun, combine
+import h5py
+
+from benchctl.atomic import disk_errors, sync_folder, whole_file
+from benchctl.recordings.digests import problems_of_recording, seal_recording
+from benchctl.recordings.hdf5_files import RecordingFile, open_ours
 from benchctl.recordings.journal import journal_text, sync_journal
 from benchctl.recordings.model import Meta, Status
-from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, JOURNAL, RECORDING, STEPS
+from benchctl.recordings.opening import create_hdf5, give_back, reserve
+from benchctl.recordings.schema import (
+    CAMPAIGN,
+    FINISHED_SUFFIX,
+    JOURNAL,
+    RECORDING,
+    STEPS,
+    attach_axes,
+    group_name,
+    meta_attributes,
+    write_attributes,
+)
+from benchctl.recordings.step_writer import file_stem
+from benchctl.recordings.writer import finished_file, require_intact
 from benchctl_instruments.errors import UsageError
+
+
+def combine(files: Sequence[Path], path: Path, meta: Meta) -> None:
+    """Write one recording with the steps of several sealed files, in the order given.
+
+    Compressed chunks are copied as they are. Before the file gets its name every sample in it is read back and compared
+    with the digest it had in its step's file. Raises `UsageError` where one does not agree or the disk refuses; nothing
+    is left behind.
+    """
+    with whole_file(path) as temporary:
+        with create_hdf5(temporary) as target:
+            target.create_group(STEPS, track_order=True)
+            write_attributes(target, meta_attributes(meta))
+            for file in files:
+                with open_ours(file) as source:
+                    for name in source[STEPS]:
+                        _copy(source, f"{STEPS}/{name}", target)
+            seal_recording(target)
+        give_back(temporary)
+        with h5py.File(temporary, "r") as written:
+            for problem in problems_of_recording(written):
+                raise UsageError(
+                    f"{path}: not written: {problem}; the steps are still in {path.parent / STEPS}, "
+                    "benchctl recover tries it again"
+                )
+
+
+def _copy(source: h5py.File, step: str, target: h5py.File) -> None:
+    """Copy a step's group, compressed chunks as they are."""
+    reserve(target, sum(dataset.id.get_storage_size() for dataset in source[step].values()))
+    source.copy(step, target, step)
+    _renew_references(target[step])
+
+
+def take_apart(recording: Path, folder: Path, meta: Meta) -> None:
+    """Write each step of a recording to a separate file, as a campaign's `steps/` has them; the reverse of `combine`.
+
+    `folder` is where those files go; it exists. Every sample is read back and compared with its digest. Raises
+    `UsageError` where one does not agree or the disk refuses; the recording, whose digests the caller has checked, is
+    left as it is.
+    """
+    with closing(RecordingFile(recording)) as described:
+        infos = described.infos
+    with open_ours(recording) as source:
+        for info in infos:
+            name = group_name(info.index)
+            with whole_file(folder / f"{file_stem(info)}{FINISHED_SUFFIX}") as temporary:
+                with finished_file(temporary, meta) as target:
+                    _copy(source, name, target)
+                    seal_recording(target)
+                require_intact(temporary)
+
+
+def _renew_references(step: h5py.Group) -> None:
+    """Point the channels at their axes again: copied by HDF5 into another file, references point nowhere."""
+    for dataset in step.values():
+        for name in ("DIMENSION_LIST", "REFERENCE_LIST"):
+            if name in dataset.attrs:
+                del dataset.attrs[name]
+    attach_axes(step)
 
 
 def finished_steps(folder: Path) -> list[Path]:
@@ -20,34 +96,18 @@ def finished_steps(folder: Path) -> list[Path]:
     return sorted((folder / STEPS).glob(f"[0-9]*{FINISHED_SUFFIX}"))
 
 
-def gather(folder: Path, meta: Meta, status: Status, reason: str, begun: Begun | None = None) -> Path:
+def gather(folder: Path, meta: Meta, status: Status, reason: str) -> Path:
     """Gather all finished steps in `recording.h5`, check every digest in it, remove their files; returns its path.
 
-    `reason` and the journal are kept as `Meta.provenance["reason"]` and `["journal"]`. What was `begun` is gone on with
-    where it can be, and removed. Raises `UsageError` where that fails; the steps then stay as they are.
+    `reason` and the journal are kept as `Meta.provenance["reason"]` and `["journal"]`. Raises `UsageError` where that
+    fails; the steps then stay as they are.
     """
     sync_journal(folder / JOURNAL)
     provenance = {**meta.provenance, "reason": reason, "journal": journal_text(folder / JOURNAL)}
-    recording = folder / RECORDING
-    told = replace(meta, status=status, provenance=provenance)
-    files = finished_steps(folder)
-    if begun is None or not _completed(files, recording, told, begun):
-        combine(files, recording, told)
+    recording, files = folder / RECORDING, finished_steps(folder)
+    combine(files, recording, replace(meta, status=status, provenance=provenance))
     remove_gathered(folder, files)
     return recording
-
-
-def _completed(files: list[Path], recording: Path, meta: Meta, begun: Begun) -> bool:
-    """Whether what was begun could become the recording; where it could not, for any reason, there is none."""
-    try:
-        if tuple(file.name for file in files[: len(begun.files)]) != begun.files:
-            return False
-        combine(files, recording, meta, begun)
-    except (UsageError, LookupError, RuntimeError, ValueError):  # as HDF5 words it that a file is damaged
-        return False
-    finally:
-        begun.path.unlink(missing_ok=True)
-    return True
 
 
 def remove_gathered(folder: Path, files: Iterable[Path]) -> None:

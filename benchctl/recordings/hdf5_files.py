@@ -18,22 +18,22 @@ import numpy as np
 from benchctl.confined import hdf5_name, stat_of
 from benchctl.limits import cut, require_file, require_memory, shown
 from benchctl.recordings.descriptions import read_info, read_meta
+from benchctl.recordings.digests import ReadDigests
 from benchctl.recordings.hdf5_guard import (
     attribute,
     child,
     child_group,
     is_channel,
+    is_own,
     length_of,
     names_in,
     plain_errors,
+    require_harmless,
 )
-from benchctl.recordings.hdf5_trial import is_own, require_harmless
 from benchctl.recordings.model import Axis, Meta, Step, StepInfo, axis_of
-from benchctl.recordings.opening import open_closed, open_growing
-from benchctl.recordings.read_digests import ReadDigests
+from benchctl.recordings.opening import fill, open_closed, open_growing
 from benchctl.recordings.schema import FORMAT, PART_SUFFIX, STEPS, group_name
 from benchctl.recordings.stored import SCANS_AT_ONCE, StoredStep
-from benchctl.recordings.unpacking import fill
 from benchctl.side_by_side import cores, in_order
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError, in_line, reason

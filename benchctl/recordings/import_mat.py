@@ -20,9 +20,8 @@ from scipy.io.matlab import MatReadError, MatReadWarning, matfile_version
 
 from benchctl.limits import cut, listed, memory_bytes, require_file
 from benchctl.own_process import limit_itself, run_limited
-from benchctl.recordings.column_map import ColumnMap
+from benchctl.recordings.column_map import ColumnMap, RawColumns, Wanted, raw_columns, wanted_columns
 from benchctl.recordings.hdf5_guard import attribute, check_samples, child, names_in, plain_errors
-from benchctl.recordings.raw_columns import RawColumns, Wanted, wanted_columns
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError, reason
 
@@ -53,19 +52,8 @@ def read_mat(path: Path, mapping: ColumnMap) -> RawColumns:
     first = mapping.file.first_line or 1
     if first_variable is not None:
         first = _first_row(path, first_variable, variables[first_variable])
-    whole = {channel: _column(path, column, variables[str(column.column)]) for channel, column in wanted.items()}
-    lengths = {str(wanted[channel]): values.size for channel, values in whole.items()}
-    if len(set(lengths.values())) > 1:
-        told = ", ".join(f"{name} {length}" for name, length in lengths.items())
-        raise UsageError(f"{path}: the columns have different numbers of rows: {told}; map those of one length")
-    if first > min(lengths.values()):
-        raise UsageError(
-            f"{path}: has {min(lengths.values())} rows, none from row {first}, where the map begins; correct first_line"
-        )
-    values = {channel: column[first - 1 :] for channel, column in whole.items()}
-    raw = RawColumns(path=path, values=values, wanted=wanted, first_row=first, row_word="row")
-    raw.require_finite()
-    return raw
+    columns = {channel: _column(path, column, variables[str(column.column)]) for channel, column in wanted.items()}
+    return raw_columns(path, columns, wanted, first)
 
 
 def _load(path: Path, names: set[str]) -> dict[str, Any]:

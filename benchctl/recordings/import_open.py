@@ -18,11 +18,19 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from benchctl.documents import json_document
 from benchctl.limits import MOST_COUNTS_PER_REV, cut, listed, shown
-from benchctl.recordings.delimited import Layout, body_of, header_names, printed_decimals, read_columns
 from benchctl.recordings.model import UNITS, BenchFacts, Meta, Step, Unit
 from benchctl.recordings.stamps import StampError, require_uniform
 from benchctl.recordings.step_entries import Rate, StepEntry, cut_into_steps
-from benchctl.recordings.text_file import read_bytes, read_json_text, sources_json
+from benchctl.recordings.text_file import (
+    Layout,
+    body_of,
+    header_names,
+    printed_decimals,
+    read_bytes,
+    read_columns,
+    read_json_text,
+    sources_json,
+)
 from benchctl.recordings.units import unit_of_column
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError

@@ -1,12 +1,22 @@
-"""Brings a foreign recording into our own file: finds out what it is, reads it, writes it whole or not at all."""
+"""Import a foreign recording into our own file: find out what it is, read it, write it completely or not at all.
+
+Columns come from delimited text, JSON (rows, or columns by name), SQLite and MATLAB files, steps from open recordings.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+import sqlite3
+from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from benchctl.recordings.column_map import ColumnMap, read_map
+import numpy as np
+
+from benchctl.limits import cut, listed, require_file, require_memory, shown
+from benchctl.recordings.column_map import ColumnMap, RawColumns, Wanted, raw_columns, read_map, wanted_columns
 from benchctl.recordings.import_mat import read_mat
 from benchctl.recordings.import_open import (
     is_open_recording,
@@ -14,14 +24,174 @@ from benchctl.recordings.import_open import (
     read_open_recording,
     samples_of,
 )
-from benchctl.recordings.import_records import read_json, read_sqlite
-from benchctl.recordings.import_table import read_table
 from benchctl.recordings.mapped import build_recording
 from benchctl.recordings.model import Meta, Step
 from benchctl.recordings.static_points import build_points, map_by_header
-from benchctl.recordings.text_file import sources_json
+from benchctl.recordings.text_file import Layout, header_names, read_bytes, read_columns, sources_json
 from benchctl.recordings.writer import write_recording
-from benchctl_instruments.errors import UsageError
+from benchctl_instruments.arrays import FloatArray
+from benchctl_instruments.errors import UsageError, reason
+
+
+def read_table(path: Path, mapping: ColumnMap) -> RawColumns:
+    """The mapped columns of a text file (gzip or not).
+
+    Raises
+    ------
+    UsageError
+        A column that is not there, or a cell that is no finite number; names file, line and column.
+    """
+    if mapping.file.first_row_variable is not None:
+        raise UsageError(f"{path}: file.first_row_variable is for MAT files; of a text say file.first_line")
+    text = read_bytes(path)
+    layout = Layout(
+        delimiter=mapping.file.delimiter,
+        decimal=mapping.file.decimal,
+        header_line=mapping.file.header_line,
+        first_line=mapping.file.first_line or mapping.file.header_line + 1,
+    )
+    names = header_names(path, text, layout)
+    wanted = wanted_columns(mapping)
+    numbers = {str(column): _number(path, column, names, layout) for column in wanted.values()}
+    columns = read_columns(path, text, layout, numbers)
+    values = {channel: columns[str(column)] for channel, column in wanted.items()}
+    return RawColumns(path=path, values=values, wanted=wanted, first_row=layout.first_line, row_word="line")
+
+
+def _number(path: Path, wanted: Wanted, names: tuple[str, ...], layout: Layout) -> int:
+    """The number, from 0, of a column."""
+    if wanted.index is not None:
+        raise UsageError(f"{path}: index belongs to the matrices of MAT files; name the column {wanted.column} alone")
+    if isinstance(wanted.column, int):
+        return wanted.column - 1
+    if wanted.column in names:
+        return names.index(wanted.column)
+    if not names:
+        raise UsageError(f"{path}: has no header (file.header_line = 0), so that {wanted.column!r} must be a number")
+    raise UsageError(
+        f"{path}, line {layout.header_line}: the column {shown(wanted.column)} of the map is missing among "
+        f"{listed([repr(name) for name in names])}"
+    )
+
+
+_MEMORY_PER_BYTE = 20
+"""A number that JSON writes in five characters is an object of 24 bytes and more, in a list or a table of names."""
+
+
+def read_json(path: Path, mapping: ColumnMap) -> RawColumns:
+    """The mapped columns of a JSON file: `[{"t": 0.0, …}, …]`, `[[0.0, …], …]` or `{"t": [0.0, …], …}`.
+
+    `file.table` names the place of that table in a larger document, keys joined by dots.
+
+    Raises
+    ------
+    UsageError
+        Not JSON, no table of numbers at that place, a column that is missing, or columns of different lengths.
+    """
+    require_file(path)
+    try:
+        require_memory(path, _MEMORY_PER_BYTE * path.stat().st_size, "its content")
+        document = json.loads(path.read_bytes())
+    except OSError as err:
+        raise UsageError(f"{path}: cannot be read: {reason(err)}") from err
+    except (ValueError, RecursionError) as err:  # UnicodeDecodeError among them
+        raise UsageError(f"{path}: is no JSON: {cut(str(err))}") from err
+    for key in mapping.file.table.split(".") if mapping.file.table else ():
+        if not isinstance(document, dict) or key not in document:
+            known = listed([repr(name) for name in document]) if isinstance(document, dict) else "no names there"
+            raise UsageError(f"{path}: file.table: {shown(key)} is missing among {known}")
+        document = document[key]
+    if isinstance(document, dict):
+        return _columns(path, mapping, tuple(document), lambda name, _: document[name])
+    if isinstance(document, list) and document and all(isinstance(row, dict) for row in document):
+        return _columns(path, mapping, tuple(document[0]), lambda name, _: [row.get(name) for row in document])
+    if isinstance(document, list) and document and all(isinstance(row, list) for row in document):
+        return _columns(
+            path, mapping, (), lambda _, place: [row[place] if place < len(row) else None for row in document]
+        )
+    raise UsageError(
+        f"{path}: expected rows or columns of numbers, got {type(document).__name__}; "
+        "name the table in the document by file.table in the map"
+    )
+
+
+def read_sqlite(path: Path, mapping: ColumnMap) -> RawColumns:
+    """The mapped columns of a table (`file.table`, or the only one) or of a SELECT (`file.query`), opened read-only.
+
+    Raises
+    ------
+    UsageError
+        No SQLite database, no such table or column, a query that SQLite refuses, or a value that is no number.
+    """
+    require_file(path)
+    try:
+        # the file is one that a lab keeps: nothing is written, and no journal file is made
+        with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
+            found = database.execute(mapping.file.query or _everything(_table(path, database, mapping)))
+            names = tuple(column[0] for column in found.description or ())
+            rows = found.fetchall()
+    except (sqlite3.Error, sqlite3.Warning) as err:
+        raise UsageError(f"{path}: cannot be read as an SQLite database: {cut(str(err))}") from err
+    return _columns(path, mapping, names, lambda _, place: [row[place] for row in rows])
+
+
+def _table(path: Path, database: sqlite3.Connection, mapping: ColumnMap) -> str:
+    listing = database.execute("SELECT name FROM sqlite_master WHERE type IN ('table', 'view') ORDER BY name")
+    tables = [str(name) for (name,) in listing]
+    wanted = mapping.file.table
+    if wanted in tables or (not wanted and len(tables) == 1):
+        return wanted or tables[0]
+    known = listed([repr(name) for name in tables])
+    raise UsageError(
+        f"{path}: the table {shown(wanted)} of the map is missing among {known}"
+        if wanted
+        else f"{path}: has the tables {known}; name one by file.table in the map, or rows by file.query"
+    )
+
+
+def _everything(table: str) -> str:
+    quoted = table.replace('"', '""')
+    return f'SELECT * FROM "{quoted}"'  # noqa: S608 - the table is one of the database's own
+
+
+def _columns(path: Path, mapping: ColumnMap, names: Sequence[str], column: Callable[[str, int], Any]) -> RawColumns:
+    """Every wanted column from `first_line` on, by its name and its place."""
+    wanted = wanted_columns(mapping)
+    values: dict[str, FloatArray] = {}
+    for channel, one in wanted.items():
+        name, place = _found(path, one, names)
+        values[channel] = _numbers(path, name, column(name, place))
+    return raw_columns(path, values, wanted, mapping.file.first_line or 1)
+
+
+def _found(path: Path, wanted: Wanted, names: Sequence[str]) -> tuple[str, int]:
+    """A column's name and its place, from 0."""
+    if wanted.index is not None:
+        raise UsageError(f"{path}: index belongs to the matrices of MAT files; name the column {wanted.column} alone")
+    if isinstance(wanted.column, int):
+        if names and wanted.column > len(names):
+            raise UsageError(f"{path}: has {len(names)} columns, the map asks for number {wanted.column}; correct it")
+        return (names[wanted.column - 1] if names else f"{wanted.column}"), wanted.column - 1
+    if wanted.column not in names:
+        known = listed([repr(name) for name in names]) if names else "columns without names: give its number"
+        raise UsageError(f"{path}: the column {shown(wanted.column)} of the map is missing among {known}")
+    return wanted.column, list(names).index(wanted.column)
+
+
+def _numbers(path: Path, name: str, values: Any) -> FloatArray:
+    """A column of numbers, shape (rows,); a boolean counts as 0 or 1."""
+    if not isinstance(values, list):
+        raise UsageError(f"{path}: {name} is no list of numbers; name another column")
+    for row, value in enumerate(values, 1):
+        if not isinstance(value, int | float):
+            raise UsageError(f"{path}, row {row}, column {name}: expected a number, got {shown(value)}")
+    try:
+        return np.array(values, dtype=np.float64)
+    except OverflowError as err:
+        raise UsageError(
+            f"{path}: {name} holds a number too large for a float64; correct it, or leave the column out"
+        ) from err
+
 
 _READERS = {".mat": read_mat, ".json": read_json, **dict.fromkeys((".db", ".sqlite", ".sqlite3"), read_sqlite)}
 _TEXTS = (".csv", ".txt", ".log", ".tsv", ".dat", ".asc")
@@ -49,7 +219,7 @@ def import_recording(source: Path, map_file: Path | None, output: Path) -> Impor
     map_file
         Which column is which (`map_examples`); an open recording and a table of static points with our names need none.
     output
-        The HDF5 file to be; it appears when it is whole, and never otherwise.
+        The HDF5 file to write; it appears only when it is complete.
 
     Raises
     ------
@@ -113,5 +283,5 @@ def _with_sources(meta: Meta, sources: Sequence[Path], **further: str) -> Meta:
 
 
 def _kind(source: Path) -> str:
-    """The ending that tells what a file is, without `.gz`."""
+    """The extension that identifies a file, without `.gz`."""
     return Path(source.name.removesuffix(".gz")).suffix.lower()

@@ -11,10 +11,9 @@ import numpy as np
 
 from benchctl.limits import HIGHEST_RATE_HZ
 from benchctl.recordings import units
-from benchctl.recordings.column_map import ColumnMap, TimeEntry
+from benchctl.recordings.column_map import TIME, ColumnMap, RawColumns, TimeEntry, converted
 from benchctl.recordings.import_open import Description
 from benchctl.recordings.model import BenchFacts, Meta, Step, Unit
-from benchctl.recordings.raw_columns import TIME, RawColumns, converted
 from benchctl.recordings.stamps import (
     StampError,
     Survey,

@@ -1,4 +1,4 @@
-"""Makes HDF5 files with room on the disk for what is put into them, and opens those that grow.
+"""Make HDF5 files with room on the disk for what is put into them, open those that grow, and read samples.
 
 A write that the file system refuses leaves HDF5's cache in a state in which closing the file, or the end of the
 program, crashes (HDF5 2.0.0). So whoever writes reserves the bytes first: no space, a quota or a limit on the size of
@@ -8,18 +8,26 @@ A growing file is opened without HDF5's own locks. HDF5 locks a file while it is
 comes meanwhile: a viewer that found a step's file in the moment in which the runner made it would stop the run. Who may
 write a campaign is settled by the campaign's own lock (`benchctl.locks`). A finished file is locked as h5py does:
 within one process HDF5 opens a file only in one way.
+
+Samples that HDF5's own filters packed (shuffle, deflate) are read without HDF5's lock, so that all cores can unpack.
+HDF5 reads and inflates one chunk after the other, and h5py lets no second thread in meanwhile. Here a chunk is fetched
+as it lies in the file, which is a copy, and inflated and put in order outside the lock. Whatever is not packed in just
+this way, or looks odd in any respect, is left to h5py: it reads all that HDF5 can, and its errors say what is wrong.
 """
 
 from __future__ import annotations
 
 import errno
 import os
+import zlib
 from pathlib import Path
 
 import h5py
+import numpy as np
 
 from benchctl.atomic import beside, require_room
 from benchctl.confined import hdf5_name
+from benchctl_instruments.arrays import FloatArray
 
 FINISHED_LIBVER = ("v108", "v110")
 """The oldest and newest HDF5 format features that a finished file may use."""
@@ -83,7 +91,7 @@ def give_back(path: Path) -> None:
 
 
 def open_closed(path: Path) -> h5py.File:
-    """A file that nobody writes, open for reading; raises what `h5py.File` and `benchctl.confined` raise."""
+    """A file that no process writes, open for reading; raises what `h5py.File` and `benchctl.confined` raise."""
     with hdf5_name(path) as name:
         return h5py.File(name, "r")
 
@@ -92,7 +100,55 @@ def open_growing(path: Path) -> h5py.File:
     """A file that another process may be writing, open for reading under SWMR; raises what `h5py.File` raises.
 
     Where a header fails its checksum HDF5 reads it again, a hundred times, waiting twice as long each time: for a
-    damaged file that is for ever. `hdf5_trial` finds such a file.
+    damaged file that is for ever. `hdf5_guard.require_harmless` finds such a file.
     """
     with hdf5_name(path) as name:
         return h5py.File(name, "r", swmr=True, locking=False)
+
+
+_PACKED = [h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_DEFLATE]
+_BYTES = 8
+
+
+def read_samples(dataset: h5py.Dataset, start: int, stop: int) -> FloatArray:
+    """The samples `start:stop` of a channel that `hdf5_guard.check_samples` has passed; raises what h5py raises."""
+    samples = np.empty(stop - start)
+    fill(dataset, start, samples)
+    return samples
+
+
+def fill(dataset: h5py.Dataset, start: int, samples: FloatArray) -> None:
+    """As `read_samples`, into an array that is there."""
+    if samples.size and not (_is_packed(dataset) and _unpack(dataset, start, samples)):
+        with np.errstate(invalid="ignore"):  # of a signalling NaN in another type
+            samples[:] = dataset[start : start + samples.size]
+
+
+def _is_packed(dataset: h5py.Dataset) -> bool:
+    """Whether all chunks should be little-endian float64, shuffled and then deflated."""
+    if dataset.chunks is None or dataset.dtype != np.dtype("<f8"):
+        return False
+    storage = dataset.id.get_create_plist()
+    return [storage.get_filter(number)[0] for number in range(storage.get_nfilters())] == _PACKED
+
+
+def _unpack(dataset: h5py.Dataset, start: int, samples: FloatArray) -> bool:
+    """Fill the samples from `start` on; False where a chunk is not what it should be."""
+    size = dataset.chunks[0]
+    for first in range(start - start % size, start + samples.size, size):
+        try:
+            chunk = dataset.id.get_chunk_info_by_coord((first,))
+            if chunk.byte_offset is None or chunk.filter_mask:  # never written, or not packed
+                return False
+            packed = zlib.decompressobj()  # which stops where a chunk is full, however much it would blow up to
+            planes = packed.decompress(dataset.id.read_direct_chunk((first,))[1], size * _BYTES + 1)
+        except (MemoryError, OSError, RuntimeError, ValueError, zlib.error):
+            return False
+        if len(planes) != size * _BYTES or not packed.eof:
+            return False
+        skipped, place = max(start - first, 0), max(first - start, 0)
+        piece = samples[place : place + size - skipped]
+        places = piece.view(np.uint8).reshape(-1, _BYTES)
+        for number, plane in enumerate(np.frombuffer(planes, np.uint8).reshape(_BYTES, size)):
+            places[:, number] = plane[skipped : skipped + piece.size]
+    return True

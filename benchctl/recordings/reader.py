@@ -1,23 +1,75 @@
-"""Opens a recording, wherever it came from, one step in memory at a time."""
+"""Open a recording, wherever it came from, one step in memory at a time; several of one unit are read as one.
+
+Where a campaign is not finished, its folder tells whether its program runs, has ended or has died.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Protocol, Self
 
 from benchctl.confined import entries_in
-from benchctl.recordings.campaign_state import state_of
+from benchctl.locks import is_held
+from benchctl.recordings.digests import ReadDigests
 from benchctl.recordings.hdf5_files import RecordingFile
 from benchctl.recordings.import_open import read_open_recording
-from benchctl.recordings.model import Meta, Step, StepInfo
-from benchctl.recordings.read_digests import ReadDigests
-from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, PART_SUFFIX, RECORDING, STEPS
+from benchctl.recordings.journal import events_in, journal_text, last_word
+from benchctl.recordings.model import AXES, Meta, Step, StepInfo
+from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, JOURNAL, LOCK, PART_SUFFIX, RECORDING, STEPS
 from benchctl.recordings.stored import StoredStep, stored_of
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError, reason
+
+
+def described(folder: Path) -> Meta:
+    """The description of a campaign as it was begun: without an end, a reason and a journal.
+
+    It is that of the first file which can be read; each file of a step has it, too. Raises `UsageError` where none can.
+    """
+    unreadable: UsageError | None = None
+    candidates = (folder / RECORDING, folder / CAMPAIGN, *sorted((folder / STEPS).glob("[0-9]*")))
+    for file in filter(Path.exists, candidates):
+        try:
+            with closing(RecordingFile(file)) as opened:
+                meta = opened.meta
+        except UsageError as err:
+            unreadable = unreadable or err
+        else:
+            begun = {name: text for name, text in meta.provenance.items() if name not in ("journal", "reason")}
+            return replace(meta, status="running", provenance=begun)
+    raise unreadable or UsageError(f"{folder}: is no campaign: expected {RECORDING} or {CAMPAIGN} in this folder")
+
+
+def state_of(folder: Path) -> tuple[Meta, tuple[str, ...]]:
+    """Description and notes of a campaign that is not finished: `running` only where its program does.
+
+    `Meta.provenance` holds the journal and, of a program that has died, the `reason`.
+    """
+    meta = described(folder)
+    journal = journal_text(folder / JOURNAL)
+    provenance = {**meta.provenance, "journal": journal}
+    if is_held(folder / LOCK):
+        return replace(meta, provenance=provenance), ()
+    status, reason = last_word(events_in(journal))
+    note = (
+        f"its recording is not closed ({reason or 'all steps are there'}): benchctl recover {folder} closes it, "
+        f"benchctl run PROCEDURE --bench BENCH --resume {folder} goes on with it"
+    )
+    return replace(meta, status=status, provenance={**provenance, "reason": reason}), (note,)
+
+
+def require_campaign(folder: Path) -> None:
+    """Raise `UsageError` where a folder holds no campaign, or one that died before anything was described."""
+    if (folder / RECORDING).exists() or (folder / CAMPAIGN).exists() or any((folder / STEPS).glob("[0-9]*")):
+        return
+    if (folder / STEPS).is_dir():
+        raise UsageError(f"{folder}: its program died before anything was recorded; remove the folder and run anew")
+    raise UsageError(f"{folder}: is no campaign: expected {RECORDING} or {CAMPAIGN} in this folder")
+
 
 OPEN_DESCRIPTION = "recording.json"
 
@@ -35,10 +87,10 @@ class StepSource(Protocol):
         """A step with its samples; of these channels where given."""
 
     def stored(self, info: StepInfo) -> StoredStep:
-        """A step whose samples stay where they are until a stretch of them is asked for."""
+        """A step whose samples are read a stretch at a time."""
 
     def close(self) -> None:
-        """Let go of what is open; safe to call twice."""
+        """Close what is open; safe to call twice."""
 
 
 class Recording:
@@ -53,7 +105,7 @@ class Recording:
     infos
         The steps, in order of their index.
     digest
-        The digest of the whole; empty where there is none: a campaign that is not finished, an open recording.
+        The digest of the recording; empty where there is none: a campaign that is not finished, an open recording.
     notes
         What was found amiss and left out, in words.
     starts_s
@@ -103,7 +155,7 @@ class Recording:
         return self._source.channels(self._info(index).index)
 
     def close(self) -> None:
-        """Let go of the file; safe to call twice."""
+        """Close the file; safe to call twice."""
         self._source.close()
 
     def __enter__(self) -> Self:
@@ -126,7 +178,7 @@ def open_recording(path: Path, digests: ReadDigests | None = None) -> Recording:
     What is read of a finished recording of ours is digested on the way into `digests`, where given.
 
     Of a campaign that is not finished: its finished steps, and the one being written (`whole=False`) with what has
-    reached its file. Its status is `running` only while its program runs; of one that died a note says so.
+    reached its file. Its status is `running` only while its program runs; a note states that it died.
 
     Raises `UsageError`, in one line, where there is nothing, no HDF5, HDF5 that is not ours or newer than this
     program, or a file that was cut short.
@@ -238,3 +290,63 @@ class StepsInMemory:
 
     def close(self) -> None:
         """Nothing is open."""
+
+
+APART_S = 86400.0
+"""Recordings that are read as one are put a day apart: the bias has walked freely in between."""
+
+
+def join(recordings: Sequence[Recording]) -> Recording:
+    """One recording of the steps of all, numbered on, on one time axis; what describes it is that of the first.
+
+    It closes none of them. Raises `UsageError` where they are of different units.
+    """
+    serials = sorted({recording.meta.unit.serial for recording in recordings})
+    if len(serials) > 1:
+        raise UsageError(f"these recordings are of different units: {', '.join(serials)}; take each by itself")
+    first, *others = recordings
+    if not others:
+        return first
+    infos: list[StepInfo] = []
+    origins: dict[int, tuple[Recording, StepInfo]] = {}
+    shift_s, starts_s = 0.0, list[float]()
+    for recording in recordings:
+        starts_s += [shift_s + start_s for start_s in recording.starts_s]
+        before = max((info.index for info in infos), default=0)
+        for info in recording.infos:
+            moved = _moved(info, before, shift_s) if before else info
+            infos.append(moved)
+            origins[moved.index] = (recording, info)
+        shift_s = max((info.t_end for info in infos), default=0.0) + APART_S
+    notes = tuple(note for recording in recordings for note in recording.notes)
+    return Recording(first.path, first.meta, infos, _Joined(origins), notes=notes, starts_s=tuple(starts_s))
+
+
+def _moved(info: StepInfo, before: int, shift_s: float) -> StepInfo:
+    return replace(info, index=before + info.index, t_start=info.t_start + shift_s, t_end=info.t_end + shift_s)
+
+
+class _Joined:
+    """Steps that are fetched from where they are, and moved in time."""
+
+    def __init__(self, origins: dict[int, tuple[Recording, StepInfo]]) -> None:
+        self._origins = origins
+
+    def channels(self, index: int) -> tuple[str, ...]:
+        recording, origin = self._origins[index]
+        return recording.channels(origin.index)
+
+    def load(self, info: StepInfo, names: Collection[str] | None = None) -> Step:
+        recording, origin = self._origins[info.index]
+        step = recording.step(origin.index, names)
+        shift_s = info.t_start - origin.t_start
+        if not shift_s:
+            return Step(info, step.channels)
+        return Step(info, {n: samples + shift_s if n in AXES else samples for n, samples in step.channels.items()})
+
+    def stored(self, info: StepInfo) -> StoredStep:
+        recording, origin = self._origins[info.index]
+        return recording.stored_step(origin.index).of(info, info.t_start - origin.t_start)
+
+    def close(self) -> None:
+        """They are closed by who opened them."""

@@ -32,10 +32,11 @@ from typing import Any
 
 import h5py
 import numpy as np
+from h5py import h5a, h5s, h5t
 
 from benchctl.limits import shown
-from benchctl.recordings.attributes import Plain, plain, write_attribute
 from benchctl.recordings.model import DESCRIPTIONS, UNITS, Axis, Meta, StepInfo, axis_of
+from benchctl.recordings.opening import reserve
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
@@ -48,7 +49,7 @@ JOURNAL = "journal.jsonl"
 LOCK = "running.lock"
 """Held by the process that writes a campaign's folder; `running.json` beside it says which that is."""
 STOP = "stop.json"
-"""A wish to stop the run that writes a campaign's folder, until it is heeded; `benchctl.campaign.stop_file`."""
+"""A wish to stop the run that writes a campaign's folder, until it is heeded; `benchctl.campaign.stop`."""
 UNREADABLE = "unreadable"
 """Where a campaign keeps files of steps that a crash left unreadable."""
 FINISHED_SUFFIX = ".h5"
@@ -98,7 +99,7 @@ def channel_attributes(name: str, meta: Meta) -> dict[str, Plain]:
 
 
 def describe_channels(datasets: Mapping[str, h5py.Dataset], meta: Meta) -> None:
-    """Write what tells any reader what the channels of a step are and on which axis they lie, as netCDF-4 does."""
+    """Describe the channels of a step and their axes for any reader, as netCDF-4 does."""
     for name, dataset in datasets.items():
         for key, value in channel_attributes(name, meta).items():
             write_attribute(dataset, key, value)
@@ -179,3 +180,38 @@ def write_attributes(thing: h5py.Group, told: Mapping[str, Plain]) -> None:
 
 def _known(told: Mapping[str, Any]) -> dict[str, Plain]:
     return {name: plain(value) for name, value in told.items() if value is not None}
+
+
+Plain = str | int | float
+"""An attribute as it is written and read."""
+
+_TEXT = h5py.string_dtype()
+_TEXT_TYPE = h5t.py_create(_TEXT, logical=True)
+_LONG = 4096
+"""Bytes of a text for which room is reserved; shorter ones are among HDF5's own records."""
+_SCALAR = h5s.create(h5s.SCALAR)
+
+
+def plain(value: str | float) -> Plain:
+    """The value as it will be read once it is written: a truth is a whole number, 0 or 1."""
+    if isinstance(value, str):
+        return value
+    return int(value) if isinstance(value, bool | int | np.integer) else float(value)
+
+
+def write_attribute(thing: h5py.Group | h5py.Dataset, name: str, value: str | float) -> None:
+    """Write a new attribute, as `plain` makes it: UTF-8 text, int64 or float64.
+
+    Raises `ValueError` or `OverflowError` where HDF5 cannot keep the value, and what `reserve` raises.
+    """
+    kept = plain(value)
+    if isinstance(kept, str):
+        size = len(kept.encode("utf-8"))  # h5py would write halves of characters as bytes that nobody can read
+        if size > _LONG:
+            reserve(thing.file, 2 * size)
+        kind, stored = _TEXT_TYPE, np.array(kept, dtype=_TEXT)
+    elif isinstance(kept, int):
+        kind, stored = h5t.STD_I64LE, np.array(np.int64(kept))
+    else:
+        kind, stored = h5t.IEEE_F64LE, np.array(np.float64(kept))
+    h5a.create(thing.id, name.encode("utf-8"), kind, _SCALAR).write(stored)

@@ -16,12 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
-from benchctl.recordings.column_map import ColumnMap, PointsEntry
-from benchctl.recordings.delimited import Layout, header_names
+from benchctl.recordings.column_map import ColumnMap, PointsEntry, RawColumns, converted
 from benchctl.recordings.mapped import bench_of, unit_of
 from benchctl.recordings.model import Meta, Step, StepInfo
-from benchctl.recordings.raw_columns import RawColumns, converted
-from benchctl.recordings.text_file import read_bytes
+from benchctl.recordings.text_file import Layout, header_names, read_bytes
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
@@ -37,6 +35,16 @@ CHANNEL_UNITS = {
     "point_duration_s": "s",
 }
 """Units of the step's channels; of a digital gyro mean and standard deviation are in degree s-1."""
+
+_CHANNELS = {
+    "rate_dps": "point_rate_dps",
+    "mean_v": "point_mean_v",
+    "std_v": "point_std_v",
+    "run": "point_run",
+    "temperature_c": "point_temp_c",
+    "duration_s": "point_duration_s",
+}
+"""The channel of each field of `StaticPoints`."""
 
 _BY_NAME = {
     "run": ("run", "1"),
@@ -67,27 +75,12 @@ class StaticPoints:
     @classmethod
     def from_step(cls, step: Step) -> StaticPoints:
         """The points of a step of kind `static_points`."""
-        return cls(
-            rate_dps=step["point_rate_dps"],
-            mean_v=step["point_mean_v"],
-            std_v=step.channels.get("point_std_v"),
-            run=step.channels.get("point_run"),
-            temperature_c=step.channels.get("point_temp_c"),
-            duration_s=step.channels.get("point_duration_s"),
-        )
+        return cls(**{field: step.channels[name] for field, name in _CHANNELS.items() if name in step.channels})
 
     def to_step(self, index: int = 1) -> Step:
         """The points as a step."""
         count = self.rate_dps.size
-        channels = {
-            "time_s": np.arange(count, dtype=np.float64),
-            "point_rate_dps": self.rate_dps,
-            "point_mean_v": self.mean_v,
-            "point_std_v": self.std_v,
-            "point_run": self.run,
-            "point_temp_c": self.temperature_c,
-            "point_duration_s": self.duration_s,
-        }
+        channels = {name: values for field, name in _CHANNELS.items() if (values := getattr(self, field)) is not None}
         info = StepInfo(
             index=index,
             name="static points",
@@ -97,7 +90,7 @@ class StaticPoints:
             chamber_setpoint_c=math.nan,
             samples=count,
         )
-        return Step(info, {name: values for name, values in channels.items() if values is not None})
+        return Step(info, {"time_s": np.arange(count, dtype=np.float64), **channels})
 
 
 def points_of(raw: RawColumns, entry: PointsEntry) -> StaticPoints:

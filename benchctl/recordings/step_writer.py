@@ -5,20 +5,24 @@ neither new attributes nor, without losing space at every flush, compression. So
 once more: compressed, sealed, with what became of it, under a temporary name that is renamed once it is on the disk.
 Only then does the `.part` go.
 
-Samples go into the file a fifth of a second after the first of them came, by a timer: what came before a silence is
-as safe as the rest, and whoever appends need not look at the clock. A step that is over by then, as most are on a bench
-whose time jumps, is finished from memory.
+Appended samples wait as rows, a point a row, so that a point costs a call of `struct` and no array: one thread adds
+points and blocks, another takes them out. They go into the file a fifth of a second after the first of them came, by a
+timer: what came before a silence is as safe as the rest, and whoever appends need not look at the clock. A step that is
+over by then, as most are on a bench whose time jumps, is finished from memory.
 """
 
 from __future__ import annotations
 
 import re
+import struct
 import threading
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import h5py
+import numpy as np
 
 from benchctl.atomic import disk_errors, whole_file
 from benchctl.recordings.digests import seal_recording
@@ -36,13 +40,62 @@ from benchctl.recordings.schema import (
     meta_attributes,
     write_attributes,
 )
-from benchctl.recordings.waiting import Waiting
 from benchctl.recordings.writer import finished_file, new_file, require_intact, write_step
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
+
+class Waiting:
+    """Rows of these channels of a step, all on one axis; `where` names the step in errors.
+
+    `added` and `written` count all rows that ever came and went. One thread may add while another takes: a deque's two
+    ends are safe, and each counter has one thread that changes it.
+    """
+
+    def __init__(self, where: str, names: Sequence[str]) -> None:
+        self.names = tuple(names)
+        self.added = self.written = 0
+        self._where = where
+        self._pack = struct.Struct(f"<{len(self.names)}d").pack
+        self._rows: deque[bytes | memoryview] = deque()
+        self._taken: list[bytes | memoryview] = []
+
+    def add_point(self, point: Mapping[str, float]) -> None:
+        """Add one sample of each channel; `UsageError` where one is missing, is no number or was not announced."""
+        try:
+            row = self._pack(*[point[name] for name in self.names])
+        except KeyError:
+            raise self._unfit(point) from None
+        except (struct.error, TypeError) as err:
+            raise UsageError(f"{self._where}: expected a point with one number a channel, got {dict(point)}") from err
+        if len(point) > len(self.names):
+            raise self._unfit(point)
+        self._rows.append(row)
+        self.added += 1
+
+    def add_block(self, channels: Mapping[str, FloatArray]) -> None:
+        """Add samples of each channel, copied from arrays of shape (n,), n equal; others may be among them."""
+        rows = np.stack([channels[name] for name in self.names], axis=1)
+        self._rows.append(rows.data)
+        self.added += len(rows)
+
+    def take(self) -> FloatArray:
+        """The rows that wait, shape (n, channels); they are taken again until `let_go` says that they are written."""
+        for _ in range(len(self._rows)):
+            self._taken.append(self._rows.popleft())
+        return np.frombuffer(b"".join(self._taken), dtype="<f8").reshape(-1, len(self.names))
+
+    def let_go(self, rows: int) -> None:
+        """What was taken last, so many rows, is written."""
+        self._taken.clear()
+        self.written += rows
+
+    def _unfit(self, point: Mapping[str, float]) -> UsageError:
+        return UsageError(f"{self._where}: expected all of {sorted(self.names)} together, got {sorted(point)}")
+
+
 CLOSING_S_PER_SCAN = 1e-5
-"""Wall time that a scan may take while its step's file is written once more: twenty times what was measured."""
+"""Wall time that a scan may take while its step's file is rewritten: twenty times what was measured."""
 
 _FLUSH_AFTER_S = 0.2
 """Of the half second that may be lost; the rest is for the flush itself, on a busy machine."""
@@ -146,7 +199,7 @@ class StepWriter:
         try:
             self.flush()
         except Exception:
-            self._is_refused = True  # whoever appends next meets the same, and is told
+            self._is_refused = True  # the next append meets the same error and raises it
 
     def close(self, info: StepInfo) -> StepInfo:
         """Finish the step: `NNNN_name.h5.part` becomes `NNNN_name.h5`, sealed and on the disk.
@@ -188,7 +241,7 @@ class StepWriter:
         """Finish a step that did not come to its end: as `close`, with `whole=False`.
 
         Without `info`, the step ends where its samples do. An `info` with another index files it under that index and
-        its name, so that the step can be recorded once more.
+        its name, so that the step can be recorded again.
         """
         self.flush()
         cut = replace(info or replace(self.info, t_end=self._end_s), whole=False)
@@ -197,7 +250,7 @@ class StepWriter:
         return self.close(cut)
 
     def release(self) -> None:
-        """Let go of the `.part` file as it is, without finishing the step; safe to call twice."""
+        """Close the `.part` file as it is, without finishing the step; safe to call twice."""
         if self._timer is not None:
             self._timer.cancel()
         with self._writing, disk_errors(self.path):

@@ -1,17 +1,21 @@
-"""Holds a recording against its digests, and a campaign against its manifest: what changed, by name."""
+"""Check a recording against its digests, and a campaign against its manifest: what changed, by name.
+
+`summarise` lists what is in a recording, as `benchctl show` prints it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Any
 
 from benchctl.recordings.campaign_manifest import MANIFEST, problems_of_folder
-from benchctl.recordings.digests import Known, Problem, problems_of_recording
+from benchctl.recordings.digests import Known, Problem, ReadDigests, problems_of_recording
 from benchctl.recordings.hdf5_files import open_ours
-from benchctl.recordings.read_digests import ReadDigests
+from benchctl.recordings.model import StepInfo, axis_of
 from benchctl.recordings.reader import Recording, campaign_files, open_recording
-from benchctl.recordings.schema import CAMPAIGN, PART_SUFFIX, RECORDING
+from benchctl.recordings.schema import CAMPAIGN, PART_SUFFIX, RECORDING, unit_of
 from benchctl_instruments.errors import UsageError
 
 
@@ -45,7 +49,7 @@ def opened_unchanged(paths: Sequence[Path], therefore: str) -> Iterator[list[Rec
     """Recordings open for reading, and at the end what `refuse_changed` raises of them.
 
     What was read meanwhile is not read again for its digest. So nothing may be made of them for good inside the `with`.
-    That one was changed is said before anything else that is wrong with it.
+    A changed manifest is reported before anything else that is wrong with it.
     """
     digests = [ReadDigests() for _ in paths]
     try:
@@ -105,3 +109,52 @@ def _problems_of_recording(path: Path) -> list[Problem]:
 def _problems_of_file(path: Path) -> list[Problem]:
     with open_ours(path) as file:
         return list(problems_of_recording(file))
+
+
+def summarise(recording: Recording) -> dict[str, Any]:
+    """The keys that `benchctl show --json` promises; reads all samples to check the digests.
+
+    `status`; `steps` with `name`, `kind`, `role`, `whole`, `samples`, `t_start`, `t_end`, of a digital gyro also
+    `frames_lost` and `frames_bad`, of a unit mounted across also `mounting`; `channels` with `name`, `unit` and
+    `rate_hz` (None for what is polled); `provenance`; `digest_ok` (None where a recording has no digests yet);
+    `problems`, in words.
+    """
+    problems = [str(problem) for problem in verify(recording.path)] if recording.digest else []
+    return {
+        "status": recording.meta.status,
+        "steps": [_step(info) for info in recording.infos],
+        "channels": _channels(recording),
+        "provenance": dict(recording.meta.provenance),
+        "digest_ok": not problems if recording.digest else None,
+        "problems": [*recording.notes, *problems],
+    }
+
+
+def _step(info: StepInfo) -> dict[str, Any]:
+    keys = ("index", "name", "kind", "role", "whole", "samples", "gaps", "t_start", "t_end", "chamber_setpoint_c")
+    frames = {key: value for key in ("frames_lost", "frames_bad") if (value := getattr(info, key)) is not None}
+    mounting = {"mounting": info.mounting} if info.mounting else {}
+    return {key: getattr(info, key) for key in keys} | frames | mounting
+
+
+def _channels(recording: Recording) -> list[dict[str, Any]]:
+    """Every channel that any step has, in the order of their first appearance."""
+    names = dict.fromkeys(name for info in recording.infos for name in recording.channels(info.index))
+    rates_hz = {
+        "time_s": _common(info.sample_rate_hz for info in recording.infos if info.samples),
+        "frame_time_s": _common(info.frame_rate_hz for info in recording.infos if info.frame_rate_hz),
+    }
+    return [
+        {
+            "name": name,
+            "unit": unit_of(name, recording.meta),
+            "rate_hz": rates_hz.get(axis_of(name)),
+        }
+        for name in names
+    ]
+
+
+def _common(rates: Iterable[float | None]) -> float | None:
+    """The rate of all steps, or None where they differ or do not say."""
+    found = set(rates)
+    return found.pop() if len(found) == 1 else None

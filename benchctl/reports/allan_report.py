@@ -11,9 +11,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchctl.atomic import whole_file
-from benchctl.metrology.allan import Allan
-from benchctl.metrology.coefficients import DIGITS, NAMES, TERMS, Coefficient, Term, unit_of, variances
-from benchctl.recordings.text_rows import csv_rows
+from benchctl.metrology.allan import DIGITS, NAMES, TERMS, Allan, Coefficient, Term, unit_of, variances
+from benchctl.recordings.text_file import csv_rows
 from benchctl.reports import text
 from benchctl.reports.figures import GREY, INK, Drawing, inline_svg, new_figure, style
 from benchctl.reports.html import render, write_page

@@ -16,9 +16,8 @@ from benchctl.atomic import whole_file
 from benchctl.diagnosis.result import COORDINATE_UNITS, Diagnosis, Part, Slice
 from benchctl.model_file import Model, read_model, write_model
 from benchctl.part_models import EFFECTS
-from benchctl.recordings.joined import join
 from benchctl.recordings.model import Meta, StepInfo
-from benchctl.recordings.reader import open_recording
+from benchctl.recordings.reader import join, open_recording
 from benchctl.reports import diagnosis_words as words
 from benchctl.reports.diagnosis_words import estimate
 from benchctl.reports.results import make_folder, name_of, source_digest

@@ -8,12 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from benchctl.calibration.calibrate import calibrate
-from benchctl.calibration.coefficients import coefficients, write_coefficients
-from benchctl.calibration.points_coefficients import points_coefficients
+from benchctl.calibration.coefficients import coefficients, points_coefficients, write_coefficients
 from benchctl.calibration.result import CalibrationResult
 from benchctl.calibration.static_points_fit import StaticPointsResult, fit_static_points
-from benchctl.recordings.joined import join
-from benchctl.recordings.reader import Recording
+from benchctl.recordings.reader import Recording, join
 from benchctl.recordings.static_points import KIND, StaticPoints
 from benchctl.recordings.verify import opened_unchanged
 from benchctl.reports import text

@@ -12,8 +12,7 @@ from textwrap import wrap
 from typing import Any
 
 from benchctl.atomic import whole_file
-from benchctl.campaign.changes import changed
-from benchctl.campaign.differences import Differences, differences
+from benchctl.campaign.differences import Differences, changed, differences
 from benchctl.campaign.provenance import table_of
 from benchctl.documents import json_values, read_json
 from benchctl.limits import cut, require_file, shown

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from benchctl_instruments.chambers.profile_file import shipped_profile
+from benchctl_instruments.chambers.profile import shipped_profile
 from benchctl_instruments.chambers.profiled import ProfiledChamber
 
 

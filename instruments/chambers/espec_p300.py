@@ -17,15 +17,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import Self, TypeVar
+from typing import TypeVar
 
 from benchctl_instruments.errors import BenchError, InstrumentError, UsageError
-from benchctl_instruments.interfaces import ChamberReading, Clock, Identity
-from benchctl_instruments.links.byte_link import byte_link
+from benchctl_instruments.interfaces import ChamberReading, Clock, Identity, Instrument
 from benchctl_instruments.links.lines import LineDialogue, Manners
-from benchctl_instruments.links.recovered import note_recovered
+from benchctl_instruments.links.serial_port import byte_link
 from benchctl_instruments.links.tcp import Reconnect
-from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.links.wirelog import WireLog, note_recovered
 from benchctl_instruments.protocols import p300
 from benchctl_instruments.protocols.p300 import Temperatures, UnreadableError
 
@@ -37,7 +36,7 @@ WORDS = {"setpoint_c": "set point", "high_c": "high alarm", "low_c": "low alarm"
 Answer = TypeVar("Answer")
 
 
-class EspecP300:
+class EspecP300(Instrument):
     """A chamber behind an ESPEC P-300 or SCP-220. Not tried on hardware. Safe to call from several threads.
 
     Power is the heater's alone: these controllers do not say how much the refrigerator takes away.
@@ -159,13 +158,6 @@ class EspecP300:
             power_percent=self._ask(p300.HEATER_QUERY, p300.read_heater),
             alarms=tuple(map(self._alarm, self._ask(p300.ALARM_QUERY, p300.read_alarms))),
         )
-
-    def __enter__(self) -> Self:
-        self.open()
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self.close()
 
     # What is read and written -----------------------------------------------------------------------------------------
 

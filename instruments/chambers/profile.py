@@ -18,17 +18,26 @@ drivers, to copy from. Registers are numbered as on the wire, from 0. What the t
 | `[[alarms]]`                | conditions that stop a run; a latched one says what clears it                         |
 | `[[modes]]`                 | conditions in which the controller would not keep our set point                       |
 | `[switch]`                  | how conditioning is switched on and off                                               |
+
+A profile is read from its file into these tables, or refused in one line that names the file and the field that is
+wrong. The fields are also checked against each other, beyond what each of them may be by itself.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+import tomllib
+from collections.abc import Iterator, Mapping
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from benchctl_instruments.protocols.modbus import MOST_READ
-from benchctl_instruments.protocols.words import WordOrder
+from benchctl_instruments.errors import UsageError, in_line, reason
+from benchctl_instruments.field_faults import field_fault
+from benchctl_instruments.protocols.modbus import MOST_READ, WordOrder
 
 NumberKind = Literal["u16", "signed", "f32"]
 WORDS: dict[NumberKind, int] = {"u16": 1, "signed": 1, "f32": 2}
@@ -309,3 +318,254 @@ class Profile(ProfileTable):
     alarms: tuple[Condition, ...] = ()
     modes: tuple[Condition, ...] = ()
     switch: Switch
+
+
+READ, WRITE_ONE, WRITE_SEVERAL = 3, 6, 16
+RANGES: dict[NumberKind, tuple[float, float]] = {"u16": (0, 0xFFFF), "signed": (-0x8000, 0x7FFF), "f32": (-3e38, 3e38)}
+
+
+def contradiction(profile: Profile) -> str:
+    """The first thing that cannot be, in words that begin with the field; empty where there is none."""
+    return next(_contradictions(profile), "")
+
+
+def _contradictions(profile: Profile) -> Iterator[str]:
+    yield from _limits(profile)
+    if profile.power is not None and (profile.heating is not None or profile.cooling is not None):
+        yield "power: it is one number with its sign, or heating and cooling, not both"
+    if not profile.setpoint.readable and profile.setpoint.wears:
+        yield "setpoint.wears: only a change is written, so the register must be readable"
+    if not profile.setpoint.readable and profile.setpoint.taken is None:
+        yield "setpoint.readable: what cannot be read back needs setpoint.taken, where the controller shows it"
+    yield from _functions(profile)
+    yield from _addresses(profile)
+    yield from _overlaps(profile)
+    for name in ("input_errors", "alarms", "modes"):
+        for place, condition in enumerate(getattr(profile, name)):
+            if condition.bits and condition.model_fields_set & {"fine", "words", "otherwise"}:
+                yield f"{name}.{place}.bits: a status word has bits, a code has fine, words and otherwise, not both"
+
+
+def _limits(profile: Profile) -> Iterator[str]:
+    registers = (profile.low_limit, profile.high_limit)
+    if (registers[0] is None) != (registers[1] is None):
+        yield "low_limit: a controller has both limits or none"
+    if (registers[0] is None) == (profile.kept_limits_c is None):
+        yield "kept_limits_c: needed where there are no low_limit and high_limit, and only there"
+    for limit_c in profile.kept_limits_c or ():
+        if not _fits(profile.setpoint, limit_c, profile.decimals):
+            yield f"kept_limits_c: {limit_c:g} does not fit into the set point's register ({profile.setpoint.kind})"
+    for field, pair in (("kept_limits_c", profile.kept_limits_c), ("air.valid_c", profile.air.valid_c)):
+        if pair is not None and pair[0] >= pair[1]:
+            yield f"{field}: the first ({pair[0]:g}) must be below the second ({pair[1]:g})"
+
+
+def _functions(profile: Profile) -> Iterator[str]:
+    functions = profile.transport.functions
+    if READ not in functions or not {WRITE_ONE, WRITE_SEVERAL} & set(functions):
+        yield "transport.functions: needs 3, to read, and 6 or 16, to write"
+    for field, number in _written(profile):
+        if number.kind == "f32" and WRITE_SEVERAL not in functions:
+            yield f"{field}: an f32 is written with function 16, which is not in transport.functions"
+        if isinstance(number, Setting) and not _fits(number, number.value, profile.decimals):
+            yield f"{field}: {number.value:g} does not fit into a register of kind {number.kind}"
+
+
+def _fits(number: Number, value: float, decimals: int) -> bool:
+    low, high = RANGES[number.kind]
+    shift = 0 if number.kind == "f32" else decimals if number.decimals is None else number.decimals
+    return low <= value * 10.0**shift <= high
+
+
+def _addresses(profile: Profile) -> Iterator[str]:
+    transport = profile.transport
+    for place, (first, last) in enumerate(transport.restricted):
+        if first > last:
+            yield f"transport.restricted.{place}: the first register ({first}) lies above the last one ({last})"
+    for place, run in enumerate(transport.runs):
+        if run.count > transport.most_registers:
+            yield (
+                f"transport.runs.{place}: {run.count} registers, and transport.most_registers is"
+                f" {transport.most_registers}"
+            )
+        yield from _outside(profile, f"transport.runs.{place}", run.first, run.count)
+    for field, number in numbers(profile):
+        if WORDS[number.kind] > transport.most_registers:
+            yield f"{field}: an f32 takes two registers, and transport.most_registers is {transport.most_registers}"
+        yield from _outside(profile, field, number.address, WORDS[number.kind])
+    for field, address in words(profile):
+        yield from _outside(profile, field, address, 1)
+
+
+def _outside(profile: Profile, field: str, first: int, count: int) -> Iterator[str]:
+    if first + count > 0x10000:
+        yield f"{field}: registers {first} to {first + count - 1}, and there are none above 65535"
+    for start, end in profile.transport.restricted:
+        if first <= end and start <= first + count - 1:
+            yield f"{field}: register {max(first, start)} lies in the restricted range {start} to {end}"
+
+
+def _overlaps(profile: Profile) -> Iterator[str]:
+    """Registers that would have to be two things; one that is twice the same is fine."""
+    spans: list[tuple[str, int, str, int]] = [
+        (field, number.address, number.kind, WORDS[number.kind]) for field, number in numbers(profile)
+    ]
+    spans += [(field, address, "code", 1) for field, address in words(profile)]
+    first_at: dict[int, tuple[str, int, str]] = {}
+    for field, first, kind, count in spans:
+        for address in range(first, first + count):
+            other, other_first, other_kind = first_at.setdefault(address, (field, first, kind))
+            if (other_first, other_kind) != (first, kind):
+                yield f"{field}: register {address} ({kind}) is also {other}'s ({other_kind} from {other_first} on)"
+
+
+def numbers(profile: Profile) -> Iterator[tuple[str, Number]]:
+    """Every number of a profile, with the name of its field."""
+    names = ("air", "setpoint", "low_limit", "high_limit", "power", "heating", "cooling")
+    for name in names:
+        number = getattr(profile, name)
+        if number is not None:
+            yield name, number
+    for place, address in enumerate(profile.setpoint.also):
+        yield f"setpoint.also.{place}", profile.setpoint.model_copy(update={"address": address})
+    if profile.setpoint.taken is not None:
+        yield "setpoint.taken", profile.setpoint.taken
+    if isinstance(profile.switch, RegisterSwitch):
+        for place, setting in enumerate(profile.switch.after_off):
+            yield f"switch.after_off.{place}", setting
+
+
+def words(profile: Profile) -> Iterator[tuple[str, int]]:
+    """Every single register of a profile that holds no number, with the name of its field."""
+    if profile.decimals_register is not None:
+        yield "decimals_register", profile.decimals_register
+    if profile.busy is not None:
+        yield "busy.address", profile.busy.address
+    if profile.setpoint.run is not None:
+        yield "setpoint.run.address", profile.setpoint.run.address
+    for place, check in enumerate(profile.checks):
+        yield f"checks.{place}.address", check.address
+    for name in ("input_errors", "alarms", "modes"):
+        for place, condition in enumerate(getattr(profile, name)):
+            yield f"{name}.{place}.address", condition.address
+    if isinstance(profile.switch, RegisterSwitch | BitSwitch | KeySwitch):
+        yield "switch.address", profile.switch.address
+        if profile.switch.shown is not None:
+            yield "switch.shown", profile.switch.shown
+
+
+def _written(profile: Profile) -> Iterator[tuple[str, Number]]:
+    for field, number in numbers(profile):
+        if field.startswith(("setpoint", "low_limit", "high_limit", "switch")) and field != "setpoint.taken":
+            yield field, number
+
+
+LONGEST_SHOWN = 60
+MOST_BYTES = 1 << 17
+"""Of a profile; ours have 2000."""
+MOST_DOTS = 200
+"""In a line. The time that Python's TOML reader takes for a dotted key grows with the square of its parts."""
+
+
+def profile_name(path: str | Path) -> str:
+    """What errors call the profile in a file."""
+    return _printable(f"chamber profile {path}")
+
+
+def profile_text(path: Path) -> str:
+    """The text of a profile's file.
+
+    Raises
+    ------
+    UsageError
+        Where it cannot be read, is no file (a pipe might never end), not UTF-8, or too large to have been meant.
+    """
+    name = profile_name(path)
+    try:
+        if path.exists() and not path.is_file():
+            raise UsageError(f"{name}: cannot be read: it is no file; name one")
+        with path.open("rb") as file:
+            content = file.read(MOST_BYTES + 1)
+        text = content.decode("utf-8")
+    except OSError as err:
+        raise UsageError(f"{name}: cannot be read: {reason(err)}") from err
+    except ValueError as err:  # not UTF-8, or a name that no file can have
+        raise UsageError(f"{name}: cannot be read as UTF-8 text: {_printable(str(err))}") from err
+    if len(content) > MOST_BYTES:
+        raise UsageError(f"{name}: is larger than {MOST_BYTES >> 10} KiB, which no profile needs")
+    return text
+
+
+@cache
+def shipped_profile(name: str) -> Profile:
+    """One of the profiles that come with the drivers."""
+    text = files("benchctl_instruments.chambers.profiles").joinpath(f"{name}.toml").read_text(encoding="utf-8")
+    return parse_profile(text, f"chamber profile {name}.toml")
+
+
+def parse_profile(text: str, name: str) -> Profile:
+    """The profile that a TOML text declares; `name` is what errors call the text.
+
+    Raises
+    ------
+    UsageError
+        Where it is too large, is not TOML, or declares what cannot be; names the first wrong field.
+    """
+    if len(text) > MOST_BYTES:
+        raise UsageError(f"{name}: {len(text)} characters, expected at most {MOST_BYTES}")
+    for number, line in enumerate(text.split("\n"), 1):
+        if (dots := line.count(".")) > MOST_DOTS:
+            raise UsageError(f"{name}, line {number}: {dots} dots, expected at most {MOST_DOTS} in a line")
+    try:
+        document = tomllib.loads(text)
+    except (ValueError, RecursionError) as err:  # also numbers of thousands of digits, and nesting as deep
+        raise UsageError(f"{name}: not TOML: {_printable(in_line(str(err)))}") from err
+    return profile_of(document, name)
+
+
+def changed(profile: Profile, changes: Mapping[str, Any], name: str) -> Profile:
+    """A profile with some of its fields given anew, table by table; lists are replaced as a whole."""
+    if not isinstance(changes, Mapping):
+        raise UsageError(f"{name}: expected a table with fields of the profile, got {_shown(changes)}")
+    document = profile.model_dump(exclude_unset=True)
+    if isinstance(changes.get("switch"), Mapping) and "by" in changes["switch"]:
+        document.pop("switch", None)  # another kind of switch has other fields
+    return profile_of(_merged(document, changes), name)
+
+
+def profile_of(document: Mapping[str, Any], name: str) -> Profile:
+    """The profile that a document declares; `name` is what errors call it."""
+    try:
+        profile = Profile.model_validate(document)
+    except ValidationError as err:
+        raise UsageError(f"{name}, {_first_fault(err)}") from err
+    if says := contradiction(profile):
+        raise UsageError(f"{name}, {says}")
+    return profile
+
+
+def _merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+    merged = dict(below)
+    for key, value in above.items():
+        under = merged.get(key)
+        merged[key] = _merged(under, value) if isinstance(under, Mapping) and isinstance(value, Mapping) else value
+    return merged
+
+
+def _first_fault(err: ValidationError) -> str:
+    first, *more = err.errors(include_url=False, include_context=False)
+    field = _printable(".".join(str(part) for part in first["loc"]))
+    rest = f" (and {len(more)} more)" if more else ""
+    return f"{field}: {_printable(field_fault(first, _shown))}{rest}"
+
+
+def _shown(value: object) -> str:
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError):  # a number of thousands of digits
+        return "a number that is far too long"
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
+
+
+def _printable(text: str) -> str:
+    return "".join(character if character.isprintable() else " " for character in text)

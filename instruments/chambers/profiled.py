@@ -13,18 +13,23 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from benchctl_instruments.chambers.modbus_chamber import ModbusChamber
-from benchctl_instruments.chambers.profile import MOST_DECIMALS, Condition, Number, Profile
-from benchctl_instruments.chambers.profile_file import changed
-from benchctl_instruments.chambers.profiled_switch import code, conditioning_of
-from benchctl_instruments.chambers.profiled_table import ADVICE, NOWHERE, ProfiledQuantity, ProfiledTable, quantity_of
-from benchctl_instruments.chambers.quantities import LOOK_AGAIN_S, Quantity
+from benchctl_instruments.chambers.modbus_chamber import LOOK_AGAIN_S, ModbusChamber, Quantity
+from benchctl_instruments.chambers.profile import MOST_DECIMALS, Condition, Number, Profile, changed
+from benchctl_instruments.chambers.profiled_table import (
+    ADVICE,
+    NOWHERE,
+    ProfiledQuantity,
+    ProfiledTable,
+    code,
+    conditioning_of,
+    quantity_of,
+)
 from benchctl_instruments.errors import InstrumentError
 from benchctl_instruments.interfaces import ChamberReading, Clock, Identity
 from benchctl_instruments.links.address import parse_address
 from benchctl_instruments.links.modbus import ModbusLink, Retry
 from benchctl_instruments.links.wirelog import WireLog
-from benchctl_instruments.protocols.words import WordOrder
+from benchctl_instruments.protocols.modbus import WordOrder
 
 
 class ProfiledChamber(ModbusChamber):

@@ -18,8 +18,7 @@ change, so writing twice does no harm. Further:
 
 from __future__ import annotations
 
-from benchctl_instruments.chambers.modbus_chamber import ModbusChamber
-from benchctl_instruments.chambers.quantities import Quantity, QuantityTable
+from benchctl_instruments.chambers.modbus_chamber import ModbusChamber, Quantity, QuantityTable
 from benchctl_instruments.errors import InstrumentError, UsageError
 from benchctl_instruments.interfaces import ChamberReading, Clock, Identity
 from benchctl_instruments.links.modbus import ModbusLink, Retry

@@ -26,13 +26,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal, get_args
 
-from benchctl_instruments.chambers.modbus_chamber import ModbusChamber
-from benchctl_instruments.chambers.quantities import Quantity, QuantityTable
+from benchctl_instruments.chambers.modbus_chamber import ModbusChamber, Quantity, QuantityTable
 from benchctl_instruments.errors import InstrumentError, UsageError
 from benchctl_instruments.interfaces import ChamberReading, Clock, Identity
 from benchctl_instruments.links.modbus import ModbusLink, Retry
 from benchctl_instruments.links.wirelog import WireLog
-from benchctl_instruments.protocols.words import WordOrder
+from benchctl_instruments.protocols.modbus import WordOrder
 
 AUTO, ON, OFF, NONE, STARTUP, INACTIVE, UP, DOWN = 10, 63, 62, 61, 88, 12, 1456, 1457
 CELSIUS = 15

@@ -40,20 +40,23 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from typing import Self
 
 import numpy as np
 
 from benchctl_instruments.digitizers import t7_registers as reg
-from benchctl_instruments.digitizers.t7_scans import SCAN_LENGTH, AinCalibration, ScanQueue
-from benchctl_instruments.digitizers.t7_watch import ScanWatch, refuse_at_rail
+from benchctl_instruments.digitizers.t7_registers import (
+    SCAN_LENGTH,
+    AinCalibration,
+    ScanQueue,
+    ScanWatch,
+    refuse_at_rail,
+)
 from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
-from benchctl_instruments.interfaces import Clock, Identity, ScanBlock, SingleScan, StreamStart
+from benchctl_instruments.interfaces import Clock, Identity, Instrument, ScanBlock, SingleScan, StreamStart
 from benchctl_instruments.links.address import parse_address
 from benchctl_instruments.links.modbus import ModbusLink
-from benchctl_instruments.links.recovered import note_recovered
 from benchctl_instruments.links.tcp import LinkCutError, TcpLink
-from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.links.wirelog import WireLog, note_recovered
 from benchctl_instruments.protocols.t7_stream import MOST_SAMPLES, NotAPacketError
 
 TICKS_HZ = 40_000_000
@@ -105,7 +108,7 @@ LARGEST_RECEIVE = 1 << 18
 SKIPPED, RESUMED = "left out", "connected again, what is missing is a gap"  # how a fault of the stream was got over
 
 
-class LabJackT7:
+class LabJackT7(Instrument):
     """A T7 with a quadrature encoder, a gyro and its thermistor; satisfies `benchctl_instruments.interfaces.Digitizer`.
 
     Parameters
@@ -187,13 +190,6 @@ class LabJackT7:
         """Let go of both connections; safe to call twice, and never raises."""
         self._forget_stream()
         self._link.close()
-
-    def __enter__(self) -> Self:
-        self.open()
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self.close()
 
     def identify(self) -> Identity:
         """Serial number and firmware."""

@@ -3,6 +3,15 @@
 A 32-bit number takes two registers, high word first. A refusal comes as a bare Modbus exception; the T7 keeps its own,
 more telling code in LAST_ERR_DETAIL, one register. Source: LabJack's public register map, ljm_constants.json; the flash
 is from LabJack's public C examples. Not tried on hardware.
+
+The stream's bytes become counts and volts. A scan of this bench holds
+
+| count, low word | count, high word | gyro code | thermistor code |
+
+Scans are watched for what no sound bench produces: a count that jumps, frozen inputs, a thermistor at its rail.
+A T7's converters are never so quiet that the codes of two inputs stay the same for seconds, and a table is never so
+fast that its encoder's count jumps from one scan to the next, and a thermistor's amplifier is at the converter's rail
+where it is open or shorted: the data are worth nothing from there on. The gyro may well be at its rail, by its rate.
 """
 
 from __future__ import annotations
@@ -12,9 +21,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
+from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.errors import InstrumentError
+from benchctl_instruments.interfaces import ScanBlock
 from benchctl_instruments.links.modbus import ModbusLink
-from benchctl_instruments.protocols.words import f32_from_words, u32_from_words, words_from_f32, words_from_u32
+from benchctl_instruments.protocols.modbus import f32_from_words, u32_from_words, words_from_f32, words_from_u32
+from benchctl_instruments.protocols.t7_stream import SampleArray, ScanRun, StreamReader
 
 _AS_WRITTEN = 1e-6
 """What the rounding to a single may change of a number."""
@@ -201,3 +215,165 @@ def _runs(registers: Sequence[Register]) -> list[list[Register]]:
         else:
             runs.append([register])
     return runs
+
+
+SCAN_LENGTH = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AinCalibration:
+    """The T7's constants of one range: volts = (code - centre) · slope, with a slope [V] for each side of the centre.
+
+    The slope of the lower side is negative and is applied to centre - code (T-series datasheet 20.0.1).
+    """
+
+    positive_slope: float
+    negative_slope: float
+    centre: float
+
+    def check(self, range_v: float) -> None:
+        """Raise `InstrumentError` where these cannot be the constants of a 16-bit converter over ±`range_v`."""
+        slope = 2.0 * range_v / 65536
+        expected = ((self.positive_slope, slope), (self.negative_slope, -slope), (self.centre, 32768.0))
+        if not all(math.isclose(got, nominal, rel_tol=0.1) for got, nominal in expected):
+            raise InstrumentError(
+                f"expected the calibration of the ±{range_v:g} V range, slopes near ±{slope:.4g}, a centre near 32768, "
+                f"got {self.positive_slope:.4g}, {self.negative_slope:.4g} and {self.centre:.6g}"
+            )
+
+    def volts(self, codes: SampleArray) -> FloatArray:
+        """Volts of streamed codes, shape as given."""
+        from_centre = codes.astype(np.float64) - self.centre
+        slopes: FloatArray = np.where(from_centre < 0.0, -self.negative_slope, self.positive_slope)
+        return from_centre * slopes
+
+
+class ScanQueue:
+    """The scans of one stream that have come and were not taken yet; bytes in, blocks out."""
+
+    def __init__(self, calibration: AinCalibration) -> None:
+        self._calibration = calibration
+        self._reader = StreamReader(SCAN_LENGTH)
+        self._runs: list[ScanRun] = []
+        self._last_count: int | None = None
+
+    @property
+    def junk_bytes(self) -> int:
+        """How many bytes of the stream belonged to no packet."""
+        return self._reader.junk_bytes
+
+    def resume(self) -> None:
+        """Go on with the bytes of a new connection of the same stream."""
+        self._reader.resume()
+
+    def feed(self, data: bytes) -> None:
+        """Take bytes as they come; raises as `StreamReader.feed` does."""
+        for run in self._reader.feed(data):
+            if self._runs and self._runs[-1].next_index == run.first_index:
+                self._runs[-1] = _joined(self._runs[-1], run)
+            else:
+                self._runs.append(run)
+
+    def ready(self, scans: int) -> bool:
+        """Whether a block of that many scans can be taken, or a shorter one that a gap ends."""
+        return self.waiting >= scans or len(self._runs) > 1
+
+    @property
+    def waiting(self) -> int:
+        """How many scans wait up to the next gap."""
+        return len(self._runs[0].samples) if self._runs else 0
+
+    def take(self) -> ScanBlock:
+        """All scans that wait up to the next gap; there must be some."""
+        run = self._runs.pop(0)
+        return ScanBlock(
+            first_index=run.first_index,
+            encoder_count=self._unwrapped(run.samples[:, 0], run.samples[:, 1]),
+            gyro_v=self._calibration.volts(run.samples[:, 2]),
+            thermistor_v=self._calibration.volts(run.samples[:, 3]),
+            backlog=self._reader.backlog_scans,
+        )
+
+    def _unwrapped(self, low: SampleArray, high: SampleArray) -> IntArray:
+        """Signed counts that go on where the counter's 32 bits wrap, across gaps too."""
+        count = (low | high.astype(np.uint32) << 16).view(np.int32).astype(np.int64)
+        before = int(count[0]) if self._last_count is None else self._last_count
+        steps = np.diff(count, prepend=before)
+        unwrapped = before + np.cumsum((steps + 0x80000000) % 0x100000000 - 0x80000000)
+        self._last_count = int(unwrapped[-1])
+        return unwrapped
+
+
+def _joined(first: ScanRun, then: ScanRun) -> ScanRun:
+    return ScanRun(first_index=first.first_index, samples=np.concatenate((first.samples, then.samples)))
+
+
+SPARE_COUNTS = 100.0
+"""Beside what the fastest table makes in one scan interval: an encoder's own errors, and vibration."""
+
+AT_RAIL = 0.999  # of the range
+
+
+class ScanWatch:
+    """Watches the scans of one stream; `look` is to be called with every block, in order.
+
+    Parameters
+    ----------
+    rate_hz
+        The scan rate.
+    fastest_counts_per_s
+        How fast the encoder can count at most; infinite: any jump may be motion.
+    range_v
+        The converter's ±range.
+    frozen_s
+        After this time without any change on any input they count as frozen; infinite: never.
+    """
+
+    def __init__(self, rate_hz: float, *, fastest_counts_per_s: float, range_v: float, frozen_s: float) -> None:
+        self._range_v = range_v
+        self._most_counts = fastest_counts_per_s / rate_hz + SPARE_COUNTS
+        self._most_still = frozen_s * rate_hz
+        self._rate_hz = rate_hz
+        self._still = 0  # scans since the last change
+        self._next_index = 0
+        self._last: FloatArray | None = None  # the scan before the next one, shape (3, 1)
+
+    def look(self, block: ScanBlock) -> None:
+        """Raise `InstrumentError` where the count jumps, the thermistor is at its rail, or nothing changes any more."""
+        scans = np.stack([block.encoder_count.astype(np.float64), block.gyro_v, block.thermistor_v])
+        first = block.first_index
+        if self._last is not None and block.first_index == self._next_index:
+            scans = np.concatenate([self._last, scans], axis=1)
+            first -= 1
+        else:
+            self._still = 0
+        steps = np.diff(scans, axis=1)
+        self._last, self._next_index = scans[:, -1:], block.first_index + len(block.gyro_v)
+        self._refuse_a_jump(steps[0], first)
+        refuse_at_rail(float(np.median(block.thermistor_v)), self._range_v)
+        changes = np.flatnonzero(steps.any(axis=0))
+        self._still = self._still + steps.shape[1] if not len(changes) else steps.shape[1] - 1 - int(changes[-1])
+        if self._still >= self._most_still:
+            raise InstrumentError(
+                f"count, gyro and thermistor have not changed by a single code for {self._still / self._rate_hz:.1f} s:"
+                " the converter or its inputs hang; check the wiring and switch it off and on"
+            )
+
+    def _refuse_a_jump(self, steps: FloatArray, first: int) -> None:
+        jumps = np.flatnonzero(np.abs(steps) > self._most_counts)
+        if len(jumps):
+            scan = first + int(jumps[0]) + 1
+            raise InstrumentError(
+                f"the encoder's count jumps by {int(steps[jumps[0]])} at scan {scan}"
+                f" ({scan / self._rate_hz:.3f} s after the start of the stream), a table cannot turn so fast;"
+                " check the encoder's cable and shield, its angle is lost"
+            )
+
+
+def refuse_at_rail(thermistor_v: float, range_v: float) -> None:
+    """Raise `InstrumentError` where the thermistor's volts are all that the converter can state."""
+    if abs(thermistor_v) >= AT_RAIL * range_v:
+        raise InstrumentError(
+            f"the thermistor reads {thermistor_v:+.2f} V, the end of its range: there is no temperature;"
+            " check the thermistor, its amplifier and the wiring"
+        )

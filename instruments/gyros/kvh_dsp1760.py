@@ -13,13 +13,11 @@ from functools import partial
 import numpy as np
 
 from benchctl_instruments.errors import InstrumentError, UsageError
-from benchctl_instruments.gyros.framed_gyro import FramedGyro
-from benchctl_instruments.gyros.sample_queue import SampleQueue, Samples
+from benchctl_instruments.gyros.framed_gyro import FramedGyro, SampleQueue, Samples
 from benchctl_instruments.interfaces import Clock, Identity
 from benchctl_instruments.links.wirelog import WireLog
 from benchctl_instruments.protocols import kvh1760 as kvh
-from benchctl_instruments.protocols.crc32_mpeg2 import ByteArray
-from benchctl_instruments.protocols.sequence_numbers import SequenceNumbers
+from benchctl_instruments.protocols.frames import ByteArray, SequenceNumbers
 
 ROTATION_UNIT, TEMPERATURE_UNIT = "deg", "c_100"
 

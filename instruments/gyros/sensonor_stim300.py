@@ -1,6 +1,6 @@
 """Sensonor STIM300: three gyros, and what else was ordered with them, on RS-422.
 
-Not tried on hardware. Datagrams: `protocols.stim300`, answers: `protocols.stim300_answers`. The
+Not tried on hardware. Datagrams and answers: `protocols.stim300`. The
 driver changes nothing: it asks how the STIM300 is configured, and reads that. It sends without end, so a stream
 begins after the answer to a question, and stopping one only stops reading.
 
@@ -17,16 +17,12 @@ from typing import TypeAlias
 import numpy as np
 
 from benchctl_instruments.errors import InstrumentError, LinkError
-from benchctl_instruments.gyros.framed_gyro import LARGEST_RECEIVE, FramedGyro
-from benchctl_instruments.gyros.sample_queue import SampleQueue, Samples
+from benchctl_instruments.gyros.framed_gyro import LARGEST_RECEIVE, FramedGyro, SampleQueue, Samples
 from benchctl_instruments.interfaces import Clock, Identity
 from benchctl_instruments.links.wirelog import WireLog
 from benchctl_instruments.protocols import stim300 as stim
-from benchctl_instruments.protocols import stim300_answers as answers
-from benchctl_instruments.protocols.crc32_mpeg2 import ByteArray
-from benchctl_instruments.protocols.frames import FrameFormat, FrameReader
-from benchctl_instruments.protocols.sequence_numbers import SequenceNumbers, commonest_step
-from benchctl_instruments.protocols.stim300_answers import StimConfiguration
+from benchctl_instruments.protocols.frames import ByteArray, FrameFormat, FrameReader, SequenceNumbers, commonest_step
+from benchctl_instruments.protocols.stim300 import StimConfiguration
 
 FIRST_DATAGRAMS = 9
 READABLE = ("angular rate", "average angular rate", "incremental angle")
@@ -67,11 +63,11 @@ class SensonorStim300(FramedGyro):
 
     def _check(self) -> None:
         configuration, _ = self._configuration()
-        serial, _ = self._answer(answers.ASK_SERIAL, answers.SERIAL_FORMATS)
+        serial, _ = self._answer(stim.ASK_SERIAL, stim.SERIAL_FORMATS)
         self._identity = Identity(
             manufacturer="Sensonor",
             model="STIM300",
-            serial=answers.decode_serial(serial),
+            serial=stim.decode_serial(serial),
             firmware=f"{configuration.revision}{configuration.firmware}",
         )
 
@@ -131,9 +127,9 @@ class SensonorStim300(FramedGyro):
         return come, commonest_step(stim.decode_frames(configuration.datagram_id, rows).counter, stim.COUNTERS)
 
     def _configuration(self) -> tuple[StimConfiguration, bytes]:
-        row, rest = self._answer(answers.ASK_CONFIGURATION, answers.CONFIGURATION_FORMATS)
+        row, rest = self._answer(stim.ASK_CONFIGURATION, stim.CONFIGURATION_FORMATS)
         try:
-            return answers.decode_configuration(row), rest
+            return stim.decode_configuration(row), rest
         except InstrumentError as err:
             raise InstrumentError(f"{self._who}: {err}") from err
 

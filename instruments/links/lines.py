@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 from benchctl_instruments.errors import InstrumentError, LinkError
 from benchctl_instruments.interfaces import Clock
-from benchctl_instruments.links.byte_link import ByteLink
-from benchctl_instruments.links.recovered import note_recovered
+from benchctl_instruments.links.serial_port import ByteLink
 from benchctl_instruments.links.tcp import LinkCutError
+from benchctl_instruments.links.wirelog import note_recovered
 from benchctl_instruments.protocols.lines import LineCutter, encode_line
 
 QUIET_S = 0.1  # wall time

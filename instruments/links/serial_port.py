@@ -2,6 +2,9 @@
 
 The policy is that of `links.tcp`: nothing is ever sent twice, and what fails says so. A port that was
 pulled out is opened anew by the next `send`.
+
+A `ByteLink` is any link that carries bytes: a TCP connection, a serial port, or a serial line at the far end of a TCP
+connection.
 """
 
 from __future__ import annotations
@@ -9,12 +12,13 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+from typing import Protocol
 
 import serial
 
 from benchctl_instruments.errors import LinkError, UsageError, in_line, reason
-from benchctl_instruments.links.address import parse_address, refuse_timeout
-from benchctl_instruments.links.tcp import LinkCutError
+from benchctl_instruments.links.address import Address, parse_address, refuse_timeout
+from benchctl_instruments.links.tcp import LinkCutError, Reconnect, TcpLink
 from benchctl_instruments.links.wirelog import WireLog
 
 DEFAULT_BAUD = 19200
@@ -95,9 +99,8 @@ class SerialLink:
             )
         except (OSError, ValueError) as err:
             raise LinkError(
-                f"{self.address}: cannot be opened: {connect_reason(err)}; "
-                "check that the device is plugged in, that you may use it,"
-                " and that no other program does"
+                f"{self.address}: cannot be opened: {connect_reason(err)}; check that the device is plugged in, that "
+                "you may use it, and that no other program does"
             ) from err
         self.wire_log.note(f"opened {self.address}")
         return self._port
@@ -116,3 +119,38 @@ def connect_reason(err: Exception) -> str:
     if isinstance(err, serial.SerialException) and err.errno:
         return "another program has it open" if err.errno == errno.EAGAIN else in_line(os.strerror(err.errno))
     return reason(err) if isinstance(err, OSError) else in_line(str(err))
+
+
+class ByteLink(Protocol):
+    """What a driver needs of a link; an exchange that fails raises `LinkError`, a cut one `LinkCutError`."""
+
+    address: Address
+    wire_log: WireLog
+
+    def open(self, timeout_s: float) -> None:
+        """Connect; each attempt, now and later, may take `timeout_s` of wall time."""
+
+    def close(self) -> None:
+        """Let go of the connection; safe to call twice, and never raises."""
+
+    def cut(self, why: str) -> None:
+        """Give up the connection but stay open: the next `send` makes a new one."""
+
+    def send(self, data: bytes) -> None:
+        """Send all of it; what had arrived before is thrown away."""
+
+    def receive(self, max_bytes: int, timeout_s: float) -> bytes:
+        """The next bytes, at least one, within `timeout_s` of wall time."""
+
+
+def byte_link(
+    address: str,
+    *,
+    default_baud: int = DEFAULT_BAUD,
+    reconnect: Reconnect | None = None,
+    wire_log: WireLog | None = None,
+) -> ByteLink:
+    """The link for an address: `tcp://`, `socket://` (serial behind a TCP box), or `serial://`."""
+    if parse_address(address).scheme == "serial":
+        return SerialLink(address, default_baud=default_baud, wire_log=wire_log)
+    return TcpLink(address, reconnect=reconnect, wire_log=wire_log)

@@ -1,7 +1,12 @@
-"""What last went over a wire: a bounded, thread-safe ring that every link writes to and error messages show."""
+"""What last went over a wire: a bounded, thread-safe ring that every link writes to and error messages show.
+
+What went wrong on a link and was recovered from is logged as `benchctl_instruments.links.recovered`. A campaign
+attaches a handler and keeps the records in its journal; without a handler nothing is printed.
+"""
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections import deque
@@ -82,3 +87,12 @@ class WireLog:
 
 def _entry(time_s: float, direction: Direction, data: bytes, length: int) -> WireEntry:
     return WireEntry(time_s=time_s, direction=direction, data=data, length=length)
+
+
+logger = logging.getLogger("benchctl_instruments.links.recovered")
+logger.addHandler(logging.NullHandler())  # without a handler Python would print the records
+
+
+def note_recovered(failure: str, how: str = "asked again, it answered") -> None:
+    """Say what went wrong, and how it was got over; `failure` names the instrument."""
+    logger.warning("%s; %s", failure, how)

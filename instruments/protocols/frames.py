@@ -1,6 +1,6 @@
 """Frames of fixed length in a stream of bytes that may hold anything: found by header, taken where the CRC agrees.
 
-    | header | contents | CRC-32/MPEG-2, 4 | tail |     contents and CRC: `benchctl_instruments.protocols.crc32_mpeg2`
+    | header | contents | CRC-32/MPEG-2, 4 | tail |
 
 Every place where a header stands is tried, so a header inside a frame or in junk costs no good frame. What fails its
 CRC is never taken; of what is no frame at all, one in four thousand million passes. Where two frames that pass overlap,
@@ -8,17 +8,73 @@ the first is taken. What was read does not depend on how the bytes were cut into
 
 Survived: junk before, between and after frames, frames cut short or joined, flipped bits, headers in the contents.
 Memory: the longest frame, beside the piece that is being read.
+
+CRC-32/MPEG-2 is the check of KVH's and Sensonor's frames, computed for one frame or for many at once:
+
+    polynomial 04C11DB7h | register preset to FFFFFFFFh | bits in the order of the wire | result as it is
+
+Source: the catalogue of parametrised CRC algorithms (check value 0376E6E7h for "123456789"); ROS driver KVH1750Test.cpp
+(a frame with its CRC).
+
+One frame: zlib's CRC-32 is the same polynomial with the bits of every byte mirrored and the result inverted, so bytes
+are mirrored on the way in, and the result on the way out. Many: a CRC is linear, so what each byte adds depends on its
+value and on how many bytes follow, and the CRC of a frame is the exclusive or of one table entry a byte.
+
+Frames carry numbers that wrap; `SequenceNumbers` makes of them an index that does not. A number goes up by `step` from
+frame to frame and wraps at `modulus`. A loss shows as a jump, and is known but for whole `period`s: the number of
+frames after which the numbers come again.
 """
 
 from __future__ import annotations
 
+import math
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
+import numpy.typing as npt
 
 from benchctl_instruments.arrays import BoolArray, IntArray
-from benchctl_instruments.protocols.crc32_mpeg2 import ByteArray, crc32_mpeg2_of_rows
+
+POLYNOMIAL = 0x04C11DB7
+PRESET = 0xFFFFFFFF
+_BYTE_VALUES = 256
+
+ByteArray = npt.NDArray[np.uint8]
+CrcArray = npt.NDArray[np.uint32]
+
+_MIRRORED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
+
+
+def crc32_mpeg2(data: bytes) -> int:
+    """The CRC of some bytes."""
+    mirrored = zlib.crc32(data.translate(_MIRRORED)) ^ PRESET
+    return int.from_bytes(mirrored.to_bytes(4, "little").translate(_MIRRORED), "big")
+
+
+def crc32_mpeg2_of_rows(rows: ByteArray, *, padding: int = 0) -> CrcArray:
+    """The CRC of each row of shape (n, length), shape (n,), as if `padding` zero bytes followed the row."""
+    length = rows.shape[1]
+    table, preset_share = _table(length + padding)
+    entries = rows + _BYTE_VALUES * np.arange(length)  # a zero byte of padding adds nothing
+    crc: CrcArray = np.bitwise_xor.reduce(table[entries], axis=1)
+    return crc ^ preset_share
+
+
+@cache
+def _table(length: int) -> tuple[CrcArray, np.uint32]:
+    """What each value adds at each place of `length` bytes, shape (length · 256,), and what the preset adds."""
+    last = np.arange(_BYTE_VALUES, dtype=np.uint32) << 24
+    for _ in range(8):
+        last = (last << 1) ^ (last >> 31) * np.uint32(POLYNOMIAL)
+    places = [last]
+    for _ in range(length - 1):
+        after = places[-1]
+        places.append((after << 8) ^ last[after >> 24])
+    return np.concatenate(places[::-1]), np.uint32(crc32_mpeg2(bytes(length)))
+
 
 CRC_BYTES = 4
 START, END, KIND = 0, 1, 2  # columns of good frames; kind is the place of the format among the reader's
@@ -202,3 +258,54 @@ def _inside(good: IntArray, places: IntArray) -> BoolArray:
     ends = np.append(good[:, END], 0)  # no frame before: the last entry, 0
     inside: BoolArray = places < ends[before]
     return inside
+
+
+class SequenceNumbers:
+    """The index of each frame of one stream; the first one is 0, and those that never came are counted.
+
+    Parameters
+    ----------
+    modulus
+        How many numbers there are.
+    step
+        What the number goes up by from one frame to the next.
+
+    Attributes
+    ----------
+    lost
+        How many frames the numbers say are missing so far.
+    """
+
+    def __init__(self, modulus: int, *, step: int = 1) -> None:
+        common = math.gcd(step, modulus)
+        self.period = modulus // common
+        self.lost = 0
+        self._modulus = modulus
+        self._common = common
+        self._frames_per_unit = pow(step // common, -1, self.period) if self.period > 1 else 0
+        self._last: int | None = None
+        self._next_index = 0
+
+    def unwrap(self, numbers: npt.NDArray[np.integer]) -> tuple[IntArray, IntArray]:
+        """Index of each frame, and how many are missing just before it; both of the shape of `numbers`, (n,).
+
+        A number that no count of frames can lead to is taken for the nearest one below that can be.
+        """
+        if not numbers.size:
+            return np.empty(0, np.int64), np.empty(0, np.int64)
+        present: IntArray = numbers.astype(np.int64)
+        jumps: IntArray = np.diff(present, prepend=present[0] if self._last is None else self._last) % self._modulus
+        frames = jumps // self._common * self._frames_per_unit % self.period
+        missing = (frames - 1) % self.period
+        if self._last is None:
+            missing[0] = 0
+        index: IntArray = self._next_index + np.cumsum(missing) + np.arange(numbers.size)
+        self.lost += int(missing.sum())
+        self._last, self._next_index = int(present[-1]), int(index[-1]) + 1
+        return index, missing
+
+
+def commonest_step(numbers: npt.NDArray[np.integer], modulus: int) -> int:
+    """What the numbers of frames that follow each other, shape (n,), n ≥ 2, most often go up by."""
+    present: IntArray = numbers.astype(np.int64)
+    return int(np.argmax(np.bincount((present[1:] - present[:-1]) % modulus)))

@@ -29,8 +29,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchctl_instruments.arrays import FloatArray, IntArray
-from benchctl_instruments.protocols.crc32_mpeg2 import ByteArray
-from benchctl_instruments.protocols.frames import FrameFormat, FrameReader
+from benchctl_instruments.protocols.frames import ByteArray, FrameFormat, FrameReader
 
 HEADER = bytes.fromhex("FE 81 FF 55")
 FORMAT = FrameFormat(name="KVH format A", header=HEADER, crc_at=32)

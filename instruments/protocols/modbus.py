@@ -16,6 +16,10 @@ has no delimiter but silence, which a stream of bytes does not show: a frame is 
 
 Survived: frames split or joined anywhere; on RTU noise before and between frames and a damaged frame (silent, as on the
 line). On TCP a header that is none means that the stream is lost: what has come is dropped.
+
+Numbers in 16-bit registers: Modbus knows registers of 16 bits and nothing of what they mean. Which word of a 32-bit
+number comes first is the device's own choice (LabJack: high first; Watlow F4T as delivered: low first) and the
+commonest reason for readings like 1e-12 or 1e34.
 """
 
 from __future__ import annotations
@@ -23,7 +27,52 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol, cast
+
+WordOrder = Literal["high_first", "low_first"]
+
+
+def signed_from_word(word: int) -> int:
+    """-32768 ... 32767 from a word in two's complement."""
+    return word - 0x10000 if word > 0x7FFF else word
+
+
+def word_from_signed(value: int) -> int:
+    """A word in two's complement; `ValueError` beyond -32768 ... 32767."""
+    if not -0x8000 <= value <= 0x7FFF:
+        raise ValueError(f"{value} does not fit into a signed 16-bit register")
+    return value & 0xFFFF
+
+
+def f32_from_words(words: Sequence[int], word_order: WordOrder) -> float:
+    """An IEEE 754 single from two words."""
+    return cast(float, struct.unpack(">f", _bytes(words, word_order))[0])
+
+
+def words_from_f32(value: float, word_order: WordOrder) -> list[int]:
+    """Two words of an IEEE 754 single; `OverflowError` where it is too large for one."""
+    return _words(struct.pack(">f", value), word_order)
+
+
+def u32_from_words(words: Sequence[int], word_order: WordOrder) -> int:
+    """An unsigned 32-bit number from two words."""
+    return int.from_bytes(_bytes(words, word_order), "big")
+
+
+def words_from_u32(value: int, word_order: WordOrder) -> list[int]:
+    """Two words of an unsigned 32-bit number; `OverflowError` where it does not fit."""
+    return _words(value.to_bytes(4, "big"), word_order)
+
+
+def _bytes(words: Sequence[int], word_order: WordOrder) -> bytes:
+    first, second = words
+    return struct.pack(">HH", first, second) if word_order == "high_first" else struct.pack(">HH", second, first)
+
+
+def _words(data: bytes, word_order: WordOrder) -> list[int]:
+    high, low = struct.unpack(">HH", data)
+    return [high, low] if word_order == "high_first" else [low, high]
+
 
 READ_HOLDING, READ_INPUT, WRITE_ONE, WRITE_SEVERAL = 3, 4, 6, 16
 READS = (READ_HOLDING, READ_INPUT)

@@ -35,13 +35,11 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import Self
 
 from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
-from benchctl_instruments.interfaces import Clock, Identity, TableLimits, TableReading, TableState
-from benchctl_instruments.links.recovered import note_recovered
+from benchctl_instruments.interfaces import Clock, Identity, Instrument, TableLimits, TableReading, TableState
 from benchctl_instruments.links.tcp import LinkCutError, Reconnect, TcpLink
-from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.links.wirelog import WireLog, note_recovered
 from benchctl_instruments.protocols.acl import Reply, ReplyReader, encode
 from benchctl_instruments.protocols.lines import MOST_SHOWN, parse_number
 
@@ -265,7 +263,7 @@ MOVE_BY = ":dem:delta {axis},{}"
 SLEW = ":con:osc {axis},Enable,{},{},Pos,Lin"  # how fast amplitude [deg/s] and frequency [Hz/s] go to new values
 
 
-class Acutrol3000:
+class Acutrol3000(Instrument):
     """One axis of an ACUTROL3000; an `benchctl_instruments.interfaces.RateTable`. Safe to call from several threads.
 
     Parameters
@@ -348,13 +346,6 @@ class Acutrol3000:
         if len(words) != 4:
             return Identity()
         return Identity(manufacturer=words[0], model=words[1], serial=words[2], firmware=words[3])
-
-    def __enter__(self) -> Self:
-        self.open()
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self.close()
 
     # What a rate table does -------------------------------------------------------------------------------------------
 

@@ -34,8 +34,8 @@ from typing import TypeVar
 
 from benchctl_instruments.errors import InstrumentError
 from benchctl_instruments.interfaces import Clock, Identity, TableLimits, TableState
-from benchctl_instruments.links.byte_link import ByteLink, byte_link
 from benchctl_instruments.links.lines import LineDialogue, Manners
+from benchctl_instruments.links.serial_port import ByteLink, byte_link
 from benchctl_instruments.links.tcp import Reconnect
 from benchctl_instruments.links.wirelog import WireLog
 from benchctl_instruments.protocols.ensemble import (
@@ -51,9 +51,14 @@ from benchctl_instruments.protocols.ensemble import (
     parse_reply,
 )
 from benchctl_instruments.protocols.lines import MOST_SHOWN, parse_number
-from benchctl_instruments.rate_tables.axis_dialogue import AxisDialogue
-from benchctl_instruments.rate_tables.constant_rate_table import LEAST, ConstantRateTable
-from benchctl_instruments.rate_tables.kept_limits import check_finite, short_way_deg, wait_until
+from benchctl_instruments.rate_tables.constant_rate_table import (
+    LEAST,
+    AxisDialogue,
+    ConstantRateTable,
+    check_finite,
+    short_way_deg,
+    wait_until,
+)
 
 Parsed = TypeVar("Parsed")
 

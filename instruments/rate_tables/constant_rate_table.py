@@ -1,17 +1,149 @@
-"""What drivers do alike whose controllers know constant rates and angles, one after the other, and no sinusoid."""
+"""What drivers do alike whose controllers know constant rates and angles, one after the other, and no sinusoid.
+
+The driver itself keeps the limit on the rate, which such a controller does not have. Dialogues with one axis are lines
+of text in which `{axis}` stands for the axis.
+"""
 
 from __future__ import annotations
 
 import math
 import threading
 from abc import ABC, abstractmethod
-from typing import ClassVar, Generic, Self, TypeVar
+from collections.abc import Callable
+from typing import ClassVar, Generic, NoReturn, TypeVar
 
 from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
-from benchctl_instruments.interfaces import Clock, TableReading
+from benchctl_instruments.interfaces import Clock, Instrument, TableLimits, TableReading
+from benchctl_instruments.links.lines import LineDialogue
+from benchctl_instruments.links.wirelog import note_recovered
 from benchctl_instruments.protocols.lines import parse_number
-from benchctl_instruments.rate_tables.axis_dialogue import AxisDialogue
-from benchctl_instruments.rate_tables.kept_limits import KeptLimits, refuse_to_oscillate, wait_until
+
+Parsed = TypeVar("Parsed")
+
+
+class AxisDialogue(ABC):
+    """Queries, and commands that are up to the controller; every exchange is safe from several threads.
+
+    Junk in place of an answer is asked for once more, as silence is: `benchctl_instruments.links.lines` says how.
+
+    Parameters
+    ----------
+    line
+        The dialogue in lines; this one opens and closes it.
+    axis
+        The controller's number of the axis.
+    """
+
+    def __init__(self, line: LineDialogue, *, axis: int) -> None:
+        self._line = line
+        self._axis = axis
+        self.who = line.who
+
+    def open(self) -> None:
+        """Connect; whether the right controller answers shows with the first question."""
+        self._line.open()
+
+    def close(self) -> None:
+        """Let go of the link; safe to call twice, and never raises."""
+        self._line.close()
+
+    def ask(self, query: str, parse: Callable[[str], Parsed]) -> Parsed:
+        """What `parse` makes of the answer to a query; it raises `InstrumentError` for what that cannot be."""
+        text = self._text(query)
+        try:
+            return self._ask_once(text, parse)
+        except InstrumentError as err:
+            value = self._ask_once(text, parse)
+            note_recovered(str(err))
+            return value
+
+    @abstractmethod
+    def _ask_once(self, text: str, parse: Callable[[str], Parsed]) -> Parsed:
+        """As `ask`, without a second try at what cannot be read."""
+
+    def _text(self, pattern: str, *values: float) -> str:
+        """A line, its `{}` filled with values."""
+        return pattern.format(*(f"{value:.6f}" for value in values), axis=self._axis)
+
+
+_LONGEST_STOP_S = 30.0  # bench time, where no limits are known
+_POLL_S = 0.05
+_SPARE_S = 2.0
+
+
+class KeptLimits:
+    """The limits of a table as its driver keeps them: no motion before they are known, none beyond them.
+
+    Parameters
+    ----------
+    name
+        How error messages call the table.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._limits: TableLimits | None = None
+
+    def keep(self, limits: TableLimits) -> None:
+        """From now on these; `UsageError` where they are not both finite and above 0."""
+        for what, value in (("rate", limits.rate_dps), ("acceleration", limits.acceleration_dps2)):
+            if not (math.isfinite(value) and value > 0.0):
+                raise UsageError(f"{self._name}: {what} limit {value}: expected a finite number above 0")
+        self._limits = limits
+
+    def known(self) -> TableLimits:
+        """The limits; `UsageError` before they were set."""
+        if self._limits is None:
+            raise UsageError(
+                f"{self._name}: it was to move before its limits were set, and its controller keeps none on the rate;"
+                " call set_limits() first"
+            )
+        return self._limits
+
+    def check_rate(self, rate_dps: float) -> None:
+        """Raise `UsageError` for a rate that is no number or beyond the limit; 0 is allowed before limits are known."""
+        check_finite(self._name, "rate", rate_dps)
+        if rate_dps and abs(rate_dps) > self.known().rate_dps:
+            raise UsageError(
+                f"{self._name}: asked for {rate_dps:g} deg/s, the limit that was set is {self.known().rate_dps:g} deg/s"
+            )
+
+    def longest_stop_s(self) -> float:
+        """How long a stop may take at most, in bench time."""
+        if self._limits is None:
+            return _LONGEST_STOP_S
+        return _SPARE_S + 2.0 * self._limits.rate_dps / self._limits.acceleration_dps2
+
+
+def check_finite(name: str, what: str, value: float) -> None:
+    """Raise `UsageError` for what is no finite number."""
+    if not math.isfinite(value):
+        raise UsageError(f"{name}: {what} {value}: expected a finite number")
+
+
+def refuse_to_oscillate(name: str, controller: str) -> NoReturn:
+    """Raise the `UsageError` of a controller for which no sinusoid is publicly known."""
+    raise UsageError(
+        f"{name}: an oscillation was asked for, and no public source describes one for the {controller}: procedures"
+        " with sines or swings (sine_sweep, two_stage, diagnostic) cannot run on it; take one of constant rates"
+        " (rate_sweep, temperature_sweep) or one at rest (static)"
+    )
+
+
+def wait_until(clock: Clock, done: Callable[[], bool], within_s: float) -> bool:
+    """Look until something is done, at most so much bench time; whether it is."""
+    deadline_s = clock.now() + within_s
+    while not done():
+        if clock.now() >= deadline_s:
+            return False
+        clock.sleep(_POLL_S)
+    return True
+
+
+def short_way_deg(from_deg: float, to_deg: float) -> float:
+    """The shorter way from one angle to another, -180 to below 180 degrees, positive as the angles are."""
+    return (to_deg - from_deg + 180.0) % 360.0 - 180.0
+
 
 SHORTEST_S = 0.04
 """Reads closer together are not compared: what the rate may be off would hide any acceleration."""
@@ -60,7 +192,7 @@ Dialogue = TypeVar("Dialogue", bound=AxisDialogue)
 LEAST = 1e-6  # deg, deg/s: less than this is written as nothing
 
 
-class ConstantRateTable(ABC, Generic[Dialogue]):
+class ConstantRateTable(Instrument, ABC, Generic[Dialogue]):
     """One axis of such a controller. Safe to call from several threads.
 
     | hook              | what it does                                                                 |
@@ -114,13 +246,6 @@ class ConstantRateTable(ABC, Generic[Dialogue]):
     def close(self) -> None:
         """Let go of the link; the table goes on with what it was doing."""
         self._line.close()
-
-    def __enter__(self) -> Self:
-        self.open()
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self.close()
 
     # What a rate table does -------------------------------------------------------------------------------------------
 

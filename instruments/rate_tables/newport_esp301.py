@@ -35,11 +35,10 @@ from typing import TypeVar
 
 from benchctl_instruments.errors import InstrumentError, LinkError
 from benchctl_instruments.interfaces import Clock, Identity, TableLimits, TableState
-from benchctl_instruments.links.byte_link import ByteLink, byte_link
 from benchctl_instruments.links.lines import LineDialogue, Manners, NoAnswerError
-from benchctl_instruments.links.recovered import note_recovered
+from benchctl_instruments.links.serial_port import ByteLink, byte_link
 from benchctl_instruments.links.tcp import Reconnect
-from benchctl_instruments.links.wirelog import WireLog
+from benchctl_instruments.links.wirelog import WireLog, note_recovered
 from benchctl_instruments.protocols.esp301 import (
     ANSWER_END,
     DEGREES,
@@ -51,9 +50,13 @@ from benchctl_instruments.protocols.esp301 import (
     parse_flag,
 )
 from benchctl_instruments.protocols.lines import MOST_SHOWN, parse_number
-from benchctl_instruments.rate_tables.axis_dialogue import AxisDialogue
-from benchctl_instruments.rate_tables.constant_rate_table import LEAST, ConstantRateTable
-from benchctl_instruments.rate_tables.kept_limits import check_finite, short_way_deg
+from benchctl_instruments.rate_tables.constant_rate_table import (
+    LEAST,
+    AxisDialogue,
+    ConstantRateTable,
+    check_finite,
+    short_way_deg,
+)
 
 Parsed = TypeVar("Parsed")
 

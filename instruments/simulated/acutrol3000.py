@@ -18,8 +18,7 @@ from benchctl_instruments.protocols.acl import Command, encode_reply, parse_comm
 from benchctl_instruments.protocols.lines import LineCutter, parse_number
 from benchctl_instruments.simulated.faults.wires import Lines, Wire
 from benchctl_instruments.simulated.machines import TableMachine
-from benchctl_instruments.simulated.serial_line import LineConversation
-from benchctl_instruments.simulated.table_server import TableServer
+from benchctl_instruments.simulated.serial_line import LineConversation, TableServer
 from benchctl_instruments.simulated.tcp_server import TcpServer
 
 IDENTITY = "simulated,ACUTROL3000,1,0"

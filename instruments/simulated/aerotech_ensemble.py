@@ -34,13 +34,11 @@ from benchctl_instruments.protocols.ensemble import (
 )
 from benchctl_instruments.protocols.lines import LineCutter, parse_number
 from benchctl_instruments.simulated.axis import TableAxis
-from benchctl_instruments.simulated.clock import ScaledClock
+from benchctl_instruments.simulated.clock import ScaledClock, Timebase
 from benchctl_instruments.simulated.faults.wires import Lines, Wire
 from benchctl_instruments.simulated.machines import TableMachine
-from benchctl_instruments.simulated.serial_line import LineConversation
-from benchctl_instruments.simulated.table_server import TableServer
+from benchctl_instruments.simulated.serial_line import LineConversation, TableServer
 from benchctl_instruments.simulated.tcp_server import TcpServer
-from benchctl_instruments.simulated.timebase import Timebase
 
 VERSION = "5.6.1 simulated"
 NAMES = ("X", "A", "@0"), ("Y", "B", "@1"), ("Z", "C", "@2")  # of each axis

@@ -10,8 +10,8 @@ from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.servo import Motion, Segment, coast, follow, with_ripple
 from benchctl_instruments.physics.table import Piece, TableParameters, to_angle, to_rate, to_sine
+from benchctl_instruments.simulated.clock import Timebase
 from benchctl_instruments.simulated.machines import TableMotion
-from benchctl_instruments.simulated.timebase import Timebase
 
 _LONG_AGO_S = -100.0
 

@@ -6,12 +6,18 @@ does time: a started program stays where it is until it is stopped, and the cloc
 
 from __future__ import annotations
 
-from benchctl_instruments.protocols.modbus import DEVICE_FAILURE, ILLEGAL_ADDRESS, ILLEGAL_VALUE, ModbusRefusal
-from benchctl_instruments.protocols.words import WordOrder, words_from_f32
+from benchctl_instruments.protocols.modbus import (
+    DEVICE_FAILURE,
+    ILLEGAL_ADDRESS,
+    ILLEGAL_VALUE,
+    ModbusRefusal,
+    WordOrder,
+    words_from_f32,
+)
 from benchctl_instruments.simulated.machines import ChamberMachine
-from benchctl_instruments.simulated.modbus_server import ModbusRtuServer
-from benchctl_instruments.simulated.registers import (
+from benchctl_instruments.simulated.modbus_server import (
     LimitedSetpoint,
+    ModbusRtuServer,
     Register,
     RegisterTable,
     constants,

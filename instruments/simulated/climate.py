@@ -18,7 +18,7 @@ from benchctl_instruments.physics.chamber import (
     settled,
     switched,
 )
-from benchctl_instruments.simulated.timebase import Timebase
+from benchctl_instruments.simulated.clock import Timebase
 
 _LONG_AGO_S = -100.0
 

@@ -1,11 +1,12 @@
-"""The simulated bench's time: a clock that jumps, and one that runs at a multiple of wall time.
+"""The simulated bench's time: a clock that jumps, one that runs at a multiple of wall time, and what its parts share.
 
-Both satisfy `interfaces.Clock`; beside it they let a simulated instrument wait for an instant of bench
-time.
+Both clocks satisfy `interfaces.Clock`; they also let a simulated instrument wait for an instant of bench time. The
+parts of the bench share the clock, one lock, the internal grid and a horizon of memory.
 """
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from typing import Protocol
@@ -96,3 +97,45 @@ class ScaledClock:
 def _refuse_the_past(seconds: float) -> None:
     if not 0.0 <= seconds < float("inf"):
         raise UsageError(f"cannot let {seconds} s of bench time pass; give a finite time, zero or more")
+
+
+MARGIN_S = 60.0
+"""How much more than is asked for is remembered: what the gyro's electronics need, and callers that are late."""
+
+
+class Timebase:
+    """Bench time on a grid of `grid_hz`; sample k of the grid lies at k / grid_hz.
+
+    Demands take effect at the next instant of the grid, so that nothing which was already computed up to there changes.
+    Whoever reads or changes the bench holds `lock`. `reach_s` is how much further back than `MARGIN_S` the terminals
+    may have to look.
+    """
+
+    def __init__(self, clock: BenchClock, grid_hz: float) -> None:
+        self.clock = clock
+        self.grid_hz = grid_hz
+        self.lock = threading.RLock()
+        self.held_since_s: float | None = None
+        self.reach_s = 0.0
+        self._beside: list[Timebase] = []
+
+    def now(self) -> float:
+        """Bench time [s]."""
+        return self.clock.now()
+
+    def next_instant(self) -> float:
+        """The first instant of the grid that is not past [s]."""
+        return math.ceil(self.now() * self.grid_hz) / self.grid_hz
+
+    def beside(self) -> Timebase:
+        """The same time for a second reader, who holds and looks back by itself."""
+        other = Timebase(self.clock, self.grid_hz)
+        other.lock = self.lock
+        self._beside.append(other)
+        return other
+
+    def forgettable_s(self) -> float:
+        """Nobody will ask for anything before this instant [s]."""
+        now = self.now()
+        held = now if self.held_since_s is None else min(self.held_since_s, now)
+        return min([held - MARGIN_S - self.reach_s, *(other.forgettable_s() for other in self._beside)])

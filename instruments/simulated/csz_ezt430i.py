@@ -9,9 +9,9 @@ from __future__ import annotations
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.protocols.modbus import WRITE_SEVERAL, Request
 from benchctl_instruments.simulated.machines import ChamberMachine
-from benchctl_instruments.simulated.modbus_server import ModbusRtuServer
-from benchctl_instruments.simulated.registers import (
+from benchctl_instruments.simulated.modbus_server import (
     LimitedSetpoint,
+    ModbusRtuServer,
     Register,
     RegisterTable,
     constants,

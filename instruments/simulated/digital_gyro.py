@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from typing import Self
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from benchctl_instruments.errors import UsageError
 from benchctl_instruments.simulated.machines import AnalogInputs
 from benchctl_instruments.simulated.push_line import PushLine
 from benchctl_instruments.simulated.settings import WorldSettings
+from benchctl_instruments.simulated.tcp_server import Startable
 
 AXES = ("x", "y", "z")
 BITS_PER_BYTE = 10  # 8N1
@@ -29,7 +29,7 @@ LARGEST_BATCH = 4096  # frames that are made at once
 ROUNDING = 1e-6  # of a sample interval: how long after its instant a frame counts as due
 
 
-class DigitalGyro(ABC):
+class DigitalGyro(Startable, ABC):
     """A gyro at `address` that sends frames, from `start()` to `stop()`, or in a `with`.
 
     A frame is due when a line of `baud` would have carried its last byte. Its instants are even on the bench's clock;
@@ -82,13 +82,6 @@ class DigitalGyro(ABC):
         """Switch it off; safe to call twice."""
         self.line.stop()
         self._end_stream()
-
-    def __enter__(self) -> Self:
-        self.start()
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self.stop()
 
     @abstractmethod
     def feed(self, data: bytes) -> bytes:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Self
 
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
 from benchctl_instruments.interfaces import (
     ChamberReading,
     Identity,
+    Instrument,
     ScanBlock,
     SingleScan,
     StreamStart,
@@ -26,7 +26,7 @@ _REST_DPS2 = 0.5
 _PERIODS_OF_GROWTH = 2.0
 
 
-class _Direct:
+class _Direct(Instrument):
     """What has no link to open."""
 
     _model: str
@@ -40,13 +40,6 @@ class _Direct:
     def identify(self) -> Identity:
         """The simulated instrument's name."""
         return Identity(manufacturer="benchctl", model=self._model)
-
-    def __enter__(self) -> Self:
-        self.open()
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self.close()
 
 
 class DirectRateTable(_Direct):

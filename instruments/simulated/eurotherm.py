@@ -14,8 +14,15 @@ from typing import ClassVar
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.protocols.modbus import ILLEGAL_VALUE, ModbusRefusal
 from benchctl_instruments.simulated.machines import ChamberMachine
-from benchctl_instruments.simulated.modbus_server import ModbusRtuServer
-from benchctl_instruments.simulated.registers import LimitedSetpoint, Register, RegisterTable, f32, scaled, word
+from benchctl_instruments.simulated.modbus_server import (
+    LimitedSetpoint,
+    ModbusRtuServer,
+    Register,
+    RegisterTable,
+    f32,
+    scaled,
+    word,
+)
 
 AUTO, MANUAL = 0, 1
 UPSCALE_C = 1372.0  # what it shows without a sensor

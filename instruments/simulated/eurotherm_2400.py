@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from benchctl_instruments.simulated.eurotherm import SimulatedEurotherm
-from benchctl_instruments.simulated.registers import Register, word
+from benchctl_instruments.simulated.modbus_server import Register, word
 
 SENSOR_BROKEN = 5  # bit of the status word
 PROGRAM_STATES = (1, 2, 4, 8, 16)  # reset, runs, held, holdback, ended

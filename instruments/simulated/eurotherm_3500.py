@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from benchctl_instruments.simulated.eurotherm import SimulatedEurotherm
-from benchctl_instruments.simulated.registers import Register, word
+from benchctl_instruments.simulated.modbus_server import Register, word
 
 
 class SimulatedEurotherm3500(SimulatedEurotherm):

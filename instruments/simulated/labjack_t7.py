@@ -22,15 +22,14 @@ from benchctl_instruments.errors import UsageError
 from benchctl_instruments.protocols.modbus import DEVICE_FAILURE, ILLEGAL_ADDRESS, ILLEGAL_VALUE, ModbusRefusal
 from benchctl_instruments.protocols.t7_stream import MOST_SAMPLES
 from benchctl_instruments.simulated import t7_register_map as labjack
-from benchctl_instruments.simulated.faults.stream_faults import StreamFaults
+from benchctl_instruments.simulated.faults.schedule import Faults
+from benchctl_instruments.simulated.faults.stream_faults import StreamFault
 from benchctl_instruments.simulated.faults.wires import MODBUS_TCP, Wire
 from benchctl_instruments.simulated.machines import AnalogInputs
-from benchctl_instruments.simulated.modbus_server import ModbusTcpServer
-from benchctl_instruments.simulated.registers import Register, RegisterTable, f32, u32, word
+from benchctl_instruments.simulated.modbus_server import ModbusTcpServer, Register, RegisterTable, f32, u32, word
 from benchctl_instruments.simulated.serial_line import Served
-from benchctl_instruments.simulated.t7_stream_buffer import StreamBuffer, StreamSettings
-from benchctl_instruments.simulated.t7_stream_server import T7StreamServer
-from benchctl_instruments.simulated.t7_terminals import EF_ENABLE, EF_INDEX, RANGE, T7Terminals
+from benchctl_instruments.simulated.t7_register_map import EF_ENABLE, EF_INDEX, RANGE, T7Terminals
+from benchctl_instruments.simulated.t7_stream_server import StreamBuffer, StreamSettings, T7StreamServer
 
 Number = TypeVar("Number", int, float)
 
@@ -107,12 +106,12 @@ class SimulatedLabJackT7(Served):
         return self._stream.address
 
     @property
-    def stream_faults(self) -> StreamFaults | None:
+    def stream_faults(self) -> Faults[StreamFault] | None:
         """What befalls the packets of its stream; to be set before the start."""
         return self._stream.faults
 
     @stream_faults.setter
-    def stream_faults(self, faults: StreamFaults | None) -> None:
+    def stream_faults(self, faults: Faults[StreamFault] | None) -> None:
         self._stream.faults = faults
 
     def restart(self) -> None:

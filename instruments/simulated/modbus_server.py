@@ -1,26 +1,232 @@
-"""Modbus servers over a register map: TCP for any number of clients, RTU on a line.
+"""Registers of simulated Modbus devices, and servers over them: TCP for any number of clients, RTU on a line.
 
 Written here and not taken from pymodbus, whose server answers for units that are not there and only the first of
 several pipelined requests, so that a client's time-outs and queues could not be tried on it.
+
+Registers are a table of quantities with getters and setters, and plain memory. A quantity takes one register or, as a
+32-bit number, two. A read may begin and end anywhere among declared registers, also in the middle of a number; a write
+must bring whole quantities, because half of a number means nothing. Everything else is refused before anything is
+changed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from threading import Lock
+from typing import Protocol
 
 from benchctl_instruments.protocols.modbus import (
+    ILLEGAL_ADDRESS,
+    ILLEGAL_VALUE,
     READS,
     ModbusRefusal,
     Request,
     RtuFraming,
     ServerFraming,
     TcpFraming,
+    WordOrder,
+    f32_from_words,
+    signed_from_word,
+    u32_from_words,
+    words_from_f32,
+    words_from_u32,
 )
 from benchctl_instruments.simulated.faults.wires import MODBUS_RTU, MODBUS_TCP, Wire
-from benchctl_instruments.simulated.registers import RegisterMap
 from benchctl_instruments.simulated.serial_line import SerialLine
 from benchctl_instruments.simulated.tcp_server import TcpServer
+
+
+class RegisterMap(Protocol):
+    """Registers by number; both methods raise `ModbusRefusal` for what the device answers with an exception."""
+
+    def read(self, address: int, count: int) -> list[int]:
+        """`count` words from `address` on."""
+
+    def write(self, address: int, values: list[int]) -> None:
+        """Write words from `address` on."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Register:
+    """A quantity: its first register, how many it takes, its words from and to the device; no `write`: read only."""
+
+    address: int
+    words: int
+    read: Callable[[], list[int]]
+    write: Callable[[list[int]], None] | None = None
+
+
+class RegisterTable:
+    """A `RegisterMap` of declared quantities.
+
+    Parameters
+    ----------
+    registers
+        The quantities; `ValueError` where two of them claim the same register.
+    memory
+        Words by address that keep what is written to them and have no other effect.
+    read_only_refusal
+        The exception code that the device answers to a write to what is read only.
+    """
+
+    def __init__(
+        self,
+        registers: Iterable[Register],
+        *,
+        memory: dict[int, int] | None = None,
+        read_only_refusal: int = ILLEGAL_ADDRESS,
+    ) -> None:
+        self._read_only_refusal = read_only_refusal
+        self._memory = {} if memory is None else memory
+        self._at: dict[int, Register] = {}
+        for register in registers:
+            for address in range(register.address, register.address + register.words):
+                if address in self._at or address in self._memory:
+                    raise ValueError(f"register {address} is declared twice")
+                self._at[address] = register
+
+    def read(self, address: int, count: int) -> list[int]:
+        """`count` words from `address` on; each quantity is asked once, so its words belong together."""
+        words: list[int] = []
+        while len(words) < count:
+            register = self._quantity(address + len(words))
+            skipped = address + len(words) - register.address
+            words += register.read()[skipped:]
+        return words[:count]
+
+    def write(self, address: int, values: list[int]) -> None:
+        """Write whole quantities from `address` on, in order; a setter that refuses leaves those before it written."""
+        writes = []
+        place = 0
+        while place < len(values):
+            register = self._quantity(address + place)
+            if register.address != address + place or place + register.words > len(values):
+                raise ModbusRefusal(ILLEGAL_ADDRESS)
+            if register.write is None:
+                raise ModbusRefusal(self._read_only_refusal)
+            writes.append((register.write, values[place : place + register.words]))
+            place += register.words
+        for write, words in writes:
+            write(words)
+
+    def _quantity(self, address: int) -> Register:
+        if address in self._memory:
+            return word(address, lambda: self._memory[address], lambda value: self._memory.update({address: value}))
+        if address not in self._at:
+            raise ModbusRefusal(ILLEGAL_ADDRESS)
+        return self._at[address]
+
+
+class TakesSetpoint(Protocol):
+    """A chamber, as far as its set point goes."""
+
+    def set_setpoint(self, setpoint_c: float) -> None:
+        """A new set point."""
+
+
+class LimitedSetpoint:
+    """A set point in °C between two limits; what breaks their order is refused with exception 3."""
+
+    def __init__(self, chamber: TakesSetpoint, low_c: float, high_c: float) -> None:
+        self._chamber = chamber
+        self.low_c, self.high_c = low_c, high_c
+
+    def put(self, value_c: float) -> None:
+        """A new set point."""
+        if not self.low_c <= value_c <= self.high_c:  # nor NaN
+            raise ModbusRefusal(ILLEGAL_VALUE)
+        self._chamber.set_setpoint(value_c)
+
+    def put_low(self, value_c: float) -> None:
+        """A new low limit."""
+        if not float("-inf") < value_c < self.high_c:
+            raise ModbusRefusal(ILLEGAL_VALUE)
+        self.low_c = value_c
+
+    def put_high(self, value_c: float) -> None:
+        """A new high limit."""
+        if not self.low_c < value_c < float("inf"):
+            raise ModbusRefusal(ILLEGAL_VALUE)
+        self.high_c = value_c
+
+
+def laid_out(runs: Mapping[int, Sequence[int]]) -> dict[int, int]:
+    """Words by address, from runs of words by first address."""
+    return {first + place: value for first, words in runs.items() for place, value in enumerate(words)}
+
+
+def constants(words: Mapping[int, int]) -> list[Register]:
+    """Words by address that can only be read, and never change."""
+    return [word(address, lambda value=value: value) for address, value in words.items()]  # type: ignore[misc]
+
+
+def word(
+    address: int,
+    get: Callable[[], int],
+    put: Callable[[int], object] | None = None,
+    *,
+    takes: Container[int] = range(0x10000),
+) -> Register:
+    """An unsigned 16-bit number; a value that is none of those that it takes is exception 3."""
+
+    def write(words: list[int]) -> None:
+        if words[0] not in takes:
+            raise ModbusRefusal(ILLEGAL_VALUE)
+        if put is not None:
+            put(words[0])
+
+    return Register(address=address, words=1, read=lambda: [get() & 0xFFFF], write=None if put is None else write)
+
+
+def signed_word(address: int, get: Callable[[], int], put: Callable[[int], None] | None = None) -> Register:
+    """A 16-bit number in two's complement."""
+    return word(address, get, None if put is None else lambda value: put(signed_from_word(value)))
+
+
+def scaled(
+    address: int, get: Callable[[], float], put: Callable[[float], None] | None = None, *, decimals: int
+) -> Register:
+    """A signed number with an implied decimal point; a number beyond the register's range reads as its end."""
+    step = 10**decimals
+    return signed_word(
+        address,
+        lambda: round(max(-0x8000, min(0x7FFF, get() * step))),
+        None if put is None else lambda value: put(value / step),
+    )
+
+
+def u32(
+    address: int,
+    get: Callable[[], int],
+    put: Callable[[int], None] | None = None,
+    *,
+    word_order: WordOrder = "high_first",
+) -> Register:
+    """An unsigned 32-bit number in two registers."""
+    return Register(
+        address=address,
+        words=2,
+        read=lambda: words_from_u32(get() & 0xFFFFFFFF, word_order),
+        write=None if put is None else lambda words: put(u32_from_words(words, word_order)),
+    )
+
+
+def f32(
+    address: int,
+    get: Callable[[], float],
+    put: Callable[[float], None] | None = None,
+    *,
+    word_order: WordOrder = "high_first",
+) -> Register:
+    """An IEEE 754 single in two registers."""
+    return Register(
+        address=address,
+        words=2,
+        read=lambda: words_from_f32(get(), word_order),
+        write=None if put is None else lambda words: put(f32_from_words(words, word_order)),
+    )
+
 
 BROADCAST = 0
 

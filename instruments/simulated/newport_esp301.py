@@ -23,8 +23,7 @@ from benchctl_instruments.protocols.esp301 import ANSWER_END, DEGREES, SENT_END,
 from benchctl_instruments.protocols.lines import LineCutter, parse_number
 from benchctl_instruments.simulated.faults.wires import Lines, Wire
 from benchctl_instruments.simulated.machines import TableMachine
-from benchctl_instruments.simulated.serial_line import LineConversation, SerialLine
-from benchctl_instruments.simulated.table_server import TableServer
+from benchctl_instruments.simulated.serial_line import LineConversation, SerialLine, TableServer
 
 VERSION = "ESP301 Version 3.0.1 simulated"
 STAGE = "SIMULATED, SN1"

@@ -18,14 +18,20 @@ from benchctl_instruments.chambers.profile import (
     Profile,
     RegisterSwitch,
     Switch,
+    changed,
+    words,
 )
-from benchctl_instruments.chambers.profile_file import changed
-from benchctl_instruments.chambers.profile_rules import words
-from benchctl_instruments.protocols.modbus import ILLEGAL_VALUE, ModbusRefusal
-from benchctl_instruments.protocols.words import WordOrder
+from benchctl_instruments.protocols.modbus import ILLEGAL_VALUE, ModbusRefusal, WordOrder
 from benchctl_instruments.simulated.machines import ChamberMachine
-from benchctl_instruments.simulated.modbus_server import ModbusRtuServer
-from benchctl_instruments.simulated.registers import LimitedSetpoint, Register, RegisterTable, f32, signed_word, word
+from benchctl_instruments.simulated.modbus_server import (
+    LimitedSetpoint,
+    ModbusRtuServer,
+    Register,
+    RegisterTable,
+    f32,
+    signed_word,
+    word,
+)
 
 LOW_C, HIGH_C = -70.0, 180.0
 

@@ -10,9 +10,10 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from typing import Protocol, Self
+from typing import Protocol
 
-from benchctl_instruments.simulated.listening import Where, address_of, listen
+from benchctl_instruments.simulated.serial_line import MOST_BYTES, open_pty
+from benchctl_instruments.simulated.tcp_server import Startable, Where, address_of, listen
 
 PIECE_S = 0.004
 """Wall time between two looks at what is due: as coarse as a good serial converter hands it on."""
@@ -22,8 +23,6 @@ PATIENCE_S = 0.02
 
 FULL_LINE_S = 0.5
 """Wall time for which a full line may hold up the device: on a busy machine a client that listens may be slow."""
-
-MOST_BYTES = 4096
 
 
 class Talker(Protocol):
@@ -42,7 +41,7 @@ class Talker(Protocol):
         """Wait until something is due, at most `timeout_s` of wall time; at once false where nothing will ever be."""
 
 
-class PushLine:
+class PushLine(Startable):
     """A device's line from `start()` to `stop()`, or in a `with`; `address` is what a driver is given.
 
     A client that does not take what is sent holds up the device for 0.5 s, then all that was due is dropped, as a
@@ -96,13 +95,6 @@ class PushLine:
             self._thread = None
             self._end.close()
 
-    def __enter__(self) -> Self:
-        self.start()
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self.stop()
-
     def _serve(self) -> None:
         while not self._stopping.is_set():
             self._hear(self._end.receive(0.0))
@@ -149,13 +141,7 @@ class _PtyEnd:
         return f"serial://{self._port}?baud={baud}"
 
     def open(self) -> None:
-        import tty  # not on Windows
-
-        # The slave stays open here: without it the master would see an I/O error each time the client closes the port.
-        self._master, self._slave = os.openpty()
-        tty.setraw(self._slave)
-        os.set_blocking(self._master, False)
-        self._port = os.ttyname(self._slave)
+        self._master, self._slave, self._port = open_pty()
 
     def close(self) -> None:
         os.close(self._master)

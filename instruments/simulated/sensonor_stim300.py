@@ -7,8 +7,7 @@ import numpy as np
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.protocols import stim300 as stim
-from benchctl_instruments.protocols import stim300_answers as answers
-from benchctl_instruments.protocols.stim300_answers import StimConfiguration
+from benchctl_instruments.protocols.stim300 import StimConfiguration
 from benchctl_instruments.simulated.digital_gyro import DigitalGyro, axis_index, on_axis
 from benchctl_instruments.simulated.machines import AnalogInputs
 from benchctl_instruments.simulated.settings import WorldSettings
@@ -67,7 +66,7 @@ class SimulatedStim300(DigitalGyro):
         over_tcp: bool = False,
     ) -> None:
         for name, value, known in (
-            ("rate_hz", rate_hz, answers.RATES_HZ),
+            ("rate_hz", rate_hz, stim.RATES_HZ),
             ("datagram_id", datagram_id, tuple(stim.PARTS)),
             ("gyro_unit", gyro_unit, GYRO_UNITS),
         ):
@@ -92,14 +91,14 @@ class SimulatedStim300(DigitalGyro):
     def feed(self, data: bytes) -> bytes:
         """Answer what is asked."""
         *questions, self._heard = (self._heard + data).split(b"\r")
-        self._heard = self._heard[-len(answers.ASK_SERIAL) :]
+        self._heard = self._heard[-len(stim.ASK_SERIAL) :]
         return b"".join(self._answer(question + b"\r") for question in questions)
 
     def _answer(self, question: bytes) -> bytes:
-        if question == answers.ASK_CONFIGURATION:
-            return answers.encode_configuration(self._configuration)
-        if question == answers.ASK_SERIAL:
-            return answers.encode_serial(self._serial, crlf=self._configuration.crlf)
+        if question == stim.ASK_CONFIGURATION:
+            return stim.encode_configuration(self._configuration)
+        if question == stim.ASK_SERIAL:
+            return stim.encode_serial(self._serial, crlf=self._configuration.crlf)
         return b""
 
     def _skip(self, frames: int) -> None:

@@ -1,21 +1,115 @@
-"""A simulated device's serial line: a pseudo-terminal where the system has them, otherwise serial over TCP."""
+"""A simulated device's serial line: a pseudo-terminal where the system has them, otherwise serial over TCP.
+
+A rate table's server is here too: it serves, and the interlock of its controller can be opened by hand.
+"""
 
 from __future__ import annotations
 
+import os
+import select
 import sys
+import threading
+import time
 from collections.abc import Callable
-from typing import Protocol, Self
+from threading import Thread
+from typing import Protocol
 
 from benchctl_instruments.errors import InstrumentError
 from benchctl_instruments.protocols.lines import LineCutter
-from benchctl_instruments.simulated.faults.link_faults import LinkFaults
-from benchctl_instruments.simulated.tcp_server import Conversation, TcpServer
+from benchctl_instruments.simulated.faults.link_faults import Conversation, FaultyConversation, LinkFaults
+from benchctl_instruments.simulated.tcp_server import Startable, TcpServer
 
-if sys.platform != "win32":
-    from benchctl_instruments.simulated.pty_line import PtyLine
+BITS_PER_BYTE = 10  # 8N1: start bit, eight data bits, stop bit
+MOST_BYTES = 4096
+PACED_PIECE_S = 0.005
 
 
-class Line(Protocol):
+def open_pty() -> tuple[int, int, str]:
+    """Master and slave of a new pseudo-terminal that changes no byte, and the slave's name.
+
+    The slave stays open: without it the master would see an I/O error each time the client closes the port.
+    """
+    import tty  # not on Windows
+
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    os.set_blocking(master, False)
+    return master, slave, os.ttyname(slave)
+
+
+class PtyLine(Startable):
+    """One pseudo-terminal from `start()` to `stop()`, by then `port` is its name and `address` "serial://PORT".
+
+    A pseudo-terminal has no speed. With `pace_baud` the device sees a request only when its last byte would have
+    arrived, and the reply leaves in pieces at that speed. Bytes that no client takes are dropped once the terminal's
+    buffer is full, as a real receiver would, and counted in `dropped_bytes`. `faults`, to be set before the start,
+    befall the requests; where they end a connection, a line has none to end and is only silent.
+    """
+
+    def __init__(self, device: Conversation, *, pace_baud: int | None) -> None:
+        self._device = device
+        self._byte_s = BITS_PER_BYTE / pace_baud if pace_baud else 0.0
+        self._thread: Thread | None = None
+        self.faults: LinkFaults | None = None
+        self.port = ""
+        self.dropped_bytes = 0
+
+    @property
+    def address(self) -> str:
+        """Of a client's end."""
+        return f"serial://{self.port}"
+
+    def start(self) -> None:
+        """Make the terminal and serve it from a thread of its own."""
+        self._master, self._slave, self.port = open_pty()
+        self._awake, self._wake = os.pipe()
+        self._thread = Thread(target=self._serve, name=f"line {self.port}", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread and remove the terminal; safe to call twice."""
+        if self._thread is None:
+            return
+        os.write(self._wake, b"!")
+        self._thread.join()
+        self._thread = None
+        for fd in (self._master, self._slave, self._awake, self._wake):
+            os.close(fd)
+
+    def _serve(self) -> None:
+        faulty = None if self.faults is None else self.faults.on(self._device)
+        while True:
+            ready, _, _ = select.select([self._master, self._awake], [], [])
+            if self._awake in ready:
+                return
+            data = os.read(self._master, MOST_BYTES)
+            self._let_pass(data)
+            if faulty is None:
+                self._send(self._device.feed(data))
+            else:
+                self._send_with_faults(faulty, data)
+
+    def _send_with_faults(self, faulty: FaultyConversation, data: bytes) -> None:
+        for piece in faulty.answer(data).pieces:
+            time.sleep(piece.after_s)
+            self._send(piece.data)
+
+    def _send(self, data: bytes) -> None:
+        size = max(1, int(PACED_PIECE_S / self._byte_s)) if self._byte_s else MOST_BYTES
+        for first in range(0, len(data), size):
+            piece = data[first : first + size]
+            self._let_pass(piece)
+            try:
+                self.dropped_bytes += len(piece) - os.write(self._master, piece)
+            except BlockingIOError:
+                self.dropped_bytes += len(piece)
+
+    def _let_pass(self, data: bytes) -> None:
+        if self._byte_s:  # sleeping for no time still takes some
+            time.sleep(len(data) * self._byte_s)
+
+
+class Line(Startable, Protocol):
     """What carries an instrument's bytes."""
 
     faults: LinkFaults | None
@@ -24,14 +118,8 @@ class Line(Protocol):
     def address(self) -> str:
         """Where it is."""
 
-    def start(self) -> None:
-        """Serve."""
 
-    def stop(self) -> None:
-        """Close everything."""
-
-
-class Served:
+class Served(Startable):
     """What a line serves, from `start()` to `stop()`, or in a `with`."""
 
     def __init__(self, line: Line) -> None:
@@ -63,13 +151,6 @@ class Served:
         """Pull the cable for a moment; a pseudo-terminal has none."""
         if isinstance(self._line, TcpServer):
             self._line.cut_connections()
-
-    def __enter__(self) -> Self:
-        self.start()
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self.stop()
 
 
 class LineConversation:
@@ -133,3 +214,66 @@ class SerialLine(Served):
         if isinstance(self._line, TcpServer):
             return self._line.address.replace("tcp://", "socket://")
         return f"{self._line.address}?baud={self._baud}"
+
+
+class TableController(Protocol):
+    """The states of a simulated controller, as far as a hand at the bench can reach them.
+
+    `closing` is set while nothing serves it: no answer waits for a motion then.
+    """
+
+    closing: threading.Event
+
+    def open_interlock(self) -> None:
+        """Press the emergency stop."""
+
+    def close_interlock(self) -> None:
+        """Release the emergency stop."""
+
+    def trip(self) -> None:
+        """Let the axis fail to follow."""
+
+    def restart(self) -> None:
+        """Start anew, as after a power failure."""
+
+
+class TableServer(Served):
+    """A controller on a line, from `start()` to `stop()`, or in a `with`.
+
+    Parameters
+    ----------
+    controller
+        What answers there; its own methods say what a hand at the bench leads to.
+    line
+        What serves it.
+    """
+
+    def __init__(self, controller: TableController, line: Line) -> None:
+        super().__init__(line)
+        self._controller = controller
+
+    def start(self) -> None:
+        """Serve; when it returns, a client can connect."""
+        self._controller.closing.clear()
+        super().start()
+
+    def stop(self) -> None:
+        """Stop serving; the table goes on with what it was doing."""
+        self._controller.closing.set()
+        super().stop()
+
+    def open_interlock(self) -> None:
+        """Open the interlock by hand, as an emergency stop does."""
+        self._controller.open_interlock()
+
+    def close_interlock(self) -> None:
+        """Close the interlock by hand; what it led to stays until the controller is told otherwise."""
+        self._controller.close_interlock()
+
+    def trip(self) -> None:
+        """A following error."""
+        self._controller.trip()
+
+    def restart(self) -> None:
+        """Start anew, as after a power failure."""
+        self._controller.restart()

@@ -10,21 +10,52 @@ import time
 from collections.abc import Callable
 from typing import Protocol, Self
 
-from benchctl_instruments.simulated.faults.link_faults import FaultyConversation, LinkFaults
-from benchctl_instruments.simulated.listening import address_of, listen
+from benchctl_instruments.errors import UsageError, reason
+from benchctl_instruments.simulated.faults.link_faults import Conversation, FaultyConversation, LinkFaults
+
+Where = tuple[str, int]
+"""Host and port; port 0 takes a free one."""
+
+
+def address_of(where: Where) -> str:
+    """`tcp://HOST:PORT`, an IPv6 host in brackets."""
+    host, port = where
+    return f"tcp://{f'[{host}]' if ':' in host else host}:{port}"
+
+
+def listen(where: Where) -> tuple[socket.socket, Where]:
+    """A listening socket, and where it really listens; `UsageError` where the port is taken or may not be used."""
+    host = where[0]
+    try:
+        listener = socket.create_server(where, family=socket.AF_INET6 if ":" in host else socket.AF_INET)
+    except OSError as err:
+        raise UsageError(f"cannot listen at {address_of(where)}: {reason(err)}; choose another port, or 0") from err
+    listener.setblocking(False)
+    return listener, (host, listener.getsockname()[1])
+
 
 _SLICE_S = 0.005  # a paced reply leaves in slices of this much line time
 _BITS_PER_BYTE = 10  # start, eight data, stop
 
 
-class Conversation(Protocol):
-    """One connection's side of a protocol, without I/O: bytes that came in, bytes to send back."""
+class Startable(Protocol):
+    """What serves from `start()` to `stop()`, or in a `with`."""
 
-    def feed(self, data: bytes) -> bytes:
-        """Take what arrived, however it was cut into packets, and answer what is complete; b"" where nothing is."""
+    def start(self) -> None:
+        """Serve; when it returns, a client can connect."""
+
+    def stop(self) -> None:
+        """Stop serving; safe to call twice."""
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.stop()
 
 
-class TcpServer:
+class TcpServer(Startable):
     """Serves one `Conversation` per connection, each on a daemon thread of its own.
 
     Parameters
@@ -101,13 +132,6 @@ class TcpServer:
                 connection.shutdown(socket.SHUT_RDWR)
             if thread is not threading.current_thread():
                 thread.join()
-
-    def __enter__(self) -> Self:
-        self.start()
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self.stop()
 
     def _accept(self, listener: socket.socket, awake: socket.socket) -> None:
         with awake:

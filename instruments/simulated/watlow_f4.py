@@ -14,9 +14,9 @@ from functools import partial
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.protocols.modbus import ILLEGAL_VALUE, ModbusRefusal
 from benchctl_instruments.simulated.machines import ChamberMachine
-from benchctl_instruments.simulated.modbus_server import ModbusRtuServer
-from benchctl_instruments.simulated.registers import (
+from benchctl_instruments.simulated.modbus_server import (
     LimitedSetpoint,
+    ModbusRtuServer,
     Register,
     RegisterTable,
     constants,

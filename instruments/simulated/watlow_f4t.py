@@ -12,13 +12,19 @@ from functools import partial
 from typing import Literal
 
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.protocols.modbus import DEVICE_FAILURE, ILLEGAL_ADDRESS, ModbusRefusal
-from benchctl_instruments.protocols.words import WordOrder, words_from_f32
+from benchctl_instruments.protocols.modbus import (
+    DEVICE_FAILURE,
+    ILLEGAL_ADDRESS,
+    ModbusRefusal,
+    WordOrder,
+    words_from_f32,
+)
 from benchctl_instruments.simulated.faults.wires import MODBUS_RTU, MODBUS_TCP, Wire
 from benchctl_instruments.simulated.machines import ChamberMachine
-from benchctl_instruments.simulated.modbus_server import ModbusRtuServer, ModbusTcpServer
-from benchctl_instruments.simulated.registers import (
+from benchctl_instruments.simulated.modbus_server import (
     LimitedSetpoint,
+    ModbusRtuServer,
+    ModbusTcpServer,
     Register,
     RegisterTable,
     constants,

@@ -1,25 +1,339 @@
-"""The simulated bench without any wire: a table, a chamber and a gyro on terminals, sharing one clock."""
+"""The simulated bench without any wire: a table, a chamber and a gyro on terminals, sharing one clock.
+
+`Terminals` are what the digitizer's terminals see: the encoder's count, the gyro's volts and its thermistor's, at even
+intervals. Up to the gyro's electronics the chain runs on the internal grid; scans are interpolated from it (angle by a
+cubic through angles and rates, volts straight) and get the sensor's noise. Where encoder and gyro have two clocks the
+gyro's volts are those of its own instants, all else of the encoder's. A gyro whose supply is off puts out 0 V; its
+thermistor goes on.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 # The physics load these when they first need them; that takes a second, which a client would wait in vain.
 import scipy.signal
 import scipy.special  # noqa: F401
 
+from benchctl_instruments.arrays import FloatArray, IntArray
+from benchctl_instruments.errors import UsageError
 from benchctl_instruments.interfaces import Position
-from benchctl_instruments.physics.chain import GRID_STAGES, Effect
+from benchctl_instruments.physics.chain import GRID_STAGES, Baseline, Effect, Signals, run_chain
+from benchctl_instruments.physics.effects.kinds import ClockEffect, FilterEffect
+from benchctl_instruments.physics.encoder import encoder_angle_deg, quadrature_count
+from benchctl_instruments.physics.noise import RandomWalk, WhiteNoise
+from benchctl_instruments.physics.structure_places import CHAMBER_C, SETPOINT_WAY
+from benchctl_instruments.physics.structures import Structure
+from benchctl_instruments.physics.turn_on import warming_up_since
 from benchctl_instruments.simulated.axis import TableAxis
 from benchctl_instruments.simulated.climate import ClimateChamber
-from benchctl_instruments.simulated.clock import BenchClock
-from benchctl_instruments.simulated.installation import Installation
+from benchctl_instruments.simulated.clock import BenchClock, Timebase
 from benchctl_instruments.simulated.machines import AnalogInputs, ChamberMachine, TableMachine
-from benchctl_instruments.simulated.sensor import sensor_of
+from benchctl_instruments.simulated.sensor import Installation, Installed, Sensor, sensor_of
 from benchctl_instruments.simulated.settings import WorldSettings
-from benchctl_instruments.simulated.terminals import Terminals
-from benchctl_instruments.simulated.timebase import Timebase
+
+_ROOM_S = 3600.0
+_NEXT_SCAN = 0.5
+"""Share of an interval by which a scan may miss its place in a stream."""
+
+
+class TwoClocks:
+    """Instants of encoder and gyro for the stamps of scans in the order of time; no bench can look ahead.
+
+    Only the shift between the gyro's instants and the encoder's is seen in a recording. Where the gyro would have to be
+    sampled in the future, the whole scan is therefore taken earlier: at stamp t the encoder is read at t − lead and the
+    gyro at t − lead + shift(t), neither after t. Within a stream the lead stays what it was at its start, with room for
+    an hour of drift, so that the encoder's rate is the table's; after that it follows the drift, and the encoder's rate
+    is wrong by as much. A stream begins with what the table did a lead before: milliseconds for an offset, but a second
+    for a clock that has been fast by 100 ppm for three hours.
+    """
+
+    def __init__(self, effects: Sequence[ClockEffect]) -> None:
+        self._effects = tuple(effects)
+        self._next_s = -math.inf
+        self._lead_s = 0.0
+
+    def instants(self, stamps_s: FloatArray, interval_s: float) -> tuple[FloatArray, FloatArray]:
+        """Instants [s] at which encoder and gyro are read for stamps [s], `interval_s` apart; each of shape (n,)."""
+        if abs(stamps_s[0] - self._next_s) > _NEXT_SCAN * interval_s:
+            ends_s = self._shift_s(stamps_s[0] + np.array([0.0, _ROOM_S]))
+            self._lead_s = max(0.0, float(ends_s.max()))
+        self._next_s = float(stamps_s[-1]) + interval_s
+        shift_s = self._shift_s(stamps_s)
+        encoder_s = stamps_s - np.maximum(shift_s, self._lead_s)
+        return encoder_s, encoder_s + shift_s
+
+    def reach_s(self, stamp_s: float) -> float:
+        """How much further back than a stamp may have to be read."""
+        ends_s = self._shift_s(stamp_s + np.array([0.0, _ROOM_S]))
+        return float(max(0.0, ends_s.max()) + max(0.0, -ends_s.min()))
+
+    def _shift_s(self, stamps_s: FloatArray) -> FloatArray:
+        """How far the gyro's instants are ahead of their stamps; several effects add up."""
+        shift_s = np.zeros_like(stamps_s)
+        for effect in self._effects:
+            shift_s += effect.gyro_time_s(stamps_s)
+            shift_s -= stamps_s
+        return shift_s
+
+
+_BLOCK = 32_768
+"""Instants of the grid that are computed at once: few enough to stay in the processor's cache."""
+
+_LONGEST_WARM_UP_S = 60.0
+"""Filters that remember longer start from the best that is known so long before."""
+
+_EARLY_S = 2e-9
+"""How much ahead of the clock a scan may lie: the rounding of instants that are days away."""
+
+_ROUNDING = 1e-6
+"""Instants of the grid; a scan that is meant to fall on one may miss it by that much."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Stretch:
+    """Consecutive instants of the grid from `first` on: angle, rate, acceleration, sensed rate, volts; shape (5, n)."""
+
+    first: int
+    columns: FloatArray
+
+    @property
+    def end(self) -> int:
+        return self.first + int(self.columns.shape[1])
+
+
+class Terminals:
+    """An `AnalogInputs` over the table's axis and the chamber."""
+
+    def __init__(
+        self,
+        timebase: Timebase,
+        settings: WorldSettings,
+        sensor: Sensor,
+        axis: TableAxis,
+        climate: ClimateChamber,
+        installation: Installation,
+        effects: Sequence[Effect] = (),
+    ) -> None:
+        self._timebase = timebase
+        self._installation = installation
+        self._settings = settings
+        self._sensor = sensor
+        self._axis = axis
+        self._climate = climate
+        self._effects = tuple(effects)
+        of_air = ("chamber_temp", "setpoint")
+        self._feels_air = any(isinstance(effect, Structure) and effect.over in of_air for effect in effects)
+        self._law: tuple[Installed, Baseline, Sequence[Effect]] | None = None
+        clocks = [effect for effect in effects if isinstance(effect, ClockEffect)]
+        self._clocks = TwoClocks(clocks) if clocks else None
+        filters_s = [effect.memory_s for effect in effects if isinstance(effect, FilterEffect)]
+        self._warm_up_s = max(sensor.memory_s, min(sum(filters_s), _LONGEST_WARM_UP_S))
+        self._warm_up = math.ceil(self._warm_up_s * timebase.grid_hz)
+        white, walk, thermistor = np.random.SeedSequence(settings.seed).spawn(3)
+        self._white = WhiteNoise(white)
+        self._walk = RandomWalk(walk, sensor.walk_v_per_sqrt_s)
+        self._thermistor = WhiteNoise(thermistor)
+        self._grid: _Stretch | None = None
+        self._last_instant: tuple[tuple[float, float], Signals] | None = None
+        self._scanned = 0
+        self._memory: Mapping[str, FloatArray] = {}
+
+    def now(self) -> float:
+        """Bench time [s]."""
+        return self._timebase.now()
+
+    def wait_until(self, bench_time_s: float, timeout_s: float) -> bool:
+        """Block until an instant of bench time, at most `timeout_s` of wall time; whether it has come."""
+        return self._timebase.clock.wait_until(bench_time_s, timeout_s)
+
+    def hold_history(self, since_s: float | None) -> None:
+        """Keep the motion since an instant; None: no more needed."""
+        with self._timebase.lock:
+            self._timebase.held_since_s = since_s
+
+    def sample(
+        self, first_s: float, interval_s: float, scans: int, *, start: int = 0
+    ) -> tuple[IntArray, FloatArray, FloatArray]:
+        """Quadrature count, gyro volts, thermistor volts at first + (start + i)·interval, i < scans: shape (scans,)."""
+        counts = np.empty(scans, np.int64)
+        gyro_v, thermistor_v = np.empty(scans), np.empty(scans)
+        sampling: Baseline = {"sampling": self._with_noise}
+        with self._timebase.lock:
+            self._refuse(first_s + start * interval_s, interval_s, scans)
+            self._timebase.reach_s = self._reach_s(first_s + start * interval_s)
+            block = max(1, int(_BLOCK / (interval_s * self._timebase.grid_hz)))
+            for low in range(0, scans, block):
+                part = slice(low, min(low + block, scans))
+                times_s = first_s + np.arange(start + part.start, start + part.stop, dtype=np.float64) * interval_s
+                signals = run_chain(self._before_sampling(times_s, interval_s), sampling, self._effects, ("sampling",))
+                self._scanned += times_s.size
+                self._memory = signals.memory
+                counts[part] = quadrature_count(self._settings.encoder, signals.encoder_deg)
+                gyro_v[part] = signals.output_v
+                if (dead := self._installation.dead(times_s)) is not None:
+                    gyro_v[part][dead] = 0.0
+                thermistor_v[part] = signals.thermistor_c
+        thermistor_v *= self._settings.thermistor_v_per_c
+        thermistor_v += self._settings.thermistor_offset_v
+        return counts, gyro_v, thermistor_v
+
+    def _refuse(self, first_s: float, interval_s: float, scans: int) -> None:
+        if scans < 1 or not interval_s > 0.0:
+            raise UsageError(
+                f"cannot sample {scans} scans every {interval_s} s; give one scan or more, and a time above 0"
+            )
+        last_s, now = first_s + (scans - 1) * interval_s, self._timebase.now()
+        if last_s > now + _EARLY_S:
+            raise UsageError(f"cannot sample at {last_s:.6f} s: it is {now:.6f} s, wait until then")
+
+    def _reach_s(self, stamp_s: float) -> float:
+        """How much further back than the horizon of memory the gyro's instants and the filters' start may lie."""
+        return self._warm_up_s + (0.0 if self._clocks is None else self._clocks.reach_s(stamp_s))
+
+    def _before_sampling(self, times_s: FloatArray, interval_s: float) -> Signals:
+        """As `_at_scans`; who reads one input after the other asks for one instant several times."""
+        if times_s.size > 1 or self._clocks is not None:
+            return self._at_scans(times_s, interval_s)
+        instant = float(times_s[0]), interval_s
+        if self._last_instant is None or self._last_instant[0] != instant:
+            self._last_instant = instant, self._at_scans(times_s, interval_s)
+        return replace(self._last_instant[1], first_index=self._scanned, memory=self._memory)
+
+    def _at_scans(self, times_s: FloatArray, interval_s: float) -> Signals:
+        """The chain up to the electronics, interpolated to the instants of scans."""
+        encoder_s = gyro_s = times_s
+        if self._clocks is not None:
+            encoder_s, gyro_s = self._clocks.instants(times_s, interval_s)
+        position = gyro_s * self._timebase.grid_hz
+        # the cell that ends at or after each: the one behind an instant may not be known yet
+        low = np.ceil(position - _ROUNDING).astype(np.int64) - 1
+        grid = self._computed(int(low[0]), int(low[-1]) + 1)
+        share = position - low
+        low -= grid.first
+        left, right = grid.columns.take(low, axis=1), grid.columns.take(low + 1, axis=1)
+        straight = left + (right - left) * share
+        gyro = self._climate.gyro(encoder_s)
+        if self._clocks is None:
+            angle, rate, acceleration = (
+                _cubic(left, right, share, 1.0 / self._timebase.grid_hz),
+                straight[1],
+                straight[2],
+            )
+        else:
+            motion = self._axis.at(encoder_s)
+            angle, rate, acceleration = motion.angle_deg, motion.rate_dps, motion.acceleration_dps2
+        return Signals(
+            first_index=self._scanned,
+            interval_s=interval_s,
+            time_s=times_s,
+            angle_deg=angle,
+            rate_dps=rate,
+            acceleration_dps2=acceleration,
+            housing_c=gyro.housing_c,
+            coil_c=gyro.coil_c,
+            coil_rate_c_per_s=gyro.coil_rate_c_per_s,
+            sensed_rate_dps=straight[3],
+            output_v=straight[4],
+            encoder_deg=angle,
+            thermistor_c=gyro.housing_c,
+            auxiliary=self._of_air(encoder_s),
+            memory=self._memory,
+        )
+
+    def _of_air(self, times_s: FloatArray) -> Mapping[str, FloatArray]:
+        """The chamber's air and the way of its set point, where an effect asks for them."""
+        if not self._feels_air:
+            return {}
+        air_c, way = self._climate.air(times_s)
+        return {CHAMBER_C: air_c, SETPOINT_WAY: way}
+
+    def _computed(self, first: int, last: int) -> _Stretch:
+        """The grid from an instant to another, continued from what was computed before where that is near."""
+        known = self._grid
+        if known is None or not known.first <= first <= known.end + self._warm_up:
+            known = _Stretch(first - self._warm_up, np.empty((5, 0)))
+        if known.end <= last:
+            parts = [self._run(installed, *ends) for installed, *ends in self._installation.over(known.end, last)]
+            known = _Stretch(known.first, np.concatenate([known.columns, *parts], axis=1))
+        # the next scan may lie in the last cell
+        self._grid = _Stretch(known.end - 2, known.columns[:, -2:].copy())
+        return known
+
+    def _run(self, installed: Installed, start: int, last: int) -> FloatArray:
+        """The rows of a `_Stretch` over which the gyro stands as it does, going on from what was run before."""
+        baseline, effects = self._law_of(installed)
+        signals = run_chain(self._on_grid(start, last), baseline, effects, GRID_STAGES)
+        self._memory = signals.memory
+        return np.stack(
+            [
+                signals.angle_deg,
+                signals.rate_dps,
+                signals.acceleration_dps2,
+                signals.sensed_rate_dps,
+                signals.output_v,
+            ]
+        )
+
+    def _law_of(self, installed: Installed) -> tuple[Baseline, Sequence[Effect]]:
+        """The gyro's stages and effects as it stands and came up; those of its last state are kept."""
+        if self._law is None or self._law[0] is not installed:
+            since_s = installed.on_since_s
+            effects = self._effects if since_s is None else warming_up_since(self._effects, since_s)
+            self._law = installed, self._sensor.baseline(installed.position, installed.times), effects
+        return self._law[1:]
+
+    def _on_grid(self, start: int, last: int) -> Signals:
+        """The true motion and temperatures, before any stage."""
+        times_s = np.arange(start, last + 1) / self._timebase.grid_hz
+        motion = self._axis.at(times_s)
+        gyro = self._climate.gyro(times_s)
+        return Signals(
+            first_index=start,
+            interval_s=1.0 / self._timebase.grid_hz,
+            time_s=times_s,
+            angle_deg=motion.angle_deg,
+            rate_dps=motion.rate_dps,
+            acceleration_dps2=motion.acceleration_dps2,
+            housing_c=gyro.housing_c,
+            coil_c=gyro.coil_c,
+            coil_rate_c_per_s=gyro.coil_rate_c_per_s,
+            sensed_rate_dps=motion.rate_dps,
+            output_v=np.zeros_like(times_s),
+            encoder_deg=motion.angle_deg,
+            thermistor_c=gyro.housing_c,
+            auxiliary=self._of_air(times_s),
+            memory=self._memory,
+        )
+
+    def _with_noise(self, signals: Signals) -> Signals:
+        """The baseline of the sampling stage: encoder, thermistor, noise and the output's limit."""
+        scans = signals.time_s.size
+        volts = signals.output_v + self._white.draw(scans, self._sensor.white_v(signals.interval_s))
+        # two readers may each look at the clock before either samples: the later one then finds the bias as it is
+        volts += self._walk.at(np.maximum(signals.time_s, self._walk.last_s))
+        np.clip(volts, -self._sensor.output_limit_v, self._sensor.output_limit_v, out=volts)
+        warm = self._thermistor.draw(scans, self._settings.chamber.thermistor_noise_c)
+        return replace(
+            signals,
+            output_v=volts,
+            encoder_deg=encoder_angle_deg(self._settings.encoder, signals.angle_deg),
+            thermistor_c=signals.housing_c + warm,
+        )
+
+
+def _cubic(left: FloatArray, right: FloatArray, share: FloatArray, interval_s: float) -> FloatArray:
+    """Angles between instants of the grid, through angles (row 0) and rates (row 1) at both ends; shape (n,)."""
+    step = right[0] - left[0]
+    before, after = left[1] * interval_s - step, right[1] * interval_s - step
+    rest = 1.0 - share
+    angle: FloatArray = left[0] + share * (step + rest * (rest * before - share * after))
+    return angle
+
 
 OTHER_NOISE = 1 << 32
 """What is added to the seed for the noise of a second gyro."""

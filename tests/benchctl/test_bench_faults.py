@@ -12,7 +12,7 @@ from benchctl.campaign.runner import run_campaign
 from benchctl.plan import Plan, Static
 from benchctl.recordings.reader import open_recording
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.simulated.faults.link_kinds import Cut, Silence
+from benchctl_instruments.simulated.faults.link_faults import Cut, Silence
 
 
 def bench_with(tmp_path: Path, tables: str) -> Bench:

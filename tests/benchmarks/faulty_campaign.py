@@ -24,7 +24,7 @@ from benchctl.campaign.runner import run_campaign
 from benchctl.plan.find import find_procedure
 from benchctl.recordings.reader import open_recording
 from benchctl_instruments.links.modbus import Retry
-from benchctl_instruments.simulated.faults.link_kinds import (
+from benchctl_instruments.simulated.faults.link_faults import (
     Cut,
     HalfFloat,
     Junk,
@@ -34,8 +34,8 @@ from benchctl_instruments.simulated.faults.link_kinds import (
     Silence,
     Split,
 )
+from benchctl_instruments.simulated.faults.schedule import FaultTable
 from benchctl_instruments.simulated.faults.stream_faults import Overrun, StreamCut, StreamGap, StreamJunk
-from benchctl_instruments.simulated.faults.tables import FaultTable
 from tests.benchmarks.coverage import PARAMETERS
 
 EVERY_S = 30.0

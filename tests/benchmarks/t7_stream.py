@@ -28,7 +28,7 @@ import numpy as np
 
 from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.digitizers.labjack_t7 import LabJackT7
-from benchctl_instruments.digitizers.t7_scans import SCAN_LENGTH
+from benchctl_instruments.digitizers.t7_registers import SCAN_LENGTH
 from benchctl_instruments.errors import BenchError, LinkError
 from benchctl_instruments.interfaces import ScanBlock
 from benchctl_instruments.physics.adc import codes_from_volts
@@ -120,8 +120,7 @@ class Served:
 def serve(scans: int, faults: Sequence[StreamFault], talk: Connection) -> None:
     """A simulated T7 on a bench that moves: its addresses, and on being told that all is read what it did."""
     # Imported here, so that the reader's memory is the reader's own.
-    from benchctl_instruments.simulated.faults.schedule import FaultLog
-    from benchctl_instruments.simulated.faults.stream_faults import StreamFaults
+    from benchctl_instruments.simulated.faults.schedule import FaultLog, Faults
     from benchctl_instruments.simulated.labjack_t7 import SimulatedLabJackT7
     from benchctl_instruments.simulated.world import World
 
@@ -133,7 +132,7 @@ def serve(scans: int, faults: Sequence[StreamFault], talk: Connection) -> None:
     inputs = LimitedInputs(world.inputs, scans)
     twin = SimulatedLabJackT7(inputs)
     if faults:
-        twin.stream_faults = StreamFaults("digitizer_stream", faults, FaultLog())
+        twin.stream_faults = Faults("digitizer_stream", faults, FaultLog())
     with twin:
         began_cpu_s = time.process_time()
         talk.send((twin.address, twin.stream_address))

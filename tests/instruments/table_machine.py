@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchctl_instruments.links.byte_link import byte_link
+from benchctl_instruments.links.serial_port import byte_link
 from benchctl_instruments.simulated.machines import TableMotion
 
 HOMING = {

@@ -15,8 +15,7 @@ from pathlib import Path
 from benchctl.diagnosis import diagnose
 from benchctl.diagnosis.result import Diagnosis, Finding, Part
 from benchctl.recordings.importing import import_recording
-from benchctl.recordings.joined import join
-from benchctl.recordings.reader import open_recording
+from benchctl.recordings.reader import join, open_recording
 from benchctl.reports import diagnosis_words as words
 from benchctl_instruments.errors import BenchError
 from tests.shared import SHARED

@@ -10,8 +10,7 @@ import pytest
 from benchctl.diagnosis.diagnose import diagnose
 from benchctl.diagnosis.result import Diagnosis, Finding
 from benchctl.recordings.importing import import_recording
-from benchctl.recordings.joined import join
-from benchctl.recordings.reader import open_recording
+from benchctl.recordings.reader import join, open_recording
 from tests.shared import SHARED, needs_shared
 
 MAPS = Path(__file__).parents[1] / "benchctl" / "recordings" / "maps"

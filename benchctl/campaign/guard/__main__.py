@@ -13,8 +13,7 @@ import signal
 import sys
 import threading
 
-from benchctl.campaign.guard.orders import HEARD, Orders
-from benchctl.campaign.guard.watch import Ending, Lines, watch
+from benchctl.campaign.guard.orders import HEARD, Ending, Lines, Orders, watch
 
 DEATH_S = 5.0
 """How long a killed runner may take to die, which frees its links: the kernel's work, milliseconds as a rule."""
@@ -39,14 +38,14 @@ def main() -> int:
     if ending is Ending.HANGS:
         _kill(orders.runner)
         why += ", and was killed" if lines.end(DEATH_S) else ", was killed and is not dead yet"
-    from benchctl.campaign.guard.act import act
+    from benchctl.campaign.guard.rescue import act
 
     return 0 if act(orders, why) else 3
 
 
 def _learn(orders: Orders) -> None:
     """Import what acting takes, beside the watch: the runner waits for the first answer, and later time is short."""
-    importlib.import_module("benchctl.campaign.guard.act")
+    importlib.import_module("benchctl.campaign.guard.rescue")
     from benchctl_instruments.catalog import driver
     from benchctl_instruments.errors import BenchError
 

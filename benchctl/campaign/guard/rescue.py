@@ -1,28 +1,47 @@
-"""The guard acts: it takes the links over, stops the table, sends the chamber home, and reads both back.
+"""The guard acts: it takes over the links, stops the table, sets the chamber's safe set point, and reads both back.
 
 Each instrument has a thread and tries of its own, so that one that is dead, or whose driver hangs, costs the other
 nothing. What fails is tried again every half second for ten minutes: by then a controller that lost its power, or a
-network that was down, is back; later the bench may rightly be somebody else's.
+network that was down, is back; later the bench may rightly be somebody else's. What was done is written to the
+campaign's journal, on the disk at once, and to stderr.
 """
 
 from __future__ import annotations
 
 import contextlib
+import os
 import queue
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from benchctl.atomic import disk_errors
 from benchctl.campaign.guard.orders import Orders, Reached
 from benchctl.campaign.rest import send_home, stop_table
 from benchctl.locks import held, is_held
+from benchctl.recordings.journal import append_event, sync_journal
 from benchctl_instruments.catalog import Kind, driver
 from benchctl_instruments.errors import BenchError, UsageError
 from benchctl_instruments.interfaces import Clock
 from benchctl_instruments.simulated.clock import ScaledClock
+
+
+def note(journal: Path, **data: object) -> None:
+    """Append an event of kind "guard"; raises `UsageError` where the disk refuses.
+
+    A line that the runner had only begun when it died is ended first, so that it spoils no other.
+    """
+    with disk_errors(journal), journal.open("ab+") as file:
+        if file.tell():
+            file.seek(-1, os.SEEK_END)
+            if file.read() != b"\n":
+                file.write(b"\n")
+    append_event(journal, "guard", data)
+    sync_journal(journal)
+
 
 GIVE_UP_S = 600.0
 """How long what fails is tried again, wall time."""
@@ -126,3 +145,30 @@ def _opened(kind: Kind, reached: Reached, clock: Clock) -> Iterator[Any]:
                 raise  # else the folder of the locks is gone: that must not keep a table turning
         make = driver(kind, reached.model, reached.profile)
         yield stack.enter_context(make(reached.address, clock=clock, **reached.options))
+
+
+def act(orders: Orders, why: str) -> bool:
+    """Bring the bench to rest; `why` is the reason, in words. Returns whether all of it was read back."""
+    unwritten = ""
+
+    def tell(says: str, **data: object) -> None:
+        nonlocal unwritten
+        try:
+            note(orders.journal, says=f"{why}; {says}", **data)
+        except BenchError as err:
+            unwritten = f" (not in the journal: {err})"
+
+    rescued = rescue(orders, tell)
+    tell(words(rescued), reason=why, **asdict(rescued))
+    with contextlib.suppress(OSError):  # only at the end, for a terminal may be held, or gone
+        os.write(2, f"benchctl guard: {why}; {words(rescued)}{unwritten}\n".encode())
+    return not rescued.problems
+
+
+def words(rescued: Rescued) -> str:
+    """What became of the bench, in a line."""
+    rest = f"table at rest ({rescued.rate_dps:+.3f} deg/s)" if rescued.rate_dps is not None else ""
+    home = f"chamber set to {rescued.chamber_setpoint_c:g} °C" if rescued.chamber_setpoint_c is not None else ""
+    confirmed = f"{' and '.join(filter(None, (rest, home)))}, read back" if rest or home else ""
+    failed = f"NOT CONFIRMED: {'; '.join(rescued.problems)}; go and look" if rescued.problems else ""
+    return "; ".join(filter(None, (confirmed, failed)))

@@ -13,7 +13,7 @@ from typing import Any
 
 from benchctl.bench import Bench
 from benchctl.campaign.soak import SoakWatch
-from benchctl.campaign.stop_file import is_asked
+from benchctl.campaign.stop import is_asked
 from benchctl.confined import entries_in, open_file
 from benchctl.dashboard.data.contents import DIED, RUNNING, contents_of, died_says, known_file, recording_in, status_of
 from benchctl.dashboard.data.details import BenchLimit, bench_of, limits_of, measured

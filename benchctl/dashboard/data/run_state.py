@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from benchctl.campaign.plan_events import SOAK
+from benchctl.campaign.timing import SOAK
 from benchctl.limits import LONGEST_TIME_S, MOST_JOURNAL_LINES, cut
 from benchctl.plan import Soak
 

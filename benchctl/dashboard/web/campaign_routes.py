@@ -8,7 +8,7 @@ from fastapi import APIRouter, Query
 from fastapi import Path as PathParameter
 from starlette.responses import Response
 
-from benchctl.campaign.stop_file import NotRunningError, ask_by_file
+from benchctl.campaign.stop import NotRunningError, ask_by_file
 from benchctl.dashboard.data.details import details_of
 from benchctl.dashboard.data.documents import Kind, document, report_of
 from benchctl.dashboard.data.events import events_after

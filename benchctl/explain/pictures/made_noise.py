@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchctl.explain.pictures.sketch import Band, Curve, Look, Panel, Sketch, one_panel
-from benchctl.metrology.coefficients import NAMES, TERMS, Term, unit_of, variances
+from benchctl.metrology.allan import NAMES, TERMS, Term, unit_of, variances
 from benchctl.reports.acceptance.catalogue import catalogue
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.gyro import earth_rate_dps

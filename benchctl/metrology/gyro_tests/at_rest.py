@@ -16,8 +16,7 @@ from scipy.special import chdtri
 from benchctl.calibration.model import EARTH_DPS, earth_rate_dps
 from benchctl.calibration.result import Contribution
 from benchctl.calibration.uncertainty import LEVEL, K, effective_dof
-from benchctl.metrology.allan import Allan, analysed
-from benchctl.metrology.coefficients import TERMS, Term, densities, unit_of
+from benchctl.metrology.allan import TERMS, Allan, Term, analysed, densities, unit_of
 from benchctl.metrology.drift import likeliest
 from benchctl.metrology.names import UNITS
 from benchctl.metrology.observations import (

@@ -1,8 +1,12 @@
-"""Threshold and resolution: the smallest rate, and the smallest change of a rate, that show at half their size or more.
+"""Threshold, resolution and dead zone: the smallest rate, and change of a rate, that show at half their size or more.
 
 The response to a rate (or to a change from a base rate) is the change of the output over what the scale factor makes of
 it. Threshold and resolution lie where it passes one half for good, in whichever direction is the worse; between two
 rates on a straight line over 1/rate, as a zone that swallows the same of every rate would have it.
+
+Dead zone: rates about zero over which the output changes by less than half of what the scale factor demands, by a slow
+swing through zero. Its samples are gathered in narrow bins of rate, and the slope between neighbouring bins is compared
+with the scale factor.
 """
 
 from __future__ import annotations
@@ -11,10 +15,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from benchctl.metrology.observations import Observations, column, dots, measured, refused
+from benchctl.metrology.drift import white_variance
+from benchctl.metrology.names import UNITS
+from benchctl.metrology.observations import Observations, celsius_of, column, dots, measured, refused
 from benchctl.metrology.points import Points
-from benchctl.metrology.propagation import Offsets, as_read, propagated, single
+from benchctl.metrology.propagation import Offsets, Quantity, as_read, propagated, single
 from benchctl.metrology.result import Bound, Measured, Message, message
+from benchctl.metrology.swings import Swing, fitted
+from benchctl.recordings.model import StepInfo
 from benchctl_instruments.arrays import FloatArray, IntArray
 
 _SMALL_DPS = 0.5
@@ -112,3 +120,88 @@ def _crossing(sizes: FloatArray, response: FloatArray) -> FloatArray:
     share = np.divide(_HALF - response[rows, low], rise, out=np.ones_like(rise), where=rise > 0.0)
     between = 1.0 / (ends + np.clip(share, 0.0, 1.0) * (1.0 / sizes[rows, low + 1] - ends))
     return np.where(fails < 0, sizes[:, 0], np.where(fails == last, sizes[:, -1], between))
+
+
+_DEAD_ZONE = "dead_zone"
+_WIDEST_DPS, _FASTEST_HZ = 2.0, 0.1
+_BINS = 25
+_USED = 0.95
+"""Share of the amplitude that is used: near its ends a sine adds no information."""
+
+
+def dead_zone_tests(obs: Observations) -> Iterator[Measured]:
+    """The one result."""
+    info = _slow_swing(obs)
+    if info is None or info.frequency_hz is None:
+        yield refused(_DEAD_ZONE, message("needs_slow_swing"))
+        return
+    step = obs.recording.step(info.index, ("time_s", "encoder_deg", "gyro_v"))
+    swing = fitted(step, info.frequency_hz)
+    edges = _USED * (0.0 if swing is None else abs(swing.rate_phasor)) * np.linspace(-1.0, 1.0, _BINS + 1)
+    if swing is None or not np.histogram(swing.rate_dps, edges)[0].all():
+        yield refused(_DEAD_ZONE, message("needs_slow_swing"))
+        return
+    output_v, standard_v = _binned(swing, edges)
+    middle, width_dps = 0.5 * (edges[1:] + edges[:-1]), float(edges[1] - edges[0])
+    slope = obs.scale_v_per_dps
+
+    def slopes(offsets: Offsets) -> FloatArray:
+        return np.asarray(np.diff(output_v + offsets["scatter"], axis=1) / (slope * width_dps))
+
+    def zone(offsets: Offsets) -> FloatArray:
+        return _DEG_PER_H * (width_dps * _longest_run(slopes(offsets) < _HALF) + offsets["bins"][:, 0])
+
+    quantities: list[Quantity] = [
+        Quantity(name="scatter", root=np.diag(standard_v), kind="A", note="scatter of the samples in a bin"),
+        single("bins", width_dps / np.sqrt(6.0), "width of the bins, at both ends"),
+    ]
+    response = as_read(slopes, quantities)
+    seen_one = bool((response < _HALF).any())
+    between = 0.5 * (middle[1:] + middle[:-1])
+    table = column("rate", "deg/h", _DEG_PER_H * between), column("response", "1", response)
+    yield Measured(
+        name=_DEAD_ZONE,
+        unit=UNITS[_DEAD_ZONE],
+        value=float(as_read(zone, quantities)) if seen_one else _DEG_PER_H * width_dps,
+        uncertainty=propagated(zone, quantities),
+        bound="" if seen_one else "at most",
+        temperature_c=celsius_of(info.chamber_setpoint_c),
+        steps=(info.index,),
+        table=table,
+        picture=dots(*table),
+    )
+
+
+def _slow_swing(obs: Observations) -> StepInfo | None:
+    if obs.reference is None:
+        return None
+    for info in obs.recording.infos:
+        slow = info.frequency_hz is not None and info.frequency_hz <= _FASTEST_HZ
+        small = (info.amplitude_dps or np.inf) <= _WIDEST_DPS
+        if info.kind == "sine" and info.whole and slow and small and not info.mounting:
+            return info
+    return None
+
+
+def _binned(swing: Swing, edges: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mean output in each bin, moved to its middle, and its standard uncertainty; (bins,) each."""
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    place = np.digitize(swing.rate_dps, edges) - 1
+    inside = (place >= 0) & (place < middle.size)
+    place, rate_dps, output_v = place[inside], swing.rate_dps[inside], swing.output_v[inside]
+    slope = float(np.polyfit(rate_dps, output_v, 1)[0])
+    count = np.bincount(place, minlength=middle.size)
+    off_dps = np.bincount(place, rate_dps, middle.size) / count - middle
+    # inside a zone the output does not follow the rate: there the bins are crowded evenly, and nothing is moved
+    means = np.bincount(place, output_v, middle.size) / count - slope * off_dps
+    white_v = float(np.sqrt(white_variance(swing.output_v)))
+    return means, white_v / np.sqrt(count)
+
+
+def _longest_run(flags: np.ndarray) -> FloatArray:
+    """The length of the longest run of true flags in each row of (d, n)."""
+    longest, current = np.zeros(flags.shape[0]), np.zeros(flags.shape[0])
+    for column_of in flags.T:
+        current = np.where(column_of, current + 1.0, 0.0)
+        longest = np.maximum(longest, current)
+    return longest

@@ -8,9 +8,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.simulated.faults.frame_faults import FrameFault, FrameFaults
-from benchctl_instruments.simulated.faults.link_faults import LinkFaults
-from benchctl_instruments.simulated.faults.link_kinds import AnyLinkFault, LinkFault
+from benchctl_instruments.simulated.faults.link_faults import AnyLinkFault, LinkFault, LinkFaults
 from benchctl_instruments.simulated.faults.machines import (
     AnyMachineFault,
     ClockDrift,
@@ -19,9 +17,13 @@ from benchctl_instruments.simulated.faults.machines import (
     FaultyTable,
     MachineFault,
 )
-from benchctl_instruments.simulated.faults.schedule import FaultLog, Fired
-from benchctl_instruments.simulated.faults.stream_faults import AnyStreamFault, StreamFault, StreamFaults
-from benchctl_instruments.simulated.faults.tables import FaultTable
+from benchctl_instruments.simulated.faults.schedule import FaultLog, Faults, FaultTable, Fired
+from benchctl_instruments.simulated.faults.stream_faults import (
+    AnyStreamFault,
+    FrameFault,
+    FrameFaults,
+    StreamFault,
+)
 from benchctl_instruments.simulated.faults.wires import Lines
 from benchctl_instruments.simulated.machines import AnalogInputs, ChamberMachine, TableMachine
 
@@ -89,7 +91,7 @@ class BenchFaults:
         packets = [fault for fault in self._faults if fault.on == stream and isinstance(fault, StreamFault)]
         if packets:
             _refuse_without(twin, "stream_faults", stream, packets)
-            twin.stream_faults = StreamFaults(stream, packets, self._log)
+            twin.stream_faults = Faults(stream, packets, self._log)
         frames = [fault for fault in self._faults if fault.on == name and isinstance(fault, FrameFault)]
         if frames:
             twin.line.disturb = FrameFaults(twin.frame_bytes, frames, batch_s=lambda: twin.batch_s, log=self._log)

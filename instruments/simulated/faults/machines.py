@@ -16,8 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from benchctl_instruments.arrays import FloatArray, IntArray
-from benchctl_instruments.simulated.faults.schedule import FaultLog, Fired, Schedule
-from benchctl_instruments.simulated.faults.tables import FaultTable, Place, Positive
+from benchctl_instruments.simulated.faults.schedule import FaultLog, FaultTable, Fired, Place, Positive, Schedule
 from benchctl_instruments.simulated.machines import AnalogInputs, ChamberMachine, TableMachine, TableMotion
 
 
@@ -224,6 +223,7 @@ class FaultyChamber:
         self._stalls = spells("chamber", faults, StallsShort, log)
         self._last_c = chamber.air_c()
         self._demanded_c = chamber.setpoint_c()
+        self.power_percent, self.running, self.run = chamber.power_percent, chamber.running, chamber.run
 
     def air_c(self) -> float:
         """Air temperature, as its sensor has it."""
@@ -249,18 +249,6 @@ class FaultyChamber:
                 reached_c = setpoint_c - math.copysign(short_c, setpoint_c - air_c)
         self._chamber.set_setpoint(reached_c)
 
-    def power_percent(self) -> float:
-        """Heating (+) or cooling (-) power."""
-        return self._chamber.power_percent()
-
-    def running(self) -> bool:
-        """Whether it conditions."""
-        return self._chamber.running()
-
-    def run(self, on: bool) -> None:
-        """Conditioning on or off."""
-        self._chamber.run(on)
-
 
 class FaultyTable:
     """A `TableMachine` around another one, whose motion is measured wrong at times.
@@ -285,6 +273,9 @@ class FaultyTable:
         self._stuck = spells("rate_table", faults, StuckReading, log)
         self._trips = spells("rate_table", faults, VelocityTrip, log)
         self._last = table.motion()
+        self.close_loop, self.open_loop = table.close_loop, table.open_loop
+        self.limits, self.set_limits = table.limits, table.set_limits
+        self.demand_rate, self.demand_angle, self.demand_sine = table.demand_rate, table.demand_angle, table.demand_sine
 
     def motion(self) -> TableMotion:
         """The motion as it is measured."""
@@ -295,31 +286,3 @@ class FaultyTable:
             if trip.lasts("motion", now_s):
                 return replace(self._last, rate_dps=trip.fault.reads_dps)
         return self._last
-
-    def close_loop(self) -> None:
-        """Servo on."""
-        self._table.close_loop()
-
-    def open_loop(self) -> None:
-        """Servo off."""
-        self._table.open_loop()
-
-    def limits(self) -> tuple[float, float]:
-        """Rate [deg/s] and acceleration [deg/s²] limits."""
-        return self._table.limits()
-
-    def set_limits(self, rate_dps: float, acceleration_dps2: float) -> None:
-        """New limits."""
-        self._table.set_limits(rate_dps, acceleration_dps2)
-
-    def demand_rate(self, rate_dps: float) -> None:
-        """Turn at a constant rate."""
-        self._table.demand_rate(rate_dps)
-
-    def demand_angle(self, angle_deg: float) -> None:
-        """Go to an unwrapped angle."""
-        self._table.demand_angle(angle_deg)
-
-    def demand_sine(self, amplitude_deg: float, frequency_hz: float, phase_deg: float, slew_deg_per_s: float) -> None:
-        """Oscillate about the present angle."""
-        self._table.demand_sine(amplitude_deg, frequency_hz, phase_deg, slew_deg_per_s)

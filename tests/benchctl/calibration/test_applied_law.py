@@ -9,9 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchctl.calibration.applied_law import FASTEST_DPS, FLATTEST, STEEPEST, AppliedLaw, Factors, odd_inverse, reach
-from benchctl.calibration.coefficients_law import applied_law, checked
-from benchctl.calibration.model import factor
+from benchctl.calibration.coefficients import applied_law, checked
+from benchctl.calibration.model import FASTEST_DPS, FLATTEST, STEEPEST, AppliedLaw, Factors, factor, odd_inverse, reach
 from tests.benchctl.calibration.made_coefficients import RATE_DPS, TEMPERATURE_C, contents
 
 

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchctl.calibration.compensating import read_compensation
-from benchctl.calibration.compensation_json import FORMULAS, compensation_json, export_json
+from benchctl.calibration.compensating import FORMULAS, compensation_json, export_json, read_compensation
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.calibration.made_coefficients import joint_of, made, stage, written
 

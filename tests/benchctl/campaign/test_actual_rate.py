@@ -7,11 +7,10 @@ import pytest
 
 from benchctl.bench import load_bench
 from benchctl.campaign.opened import open_bench
-from benchctl.campaign.progress import Moment
-from benchctl.campaign.runner import Outcome, run_campaign
+from benchctl.campaign.runner import Moment, Outcome, run_campaign
 from benchctl.campaign.stop import StopRequest
 from benchctl.plan import ConstantRate, Plan, Soak, Static, Step
-from benchctl.recordings.export_open import export_open
+from benchctl.recordings.exporting import export_open
 from benchctl.recordings.reader import Recording, open_recording
 from benchctl.reports.setup_section import facts
 

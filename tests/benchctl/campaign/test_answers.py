@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchctl.campaign.answers import AnsweringHands, Answers, answer_line, read_answers
-from benchctl.campaign.questions import Question, questions
+from benchctl.campaign.hands import AnsweringHands, Answers, Question, answer_line, questions, read_answers
 from benchctl.campaign.stop import StoppedError
 from benchctl.plan import Ask, Mount, PowerCycle, Static
 from benchctl_instruments.errors import UsageError

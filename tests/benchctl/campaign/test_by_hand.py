@@ -15,9 +15,8 @@ from benchctl.bench import Bench, Interlock
 from benchctl.calibration.reduce import reduce_steps
 from benchctl.campaign.hands import Hands, Meanwhile, NoHands
 from benchctl.campaign.opened import open_bench
-from benchctl.campaign.progress import Moment
 from benchctl.campaign.resume import past_of, steps_to_play
-from benchctl.campaign.runner import Outcome, run_campaign
+from benchctl.campaign.runner import Moment, Outcome, run_campaign
 from benchctl.campaign.stop import StopRequest
 from benchctl.diagnosis.gyro.frame import frame_of
 from benchctl.plan import ConstantRate, PowerCycle

@@ -13,10 +13,10 @@ from pathlib import Path
 import pytest
 
 from benchctl.bench import Bench, load_bench, template
+from benchctl.campaign.differences import refuse_another
 from benchctl.campaign.guard.keeper import guarded
 from benchctl.campaign.opened import open_bench, simulated_bench
 from benchctl.campaign.provenance import describe, recorded_bench
-from benchctl.campaign.sameness import refuse_another
 from benchctl.plan import Plan, Static
 from benchctl.recordings.journal import journal_text
 from benchctl_instruments.errors import UsageError

@@ -4,8 +4,7 @@ from typing import Any
 
 from benchctl.bench import template
 from benchctl.campaign.again import CHOSEN_HERE
-from benchctl.campaign.changes import changes, flat
-from benchctl.campaign.differences import differences
+from benchctl.campaign.differences import changes, differences, flat
 from benchctl.recordings.model import BenchFacts, Meta, Unit
 
 

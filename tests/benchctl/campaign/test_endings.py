@@ -10,8 +10,7 @@ import pytest
 
 from benchctl.bench import load_bench
 from benchctl.campaign.opened import OpenBench, open_bench
-from benchctl.campaign.progress import Moment
-from benchctl.campaign.runner import Outcome, run_campaign
+from benchctl.campaign.runner import Moment, Outcome, run_campaign
 from benchctl.campaign.safety import Supervisor, bring_to_rest
 from benchctl.campaign.stop import StopRequest
 from benchctl.plan import ConstantRate, Plan, Static, Step

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from benchctl.bench import Bench, load_bench
-from benchctl.campaign.expiry import expiring
+from benchctl.campaign.check import expiring
 from benchctl.campaign.opened import open_bench
 from benchctl.campaign.runner import run_campaign
 from benchctl.plan import Plan, Soak, Static, Step

@@ -8,8 +8,8 @@ from contextlib import contextmanager
 
 import pytest
 
-from benchctl.campaign import frame_pump
-from benchctl.campaign.frame_pump import FramePump, Heard
+from benchctl.campaign import frames
+from benchctl.campaign.frames import FramePump, Heard
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.gyros.kvh_dsp1760 import KvhDsp1760
 from benchctl_instruments.interfaces import GyroBlock
@@ -55,7 +55,7 @@ def test_blocks_come_with_the_clock_at_which_they_had_come() -> None:
 
 def test_a_line_that_is_silent_ends_nothing_and_says_why() -> None:
     with pumped() as (pump, clock, _):
-        time.sleep(2.0 * frame_pump.LOOK_S)
+        time.sleep(2.0 * frames.LOOK_S)
         assert pump.take(0.05) == []
         assert "nothing came" in pump.silence
         clock.sleep(0.5)
@@ -63,7 +63,7 @@ def test_a_line_that_is_silent_ends_nothing_and_says_why() -> None:
 
 
 def test_where_nobody_takes_blocks_the_line_is_not_read_and_the_numbers_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(frame_pump, "MOST_BLOCKS", 2)
+    monkeypatch.setattr(frames, "MOST_BLOCKS", 2)
     with pumped() as (pump, clock, _):
         for _ in range(8):
             clock.sleep(0.1)

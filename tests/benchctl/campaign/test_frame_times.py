@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchctl.campaign.frame_times import UNKNOWN, FrameTimes
+from benchctl.campaign.frames import UNKNOWN, FrameTimes
 from benchctl_instruments.arrays import IntArray
 from benchctl_instruments.interfaces import GyroBlock, GyroCounts, GyroGap
 

@@ -14,9 +14,8 @@ import pytest
 
 from benchctl.bench import Bench, bench_of_text, load_bench, template
 from benchctl.campaign.opened import open_bench, simulated_bench
-from benchctl.campaign.progress import Moment
 from benchctl.campaign.resume import past_of
-from benchctl.campaign.runner import Outcome, run_campaign
+from benchctl.campaign.runner import Moment, Outcome, run_campaign
 from benchctl.campaign.stop import StopRequest
 from benchctl.cli.sim import _write_bench
 from benchctl.plan import ConstantRate, Plan, Sine, Static, Step
@@ -26,7 +25,7 @@ from benchctl.recordings.reader import Recording, open_recording
 from benchctl.recordings.verify import verify
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.simulated.clock import ScaledClock
-from benchctl_instruments.simulated.faults.frame_faults import FrameFault
+from benchctl_instruments.simulated.faults.stream_faults import FrameFault
 
 RATE_HZ = 250.0
 TURN = ConstantRate(rate_dps=40.0, duration_s=8.0, settle_s=0.5)

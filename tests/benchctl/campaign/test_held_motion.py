@@ -18,8 +18,7 @@ from hypothesis import strategies as st
 from benchctl.bench import Bench, load_bench
 from benchctl.campaign.encoder_motion import Deviation, HeldMotion
 from benchctl.campaign.opened import OpenBench, open_bench
-from benchctl.campaign.progress import Moment
-from benchctl.campaign.runner import Outcome, run_campaign
+from benchctl.campaign.runner import Moment, Outcome, run_campaign
 from benchctl.plan import ConstantRate, Plan, Sine, Soak, Static, Step, ThermalRamp
 from benchctl.recordings.reader import open_recording
 from benchctl_instruments.arrays import FloatArray, IntArray

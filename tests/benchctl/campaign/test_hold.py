@@ -12,8 +12,7 @@ import pytest
 
 from benchctl.bench import Interlock, load_bench
 from benchctl.campaign.opened import OpenBench, open_bench
-from benchctl.campaign.progress import Moment, nobody
-from benchctl.campaign.runner import Outcome, run_campaign
+from benchctl.campaign.runner import Moment, Outcome, nobody, run_campaign
 from benchctl.campaign.stop import StopRequest
 from benchctl.plan import ConstantRate, Plan, Sine, Soak, Static, Step, ThermalRamp
 from benchctl.recordings.reader import open_recording

@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchctl.bench import Bench, load_bench
-from benchctl.campaign.lasting_stream import LastingStream
 from benchctl.campaign.opened import open_bench
 from benchctl.campaign.runner import Outcome, run_campaign
+from benchctl.campaign.stream import LastingStream
 from benchctl.plan import ConstantRate, Plan
 from benchctl.recordings.reader import Recording, open_recording
 from benchctl_instruments.arrays import FloatArray

@@ -8,19 +8,18 @@ import sys
 
 import pytest
 
+from benchctl import processors
 from benchctl.bench import load_bench
-from benchctl.campaign import one_processor
-from benchctl.campaign.one_processor import on_one_processor
 from benchctl.campaign.opened import open_bench
-from benchctl.processors import several
+from benchctl.processors import on_one_processor, several
 
 pytestmark = pytest.mark.skipif(len(several()) < 2, reason="needs Linux and two processors")
 
 HOLDS = """
 import os, sys
-from benchctl.campaign import one_processor
-one_processor._NAME = "\\0" + sys.argv[1]
-with one_processor.on_one_processor():
+from benchctl import processors
+processors._NAME = "\\0" + sys.argv[1]
+with processors.on_one_processor():
     print(sorted(os.sched_getaffinity(0)), flush=True)
     sys.stdin.readline()
 """
@@ -30,7 +29,7 @@ with one_processor.on_one_processor():
 def name(monkeypatch: pytest.MonkeyPatch) -> str:
     """Processors are taken by a name of the test's own: benches of other tests may be played meanwhile."""
     name = f"\0benchctl-test-{os.getpid()}-"
-    monkeypatch.setattr(one_processor, "_NAME", name)
+    monkeypatch.setattr(processors, "_NAME", name)
     return name
 
 
@@ -48,14 +47,14 @@ def test_without_wires_there_is_nobody_to_take_turns_with() -> None:
 
 
 def test_processes_side_by_side_take_processors_of_their_own_until_none_is_left(name: str) -> None:
-    processors, pipe = several(), subprocess.PIPE
+    numbers, pipe = several(), subprocess.PIPE
     holds = [sys.executable, "-c", HOLDS, name[1:]]
-    held = [subprocess.Popen(holds, stdin=pipe, stdout=pipe, text=True) for _ in processors]
+    held = [subprocess.Popen(holds, stdin=pipe, stdout=pipe, text=True) for _ in numbers]
     try:
         taken = [process.stdout.readline().strip() for process in held if process.stdout is not None]
-        assert sorted(taken) == sorted(f"[{number}]" for number in processors)
+        assert sorted(taken) == sorted(f"[{number}]" for number in numbers)
         with on_one_processor():
-            assert sorted(os.sched_getaffinity(0)) == processors
+            assert sorted(os.sched_getaffinity(0)) == numbers
     finally:
         for process in held:
             process.communicate("\n")

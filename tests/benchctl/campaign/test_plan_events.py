@@ -3,8 +3,7 @@
 import json
 
 from benchctl.bench import load_bench
-from benchctl.campaign.plan_events import SOAK, STEPS_A_LINE, plan_events
-from benchctl.campaign.timing import timeline
+from benchctl.campaign.timing import SOAK, STEPS_A_LINE, plan_events, timeline
 from benchctl.limits import MOST_LINE_BYTES
 from benchctl.plan import ConstantRate, Plan, Soak, Step, ThermalRamp
 

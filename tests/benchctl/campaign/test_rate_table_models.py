@@ -8,8 +8,7 @@ import pytest
 
 from benchctl.bench import Bench, Interlock, load_bench
 from benchctl.campaign.opened import OpenBench, open_bench
-from benchctl.campaign.progress import Moment
-from benchctl.campaign.runner import Outcome, run_campaign
+from benchctl.campaign.runner import Moment, Outcome, run_campaign
 from benchctl.plan import ConstantRate, Plan, Sine, Soak, Step, ThermalRamp
 from benchctl.plan.find import find_procedure
 from benchctl.recordings.reader import open_recording

@@ -15,9 +15,8 @@ import pytest
 from benchctl.bench import Bench, load_bench
 from benchctl.calibration.calibrate import calibrate
 from benchctl.campaign.opened import another_day, open_bench
-from benchctl.campaign.progress import Moment
 from benchctl.campaign.resume import PLAIN_SOAK_S, elapsed_s, past_of, soak_before, steps_to_play
-from benchctl.campaign.runner import Outcome, run_campaign
+from benchctl.campaign.runner import Moment, Outcome, run_campaign
 from benchctl.campaign.stop import StopRequest
 from benchctl.plan import ConstantRate, Plan, Sine, Soak, Static, Step, ThermalRamp
 from benchctl.recordings.digests import seal_recording

@@ -9,8 +9,7 @@ import pytest
 
 from benchctl.bench import Bench, load_bench
 from benchctl.campaign.opened import OpenBench, open_bench
-from benchctl.campaign.progress import Moment
-from benchctl.campaign.runner import run_campaign
+from benchctl.campaign.runner import Moment, run_campaign
 from benchctl.campaign.stop import StopRequest
 from benchctl.plan import ConstantRate, Plan, Sine, Soak, Static, Step, ThermalRamp
 from benchctl.recordings.reader import open_recording

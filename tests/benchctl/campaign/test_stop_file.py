@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from benchctl.campaign.stop import StoppedError, StopRequest
-from benchctl.campaign.stop_file import (
+from benchctl.campaign.stop import (
     NotRunningError,
+    StoppedError,
+    StopRequest,
     ask_by_file,
     forget_stale_stop,
     heed_file,

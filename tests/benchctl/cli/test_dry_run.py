@@ -10,8 +10,7 @@ import pytest
 
 from benchctl.bench import load_bench, template
 from benchctl.campaign.opened import open_bench
-from benchctl.campaign.progress import Moment
-from benchctl.campaign.runner import run_campaign
+from benchctl.campaign.runner import Moment, run_campaign
 from benchctl.campaign.stop import StopRequest
 from benchctl.cli.app import run_verb
 from benchctl.cli.next_run import preview_next

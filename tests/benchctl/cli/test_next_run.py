@@ -22,8 +22,7 @@ from benchctl.diagnosis.next_run.candidates import candidates
 from benchctl.diagnosis.next_run.experiment import ALIKE, SETTLED, OpenPair, next_experiment
 from benchctl.diagnosis.next_run.sampled import SampleNoise
 from benchctl.diagnosis.result import NextExperiment
-from benchctl.recordings.joined import join
-from benchctl.recordings.reader import Recording, open_recording
+from benchctl.recordings.reader import Recording, join, open_recording
 from benchctl.toml_file import parse_toml
 from benchctl_instruments.physics.effects.sensor_bandwidth import SensorBandwidth
 from benchctl_instruments.physics.effects.timing_offset import TimingOffset

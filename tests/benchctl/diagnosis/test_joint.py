@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from benchctl.diagnosis.gyro.problem import gyro_problem
-from benchctl.recordings.joined import join
-from benchctl.recordings.reader import open_recording
+from benchctl.recordings.reader import join, open_recording
 from benchctl_instruments.physics.effects.clock_drift import ClockDrift
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
 from benchctl_instruments.physics.effects.scale_ageing import ScaleAgeing

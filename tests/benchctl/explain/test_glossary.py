@@ -11,7 +11,7 @@ from benchctl.diagnosis.result import COORDINATES, Verdict
 from benchctl.explain.book import entries, find
 from benchctl.explain.glossary import tables
 from benchctl.explain.pictures.drawn import MADE
-from benchctl.metrology.coefficients import NAMES, TERMS
+from benchctl.metrology.allan import NAMES, TERMS
 from benchctl.metrology.names import PROCEDURES, UNITS
 from benchctl.plan.find import procedure_names
 from benchctl.recordings.model import Status

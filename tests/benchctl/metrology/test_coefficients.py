@@ -8,8 +8,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from benchctl.metrology.allan import analysed
-from benchctl.metrology.coefficients import TERMS, AllanScatter, Terms
+from benchctl.metrology.allan import TERMS, AllanScatter, Terms, analysed
 from benchctl.metrology.deviations import deviation
 from benchctl.metrology.series import Series
 from tests.benchctl.metrology.noises import FloatArray, record

@@ -9,8 +9,7 @@ import sys
 from pathlib import Path
 
 from benchctl.recordings.campaign_folder import campaign_lock
-from benchctl.recordings.recover import recover
-from benchctl.recordings.reopen import reopen
+from benchctl.recordings.recover import recover, reopen
 
 
 def main(folder: Path, how: str) -> None:

@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
-from benchctl.recordings.attributes import write_attribute
+from benchctl.recordings.schema import write_attribute
 
 
 @pytest.fixture

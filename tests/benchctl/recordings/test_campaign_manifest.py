@@ -14,8 +14,7 @@ import pytest
 from benchctl.recordings import digests
 from benchctl.recordings.campaign_folder import CampaignWriter, campaign_lock
 from benchctl.recordings.campaign_manifest import add_to_manifest, manifest_digest, write_manifest
-from benchctl.recordings.recover import recover
-from benchctl.recordings.reopen import reopen
+from benchctl.recordings.recover import recover, reopen
 from benchctl.recordings.verify import refuse_changed, verify
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made

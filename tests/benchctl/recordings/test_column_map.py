@@ -11,8 +11,12 @@ import numpy as np
 import pytest
 
 from benchctl.recordings.column_map import parse_map, read_map
-from benchctl.recordings.map_examples import MAP_EXAMPLE_CSV, MAP_EXAMPLE_MAT, MAP_EXAMPLE_POINTS, MAP_EXAMPLES
+from benchctl.recordings.map_examples import MAP_EXAMPLES, example
 from benchctl_instruments.errors import UsageError
+
+MAP_EXAMPLE_CSV = example("samples")
+MAP_EXAMPLE_MAT = example("mat")
+MAP_EXAMPLE_POINTS = example("points")
 
 MAPS = Path(__file__).parent / "maps"
 

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from benchctl.recordings.delimited import Layout, header_names, read_columns
 from benchctl.recordings.importing import read_foreign
+from benchctl.recordings.text_file import Layout, header_names, read_columns
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings.open_folder import HEADER, rows, write_open
 from tests.slowness import slowness

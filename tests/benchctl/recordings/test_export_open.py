@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchctl.recordings.export_open import export_open
+from benchctl.recordings.exporting import export_open
 from benchctl.recordings.import_open import read_open_recording
 from benchctl.recordings.model import Step
 from benchctl.recordings.reader import open_recording

@@ -11,13 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.io import loadmat
 
-from benchctl.recordings.export_csv import export_csv
-from benchctl.recordings.export_mat import export_mat
-from benchctl.recordings.exporting import EXPORTERS, export_netcdf
+from benchctl.recordings.exporting import EXPORTERS, export_csv, export_mat, export_netcdf
 from benchctl.recordings.model import Step
 from benchctl.recordings.reader import open_recording
-from benchctl.recordings.summary import summarise
-from benchctl.recordings.text_rows import csv_rows
+from benchctl.recordings.text_file import csv_rows
+from benchctl.recordings.verify import summarise
 from benchctl.recordings.writer import write_recording
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made

@@ -12,15 +12,11 @@ import pytest
 from scipy.io import loadmat
 
 from benchctl.recordings.campaign_folder import CampaignWriter
-from benchctl.recordings.export_csv import export_csv
-from benchctl.recordings.export_mat import export_mat
-from benchctl.recordings.export_open import export_open
-from benchctl.recordings.joined import APART_S, join
+from benchctl.recordings.exporting import export_csv, export_mat, export_open
 from benchctl.recordings.model import DESCRIPTIONS, FRAME_CHANNELS, UNITS, Step, axis_of
-from benchctl.recordings.reader import open_recording
+from benchctl.recordings.reader import APART_S, join, open_recording
 from benchctl.recordings.recover import recover
-from benchctl.recordings.summary import summarise
-from benchctl.recordings.verify import verify
+from benchctl.recordings.verify import summarise, verify
 from benchctl.recordings.writer import write_recording
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError

@@ -11,7 +11,7 @@ from pathlib import Path
 import h5py
 import pytest
 
-from benchctl.recordings import hdf5_trial
+from benchctl.recordings import hdf5_guard
 from benchctl.recordings.campaign_folder import CampaignWriter
 from benchctl.recordings.hdf5_files import open_ours
 from benchctl.recordings.reader import open_recording
@@ -59,7 +59,7 @@ def test_a_file_that_keeps_hdf5_busy_for_ever_is_refused(
 def test_of_a_damaged_step_that_nobody_writes_any_more_no_writer_is_waited_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(hdf5_trial, "_WAITS_S", 2)
+    monkeypatch.setattr(hdf5_guard, "_WAITS_S", 2)
     writer = CampaignWriter(tmp_path / "c", made.meta(status="running"))
     step = writer.begin_step(made.info(1), made.STREAMED)
     step.append(made.streamed(0.0, 10))
@@ -91,8 +91,8 @@ def test_a_child_opens_a_file_once_and_none_of_our_own(tmp_path: Path, monkeypat
         tried.append(Path(arguments[0]).name)
         return run_limited(module, arguments, limit_s, **further)
 
-    run_limited = hdf5_trial.run_limited
-    monkeypatch.setattr(hdf5_trial, "run_limited", watched)
+    run_limited = hdf5_guard.run_limited
+    monkeypatch.setattr(hdf5_guard, "run_limited", watched)
     writer = CampaignWriter(tmp_path / "c", made.meta(status="running"))
     step = writer.begin_step(made.info(1), made.STREAMED)
     step.append(made.streamed(0.0, 10))
@@ -121,4 +121,4 @@ def test_what_this_process_has_in_memory_does_not_count_for_the_child(tmp_path: 
         file["a"] = [1.0]
     held = bytearray(700 << 20)
     held[:: 1 << 12] = b"x" * len(held[:: 1 << 12])  # every page is in use
-    hdf5_trial.require_harmless(path)
+    hdf5_guard.require_harmless(path)

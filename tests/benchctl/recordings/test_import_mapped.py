@@ -10,9 +10,11 @@ import pytest
 from scipy.io import savemat
 
 from benchctl.recordings.importing import import_recording, read_foreign
-from benchctl.recordings.map_examples import MAP_EXAMPLE_CSV
+from benchctl.recordings.map_examples import example
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings.open_folder import rows, write_open
+
+MAP_EXAMPLE_CSV = example("samples")
 
 MAP = """\
 [unit]

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchctl.recordings.delimited import Layout, body_of, printed_decimals
 from benchctl.recordings.import_open import read_open_recording
+from benchctl.recordings.text_file import Layout, body_of, printed_decimals
 from tests.benchctl.recordings.open_folder import HEADER, description, rows, write_open
 
 

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from benchctl.recordings.importing import import_recording, read_foreign
-from benchctl.recordings.map_examples import MAP_EXAMPLE_POINTS
+from benchctl.recordings.map_examples import example
 from benchctl.recordings.static_points import StaticPoints
 from benchctl_instruments.errors import UsageError
 from tests.shared import SHARED, needs_shared
+
+MAP_EXAMPLE_POINTS = example("points")
 
 TABLE = "run,unit,rate_dps,gyro_v_mean,gyro_v_std\n1,G7,-50,3.0,0.02\n1,G7,0,0.15,0.004\n2,G7,50,-2.65,0.05\n"
 

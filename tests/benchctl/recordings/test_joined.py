@@ -4,9 +4,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchctl.recordings.joined import APART_S, join
 from benchctl.recordings.model import Unit
-from benchctl.recordings.reader import open_recording
+from benchctl.recordings.reader import APART_S, join, open_recording
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made
 

@@ -11,17 +11,13 @@ from scipy.io import loadmat
 
 from benchctl.cli.show import _line
 from benchctl.recordings.campaign_folder import CampaignWriter
-from benchctl.recordings.combine import combine, take_apart
-from benchctl.recordings.export_csv import export_csv
-from benchctl.recordings.export_mat import export_mat
-from benchctl.recordings.export_open import export_open
+from benchctl.recordings.exporting import export_csv, export_mat, export_open
+from benchctl.recordings.gather import combine, take_apart
 from benchctl.recordings.import_open import read_open_recording
-from benchctl.recordings.joined import join
 from benchctl.recordings.model import Step, StepInfo
-from benchctl.recordings.reader import open_recording
-from benchctl.recordings.reopen import reopen
-from benchctl.recordings.summary import summarise
-from benchctl.recordings.verify import verify
+from benchctl.recordings.reader import join, open_recording
+from benchctl.recordings.recover import reopen
+from benchctl.recordings.verify import summarise, verify
 from benchctl.recordings.writer import write_recording
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings.made import info, meta, polled, same, step, streamed

@@ -9,8 +9,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from benchctl.recordings.digests import digest_of
-from benchctl.recordings.packing import write_samples
 from benchctl.recordings.schema import CHUNK, create_channels
+from benchctl.recordings.writer import write_samples
 from benchctl_instruments.arrays import FloatArray
 from tests.benchctl.recordings import made
 

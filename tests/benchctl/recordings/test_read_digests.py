@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from benchctl.recordings import digests as seals
-from benchctl.recordings.digests import digest_of
-from benchctl.recordings.read_digests import ReadDigests
+from benchctl.recordings.digests import ReadDigests, digest_of
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.verify import opened_unchanged, refuse_changed
 from benchctl_instruments.errors import UsageError

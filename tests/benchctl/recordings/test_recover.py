@@ -17,8 +17,7 @@ import pytest
 
 from benchctl.recordings.campaign_folder import CampaignWriter, campaign_lock
 from benchctl.recordings.reader import open_recording
-from benchctl.recordings.recover import recover
-from benchctl.recordings.reopen import reopen
+from benchctl.recordings.recover import recover, reopen
 from benchctl.recordings.verify import verify
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.recordings import made

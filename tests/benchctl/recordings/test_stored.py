@@ -11,9 +11,8 @@ import pytest
 
 from benchctl.recordings import hdf5_files, stored
 from benchctl.recordings.campaign_folder import CampaignWriter
-from benchctl.recordings.joined import join
 from benchctl.recordings.model import Step
-from benchctl.recordings.reader import open_recording
+from benchctl.recordings.reader import join, open_recording
 from benchctl.recordings.stored import StoredStep, stored_of
 from benchctl.recordings.writer import write_recording
 from benchctl_instruments.arrays import FloatArray

@@ -13,8 +13,8 @@ import h5py
 import numpy as np
 import pytest
 
-from benchctl.recordings import unpacking
-from benchctl.recordings.unpacking import read_samples
+from benchctl.recordings import opening
+from benchctl.recordings.opening import read_samples
 
 SAMPLES = np.random.default_rng(4).normal(size=5000)
 SAMPLES[[7, 8, 9]] = np.nan, np.inf, -0.0
@@ -117,7 +117,7 @@ def test_filling_leaves_the_rest_of_an_array_alone(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "a.h5", "w") as file:
         dataset = file.create_dataset("a", data=SAMPLES, **OURS)
         samples = np.zeros(1000)
-        unpacking.fill(dataset, 600, samples[100:200])
+        opening.fill(dataset, 600, samples[100:200])
     assert np.array_equal(samples[100:200], SAMPLES[600:700])
     assert not samples[:100].any()
     assert not samples[200:].any()

@@ -5,7 +5,7 @@ import threading
 import numpy as np
 import pytest
 
-from benchctl.recordings.waiting import Waiting
+from benchctl.recordings.step_writer import Waiting
 from benchctl_instruments.errors import UsageError
 
 NAMES = ("time_s", "gyro_v")

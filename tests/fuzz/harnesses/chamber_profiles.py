@@ -6,7 +6,7 @@ import json
 from importlib.resources import files
 from pathlib import Path
 
-from benchctl_instruments.chambers.profile_file import parse_profile, profile_text
+from benchctl_instruments.chambers.profile import parse_profile, profile_text
 from benchctl_instruments.chambers.profiled import ProfiledChamber
 from benchctl_instruments.simulated.profiled import SimulatedProfiled
 from tests.fuzz.harness import Harness, refusals, workplace

@@ -6,16 +6,15 @@ import struct
 
 import numpy as np
 
-from benchctl_instruments.protocols import kvh1760, modbus, stim300, stim300_answers, words
-from benchctl_instruments.protocols.frames import FrameReader
-from benchctl_instruments.protocols.sequence_numbers import SequenceNumbers
+from benchctl_instruments.protocols import kvh1760, modbus, stim300
+from benchctl_instruments.protocols.frames import FrameReader, SequenceNumbers
 from benchctl_instruments.protocols.t7_stream import StreamReader, encode_packets
 from tests.fuzz.harness import Harness, pieces, refusals
 
 _STIM_FORMATS = [
     *(stim300.frame_format(number, crlf=crlf) for number, crlf in ((0x90, False), (0xAF, True))),
-    *stim300_answers.CONFIGURATION_FORMATS,
-    *stim300_answers.SERIAL_FORMATS,
+    *stim300.CONFIGURATION_FORMATS,
+    *stim300.SERIAL_FORMATS,
 ]
 
 
@@ -25,8 +24,8 @@ def one_input(data: bytes) -> None:
     _gyros(data)
     if len(data) >= 4:
         pair = struct.unpack(">HH", data[:4])
-        words.f32_from_words(pair, "low_first"), words.u32_from_words(pair, "high_first")
-        words.signed_from_word(pair[0])
+        modbus.f32_from_words(pair, "low_first"), modbus.u32_from_words(pair, "high_first")
+        modbus.signed_from_word(pair[0])
 
 
 def _modbus(data: bytes) -> None:
@@ -64,16 +63,14 @@ def _read_stim(number: int, rows: np.ndarray[tuple[int, int], np.dtype[np.uint8]
     if number in stim300.PARTS:
         stim300.status_words(int(stim300.decode_frames(number, rows).status[0]))
     elif number in (0xBC, 0xBD):
-        stim300_answers.decode_configuration(rows[0])
+        stim300.decode_configuration(rows[0])
     else:
-        stim300_answers.decode_serial(rows[0])
+        stim300.decode_serial(rows[0])
 
 
 def seeds() -> list[bytes]:
     scans = np.arange(36, dtype=np.uint16).reshape(3, 12)
-    configuration = stim300_answers.StimConfiguration(
-        datagram_id=0x90, crlf=False, rate_hz=125.0, gyro_unit="angular rate"
-    )
+    configuration = stim300.StimConfiguration(datagram_id=0x90, crlf=False, rate_hz=125.0, gyro_unit="angular rate")
     return [
         b"\x00" + encode_packets(scans, first_transaction=65534),
         b"\x00" + encode_packets(scans, first_transaction=5, status=2941, additional=4),
@@ -81,8 +78,8 @@ def seeds() -> list[bytes]:
         b"\x00" + modbus.with_crc(bytes.fromhex("11 03 006B 0003")) + modbus.with_crc(bytes.fromhex("01 06 0001 0003")),
         b"\x00" + kvh1760.encode_frames(np.ones((3, 3)), 2500, first_sequence=126),
         b"\x07" + stim300.encode_frames(0x94, np.ones((2, 3)), counter=[1, 2], temperature_c=25.0),
-        b"\x00" + stim300_answers.encode_configuration(configuration),
-        b"\x00" + stim300_answers.encode_serial("12345678901234"),
+        b"\x00" + stim300.encode_configuration(configuration),
+        b"\x00" + stim300.encode_serial("12345678901234"),
     ]
 
 

@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
-from benchctl_instruments.protocols.modbus import ILLEGAL_ADDRESS, ILLEGAL_VALUE, ModbusRefusal
-from benchctl_instruments.protocols.words import f32_from_words, signed_from_word, words_from_f32
+from benchctl_instruments.protocols.modbus import (
+    ILLEGAL_ADDRESS,
+    ILLEGAL_VALUE,
+    ModbusRefusal,
+    f32_from_words,
+    signed_from_word,
+    words_from_f32,
+)
 from tests.instruments.chamber_machine import FakeChamber
 
 ACME = """

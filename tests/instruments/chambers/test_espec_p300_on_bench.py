@@ -11,7 +11,7 @@ from benchctl_instruments.errors import InstrumentError
 from benchctl_instruments.simulated.clock import VirtualClock
 from benchctl_instruments.simulated.espec_p300 import SimulatedEspecP300
 from benchctl_instruments.simulated.faults.bench import BenchFaults
-from benchctl_instruments.simulated.faults.link_kinds import LinkFault, Refusal, Silence
+from benchctl_instruments.simulated.faults.link_faults import LinkFault, Refusal, Silence
 from benchctl_instruments.simulated.world import World
 
 

@@ -14,9 +14,9 @@ import tomli_w
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from benchctl_instruments.chambers.profile import Profile
-from benchctl_instruments.chambers.profile_file import (
+from benchctl_instruments.chambers.profile import (
     MOST_BYTES,
+    Profile,
     changed,
     parse_profile,
     profile_of,

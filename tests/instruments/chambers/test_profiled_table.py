@@ -5,10 +5,9 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchctl_instruments.chambers.profile import Run
-from benchctl_instruments.chambers.profile_file import changed, parse_profile
+from benchctl_instruments.chambers.modbus_chamber import WORDS
+from benchctl_instruments.chambers.profile import Run, changed, parse_profile
 from benchctl_instruments.chambers.profiled_table import ProfiledQuantity, ProfiledTable
-from benchctl_instruments.chambers.quantities import WORDS
 from benchctl_instruments.links.modbus import ModbusLink
 from tests.instruments.chamber_machine import InstantClock
 from tests.instruments.chambers.lab_controllers import BRAND

@@ -10,8 +10,7 @@ from benchctl_instruments.chambers.watlow_f4 import WatlowF4
 from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
 from benchctl_instruments.interfaces import Chamber, Identity
 from benchctl_instruments.links.modbus import Retry
-from benchctl_instruments.simulated.modbus_server import ModbusRtuServer
-from benchctl_instruments.simulated.registers import RegisterTable, word
+from benchctl_instruments.simulated.modbus_server import ModbusRtuServer, RegisterTable, word
 from benchctl_instruments.simulated.serial_line import SerialLine
 from benchctl_instruments.simulated.watlow_f4 import SimulatedWatlowF4
 from tests.instruments.chamber_machine import FakeChamber, InstantClock

@@ -11,9 +11,8 @@ from benchctl_instruments.chambers.watlow_f4t import WatlowF4T
 from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
 from benchctl_instruments.interfaces import Chamber, Identity
 from benchctl_instruments.links.modbus import Retry
-from benchctl_instruments.protocols.words import WordOrder
-from benchctl_instruments.simulated.modbus_server import ModbusTcpServer
-from benchctl_instruments.simulated.registers import RegisterTable, word
+from benchctl_instruments.protocols.modbus import WordOrder
+from benchctl_instruments.simulated.modbus_server import ModbusTcpServer, RegisterTable, word
 from benchctl_instruments.simulated.watlow_f4t import OnBy, SimulatedWatlowF4T
 from tests.instruments.chamber_machine import FakeChamber, InstantClock
 

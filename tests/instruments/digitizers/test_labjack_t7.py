@@ -17,8 +17,7 @@ from benchctl_instruments.links.wirelog import WireLog
 from benchctl_instruments.protocols.t7_stream import StreamReader
 from benchctl_instruments.simulated.clock import ScaledClock, VirtualClock
 from benchctl_instruments.simulated.labjack_t7 import SimulatedLabJackT7
-from benchctl_instruments.simulated.modbus_server import ModbusTcpServer
-from benchctl_instruments.simulated.registers import RegisterTable, f32, u32
+from benchctl_instruments.simulated.modbus_server import ModbusTcpServer, RegisterTable, f32, u32
 from tests.instruments.simulated.fake_inputs import FakeInputs
 from tests.instruments.wire_transcript import Transcript
 

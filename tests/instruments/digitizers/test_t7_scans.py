@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchctl_instruments.digitizers.t7_scans import AinCalibration, ScanQueue
+from benchctl_instruments.digitizers.t7_registers import AinCalibration, ScanQueue
 from benchctl_instruments.errors import InstrumentError
 from benchctl_instruments.interfaces import ScanBlock
 from benchctl_instruments.protocols.t7_stream import encode_packets

@@ -12,10 +12,10 @@ from typing import Any
 from benchctl_instruments.catalog import driver
 from benchctl_instruments.errors import BenchError, LinkError, UsageError
 from benchctl_instruments.interfaces import TableState
-from benchctl_instruments.links.recovered import logger
+from benchctl_instruments.links.wirelog import logger
 from benchctl_instruments.simulated.bench import SimulatedBench
 from benchctl_instruments.simulated.clock import VirtualClock
-from benchctl_instruments.simulated.faults.tables import FaultTable
+from benchctl_instruments.simulated.faults.schedule import FaultTable
 from benchctl_instruments.simulated.settings import WorldSettings
 from tests.instruments.faults.dialogues import PUT_THROUGH, WrongError
 from tests.instruments.faults.rows import Row

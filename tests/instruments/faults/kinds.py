@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from benchctl_instruments.simulated.faults.frame_faults import FrameFault
-from benchctl_instruments.simulated.faults.link_kinds import (
+from benchctl_instruments.simulated.faults.link_faults import (
     BadChecksum,
     Cut,
     HalfFloat,
@@ -29,7 +28,9 @@ from benchctl_instruments.simulated.faults.machines import (
     StuckReading,
     VelocityTrip,
 )
+from benchctl_instruments.simulated.faults.schedule import FaultTable
 from benchctl_instruments.simulated.faults.stream_faults import (
+    FrameFault,
     Overrun,
     StreamCut,
     StreamEnds,
@@ -37,7 +38,6 @@ from benchctl_instruments.simulated.faults.stream_faults import (
     StreamJunk,
     StreamStalls,
 )
-from benchctl_instruments.simulated.faults.tables import FaultTable
 
 Make = Callable[..., FaultTable]
 

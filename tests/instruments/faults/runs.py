@@ -13,7 +13,7 @@ from benchctl.campaign.runner import run_campaign
 from benchctl.plan import ConstantRate, Plan, Soak
 from benchctl.recordings.reader import Recording, open_recording
 from benchctl_instruments.errors import BenchNotReadyError
-from benchctl_instruments.simulated.faults.tables import FaultTable
+from benchctl_instruments.simulated.faults.schedule import FaultTable
 from tests.instruments.faults.cells import GAP, RECOVERED, STOPPED, Outcome
 from tests.instruments.faults.dialogues import WrongError
 from tests.instruments.faults.kinds import SOAKED_TO_C

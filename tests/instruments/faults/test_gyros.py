@@ -23,8 +23,8 @@ from benchctl_instruments.gyros.kvh_dsp1760 import KvhDsp1760
 from benchctl_instruments.gyros.sensonor_stim300 import SensonorStim300
 from benchctl_instruments.interfaces import Gyro
 from benchctl_instruments.simulated.clock import VirtualClock
-from benchctl_instruments.simulated.faults.frame_faults import FrameFault, FrameFaults, FrameKind
 from benchctl_instruments.simulated.faults.schedule import FaultLog
+from benchctl_instruments.simulated.faults.stream_faults import FrameFault, FrameFaults, FrameKind
 from benchctl_instruments.simulated.kvh_dsp1760 import SimulatedKvhDsp1760
 from benchctl_instruments.simulated.sensonor_stim300 import SimulatedStim300
 from tests.instruments.gyros.gyro_inputs import SETTINGS, RampInputs

@@ -12,9 +12,9 @@ from benchctl_instruments.digitizers.labjack_t7 import LabJackT7
 from benchctl_instruments.errors import InstrumentError, LinkError
 from benchctl_instruments.simulated.clock import VirtualClock
 from benchctl_instruments.simulated.faults.bench import BenchFaults
-from benchctl_instruments.simulated.faults.link_kinds import LostRequest, Restart, Silence
+from benchctl_instruments.simulated.faults.link_faults import LostRequest, Restart, Silence
+from benchctl_instruments.simulated.faults.schedule import FaultTable
 from benchctl_instruments.simulated.faults.stream_faults import Overrun, StreamCut, StreamGap, StreamJunk
-from benchctl_instruments.simulated.faults.tables import FaultTable
 from benchctl_instruments.simulated.labjack_t7 import SimulatedLabJackT7
 from tests.instruments.simulated.fake_inputs import FakeInputs
 

@@ -13,8 +13,8 @@ import pytest
 
 from benchctl_instruments.catalog import models
 from benchctl_instruments.simulated.faults.bench import AnyLinkFault, AnyMachineFault, AnyStreamFault
-from benchctl_instruments.simulated.faults.frame_faults import FrameFault
-from benchctl_instruments.simulated.faults.tables import FaultTable
+from benchctl_instruments.simulated.faults.schedule import FaultTable
+from benchctl_instruments.simulated.faults.stream_faults import FrameFault
 from tests.instruments.faults import kinds, outcomes
 from tests.instruments.faults.cells import IMPOSSIBLE, STOPPED, Outcome, befallen
 from tests.instruments.faults.rows import GYROS, ROWS, Row

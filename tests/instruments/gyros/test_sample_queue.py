@@ -5,11 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchctl_instruments.gyros.sample_queue import SampleQueue, Samples
+from benchctl_instruments.gyros.framed_gyro import SampleQueue, Samples
 from benchctl_instruments.interfaces import GyroCounts, GyroGap
 from benchctl_instruments.protocols import kvh1760 as kvh
-from benchctl_instruments.protocols.crc32_mpeg2 import ByteArray
-from benchctl_instruments.protocols.sequence_numbers import SequenceNumbers
+from benchctl_instruments.protocols.frames import ByteArray, SequenceNumbers
 
 RATE_HZ = 1000.0
 WRAP_S = 0.127

@@ -10,8 +10,8 @@ import pytest
 from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
 from benchctl_instruments.gyros.sensonor_stim300 import SensonorStim300
 from benchctl_instruments.interfaces import Gyro, Identity
-from benchctl_instruments.protocols import stim300_answers as answers
-from benchctl_instruments.protocols.stim300_answers import StimConfiguration
+from benchctl_instruments.protocols import stim300 as stim
+from benchctl_instruments.protocols.stim300 import StimConfiguration
 from benchctl_instruments.simulated.clock import VirtualClock
 from benchctl_instruments.simulated.push_line import PushLine
 from benchctl_instruments.simulated.sensonor_stim300 import SimulatedStim300
@@ -144,8 +144,8 @@ class Stating:
         self.configuration = configuration
 
     def feed(self, data: bytes) -> bytes:
-        said = answers.encode_configuration(self.configuration) if answers.ASK_CONFIGURATION in data else b""
-        return said + (answers.encode_serial("0" * 14) if answers.ASK_SERIAL in data else b"")
+        said = stim.encode_configuration(self.configuration) if stim.ASK_CONFIGURATION in data else b""
+        return said + (stim.encode_serial("0" * 14) if stim.ASK_SERIAL in data else b"")
 
     def due(self) -> bytes:
         return b""

@@ -10,8 +10,8 @@ from collections.abc import Callable
 import pytest
 
 from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
-from benchctl_instruments.links.byte_link import byte_link
 from benchctl_instruments.links.lines import LineDialogue, Manners, NoAnswerError
+from benchctl_instruments.links.serial_port import byte_link
 from benchctl_instruments.links.tcp import LinkCutError, Reconnect
 from benchctl_instruments.protocols.lines import LineCutter
 from benchctl_instruments.simulated.tcp_server import TcpServer
@@ -244,7 +244,7 @@ def test_several_threads_get_their_own_answers() -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs pseudo-terminals")
 def test_a_serial_line_is_spoken_to_alike_and_recovers_from_silence() -> None:
-    from benchctl_instruments.simulated.pty_line import PtyLine
+    from benchctl_instruments.simulated.serial_line import PtyLine
 
     instrument = Instrument(lambda line, before: b"" if before == 0 else b"\x00" + echo(line, before))
     line = PtyLine(instrument.connect(), pace_baud=None)

@@ -14,7 +14,7 @@ from benchctl_instruments.errors import InstrumentError, LinkError, UsageError
 from benchctl_instruments.links.address import parse_address
 from benchctl_instruments.links.modbus import ModbusLink, Retry
 from benchctl_instruments.simulated.faults.bench import BenchFaults
-from benchctl_instruments.simulated.faults.link_kinds import Late
+from benchctl_instruments.simulated.faults.link_faults import Late
 from benchctl_instruments.simulated.modbus_server import ModbusRtuServer, ModbusTcpServer
 from benchctl_instruments.simulated.serial_line import SerialLine
 from benchctl_instruments.simulated.tcp_server import TcpServer

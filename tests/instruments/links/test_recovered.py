@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from benchctl_instruments.links.recovered import note_recovered
+from benchctl_instruments.links.wirelog import note_recovered
 
 
 def test_who_listens_is_told_what_went_wrong_and_how_it_was_got_over(caplog: pytest.LogCaptureFixture) -> None:
@@ -20,6 +20,6 @@ def test_who_listens_is_told_what_went_wrong_and_how_it_was_got_over(caplog: pyt
 
 
 def test_where_nobody_listens_nothing_is_printed() -> None:
-    program = "from benchctl_instruments.links.recovered import note_recovered; note_recovered('no answer')"
+    program = "from benchctl_instruments.links.wirelog import note_recovered; note_recovered('no answer')"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True, timeout=50)
     assert (done.stdout, done.stderr) == (b"", b"")

@@ -6,14 +6,13 @@ from collections.abc import Iterator
 import pytest
 
 from benchctl_instruments.errors import LinkError, UsageError
-from benchctl_instruments.links.byte_link import byte_link
-from benchctl_instruments.links.serial_port import SerialLink
+from benchctl_instruments.links.serial_port import SerialLink, byte_link
 from benchctl_instruments.links.tcp import LinkCutError, TcpLink
 
 if sys.platform == "win32":
     pytest.skip("needs pseudo-terminals", allow_module_level=True)
 
-from benchctl_instruments.simulated.pty_line import PtyLine
+from benchctl_instruments.simulated.serial_line import PtyLine
 
 
 class Echo:

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchctl_instruments.protocols.crc32_mpeg2 import POLYNOMIAL, PRESET, crc32_mpeg2, crc32_mpeg2_of_rows
+from benchctl_instruments.protocols.frames import POLYNOMIAL, PRESET, crc32_mpeg2, crc32_mpeg2_of_rows
 
 KVH_FRAME = bytes.fromhex("FE81FF55 37A96A6E 38586C1F B75BF862 BF803E78 BB650D28 3B0A37AC 773D0028")
 

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from benchctl_instruments.protocols.crc32_mpeg2 import crc32_mpeg2
-from benchctl_instruments.protocols.frames import FrameFormat, FrameReader
+from benchctl_instruments.protocols.frames import FrameFormat, FrameReader, crc32_mpeg2
 
 LONG_HEADER = FrameFormat(name="long header", header=b"\xfe\x81\xff\x55", crc_at=32)
 ONE_BYTE = FrameFormat(name="one byte", header=b"\xa7", crc_at=55, padding=1)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchctl_instruments.protocols.sequence_numbers import SequenceNumbers, commonest_step
+from benchctl_instruments.protocols.frames import SequenceNumbers, commonest_step
 
 
 def test_numbers_that_wrap_become_an_index_that_does_not() -> None:

@@ -7,10 +7,8 @@ from hypothesis import strategies as st
 
 from benchctl_instruments.errors import InstrumentError
 from benchctl_instruments.protocols import stim300 as stim
-from benchctl_instruments.protocols import stim300_answers as answers
-from benchctl_instruments.protocols.crc32_mpeg2 import crc32_mpeg2
-from benchctl_instruments.protocols.frames import FrameFormat, FrameReader
-from benchctl_instruments.protocols.stim300_answers import StimConfiguration
+from benchctl_instruments.protocols.frames import FrameFormat, FrameReader, crc32_mpeg2
+from benchctl_instruments.protocols.stim300 import StimConfiguration
 
 IDS = sorted(stim.PARTS)
 INT24 = st.integers(-0x800000, 0x7FFFFF)
@@ -94,18 +92,18 @@ def test_a_status_is_told_in_words_with_its_axes() -> None:
 @pytest.mark.parametrize("crlf", [False, True])
 @pytest.mark.parametrize("datagram_id", IDS)
 def test_a_configuration_is_read_back(datagram_id: int, crlf: bool) -> None:
-    for rate_hz in (*answers.RATES_HZ, None):
-        for unit in answers.GYRO_UNITS:
+    for rate_hz in (*stim.RATES_HZ, None):
+        for unit in stim.GYRO_UNITS:
             stated = StimConfiguration(
                 datagram_id=datagram_id, crlf=crlf, rate_hz=rate_hz, gyro_unit=unit, revision="F", firmware=31
             )
-            data = answers.encode_configuration(stated)
+            data = stim.encode_configuration(stated)
             assert len(data) == (28 if crlf else 26)
-            assert answers.decode_configuration(row_of(data, *answers.CONFIGURATION_FORMATS)) == stated
+            assert stim.decode_configuration(row_of(data, *stim.CONFIGURATION_FORMATS)) == stated
 
 
 def test_a_configuration_is_encoded_to_the_last_byte() -> None:
-    data = answers.encode_configuration(
+    data = stim.encode_configuration(
         StimConfiguration(datagram_id=0xA7, crlf=False, rate_hz=2000.0, gyro_unit="incremental angle", firmware=7)
     )
     contents = bytes.fromhex("BC 2D 07 8E 00 71") + bytes(16)
@@ -113,17 +111,17 @@ def test_a_configuration_is_encoded_to_the_last_byte() -> None:
 
 
 def test_a_unit_that_the_sources_read_differently_is_refused_with_what_to_do() -> None:
-    data = answers.encode_configuration(
+    data = stim.encode_configuration(
         StimConfiguration(datagram_id=0xA7, crlf=False, rate_hz=125.0, gyro_unit="angular rate")
     )
-    row = row_of(data, *answers.CONFIGURATION_FORMATS)
+    row = row_of(data, *stim.CONFIGURATION_FORMATS)
     row[5] = 0x78
     with pytest.raises(InstrumentError, match=r"unit 8, expected 0 to 3; have it set to angular rate"):
-        answers.decode_configuration(row)
+        stim.decode_configuration(row)
 
 
 @pytest.mark.parametrize("crlf", [False, True])
 def test_a_serial_number_is_read_back(crlf: bool) -> None:
-    data = answers.encode_serial("25582100000042", crlf=crlf)
+    data = stim.encode_serial("25582100000042", crlf=crlf)
     assert data[:9] == (b"\xb7" if crlf else b"\xb5") + b"N" + bytes.fromhex("25582100000042")
-    assert answers.decode_serial(row_of(data, *answers.SERIAL_FORMATS)) == "25582100000042"
+    assert stim.decode_serial(row_of(data, *stim.SERIAL_FORMATS)) == "25582100000042"

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchctl_instruments.protocols.words import (
+from benchctl_instruments.protocols.modbus import (
     WordOrder,
     f32_from_words,
     signed_from_word,

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.interfaces import TableLimits
-from benchctl_instruments.rate_tables.kept_limits import KeptLimits, short_way_deg, wait_until
+from benchctl_instruments.rate_tables.constant_rate_table import KeptLimits, short_way_deg, wait_until
 from tests.instruments.table_machine import CountedClock
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from benchctl_instruments.errors import InstrumentError
 from benchctl_instruments.interfaces import Identity, RateTable, TableLimits, TableState
-from benchctl_instruments.links.byte_link import byte_link
+from benchctl_instruments.links.serial_port import byte_link
 from benchctl_instruments.links.wirelog import WireLog
 from benchctl_instruments.rate_tables.newport_esp301 import Esp301
 from benchctl_instruments.simulated.newport_esp301 import SimulatedEsp301

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.table import TableParameters
 from benchctl_instruments.simulated.axis import TableAxis
-from benchctl_instruments.simulated.clock import VirtualClock
-from benchctl_instruments.simulated.timebase import MARGIN_S, Timebase
+from benchctl_instruments.simulated.clock import MARGIN_S, Timebase, VirtualClock
 
 STILL = TableParameters(ripple=0.0)
 

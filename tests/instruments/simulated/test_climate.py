@@ -9,8 +9,7 @@ import pytest
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.chamber import ChamberParameters
 from benchctl_instruments.simulated.climate import ClimateChamber
-from benchctl_instruments.simulated.clock import VirtualClock
-from benchctl_instruments.simulated.timebase import Timebase
+from benchctl_instruments.simulated.clock import Timebase, VirtualClock
 
 
 def chamber() -> tuple[VirtualClock, Timebase, ClimateChamber]:

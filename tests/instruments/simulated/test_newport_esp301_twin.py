@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchctl_instruments.links.address import parse_address
-from benchctl_instruments.links.byte_link import byte_link
+from benchctl_instruments.links.serial_port import byte_link
 from benchctl_instruments.simulated.newport_esp301 import Esp301Controller, SimulatedEsp301
 from tests.instruments.table_machine import InstantTable
 

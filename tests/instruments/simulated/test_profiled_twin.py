@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from benchctl_instruments.catalog import driver
-from benchctl_instruments.chambers.profile_file import changed, parse_profile, shipped_profile
+from benchctl_instruments.chambers.profile import changed, parse_profile, shipped_profile
 from benchctl_instruments.chambers.profiled import ProfiledChamber
 from benchctl_instruments.errors import InstrumentError
 from benchctl_instruments.simulated.bench import SimulatedBench

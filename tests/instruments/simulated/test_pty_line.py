@@ -11,7 +11,7 @@ import pytest
 if sys.platform == "win32":
     pytest.skip("Windows has no pseudo-terminals", allow_module_level=True)
 
-from benchctl_instruments.simulated.pty_line import PtyLine
+from benchctl_instruments.simulated.serial_line import PtyLine
 
 
 class Flood:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import pytest
 
 from benchctl_instruments.links.address import parse_address
-from benchctl_instruments.links.byte_link import ByteLink, byte_link
+from benchctl_instruments.links.serial_port import ByteLink, byte_link
 from benchctl_instruments.simulated.push_line import PushLine
 
 LINES = [

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from benchctl_instruments.protocols.modbus import ILLEGAL_ADDRESS, ILLEGAL_VALUE, ModbusRefusal
-from benchctl_instruments.simulated.registers import (
+from benchctl_instruments.simulated.modbus_server import (
     LimitedSetpoint,
     RegisterTable,
     constants,

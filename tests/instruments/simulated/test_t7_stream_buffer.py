@@ -6,7 +6,7 @@ import pytest
 
 from benchctl_instruments.errors import InstrumentError
 from benchctl_instruments.protocols.t7_stream import StreamReader
-from benchctl_instruments.simulated.t7_stream_buffer import LARGEST_BATCH, StreamBuffer, StreamSettings
+from benchctl_instruments.simulated.t7_stream_server import LARGEST_BATCH, StreamBuffer, StreamSettings
 
 RATE_HZ = 1000.0
 ROOM = 512  # scans of 4 samples in a buffer of 4096 bytes

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from benchctl_instruments.physics.effects.clock_drift import ClockDrift
 from benchctl_instruments.physics.effects.timing_offset import TimingOffset
-from benchctl_instruments.simulated.terminals import TwoClocks
+from benchctl_instruments.simulated.world import TwoClocks
 
 INTERVAL = 0.008
 

@@ -9,8 +9,8 @@ import pytest
 
 from benchctl_instruments.catalog import Kind, driver, models, twin
 from benchctl_instruments.errors import UsageError
+from benchctl_instruments.simulated.bench import BOTH_ENDS, twin_keywords
 from benchctl_instruments.simulated.clock import VirtualClock
-from benchctl_instruments.simulated.wiring import BOTH_ENDS, twin_keywords
 from benchctl_instruments.simulated.world import World
 
 TTY, BOX, NET = "serial:///dev/ttyUSB0?baud=9600", "socket://10.0.0.7:4001", "tcp://10.0.0.7:502"

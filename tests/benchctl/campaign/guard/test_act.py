@@ -4,9 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from benchctl.campaign.guard.act import act, words
 from benchctl.campaign.guard.orders import Orders, Reached
-from benchctl.campaign.guard.rescue import Rescued, rescue
+from benchctl.campaign.guard.rescue import Rescued, act, rescue, words
 from tests.benchctl.campaign.guard.test_rescue import in_motion
 
 
@@ -47,7 +46,7 @@ def test_a_journal_that_is_gone_keeps_nothing_from_being_brought_to_rest_and_is_
 def test_instruments_that_are_not_there_are_named(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("benchctl.campaign.guard.act.rescue", partial(rescue, give_up_s=0.1))
+    monkeypatch.setattr("benchctl.campaign.guard.rescue.rescue", partial(rescue, give_up_s=0.1))
     orders = Orders(
         runner=1,
         journal=tmp_path / "journal.jsonl",

@@ -8,7 +8,7 @@ import pytest
 
 
 @pytest.mark.parametrize(
-    ("module", "heavy"), [("__main__", {"numpy", "scipy", "h5py", "pydantic", "serial"}), ("act", {"scipy", "h5py"})]
+    ("module", "heavy"), [("__main__", {"numpy", "scipy", "h5py", "pydantic", "serial"}), ("rescue", {"scipy", "h5py"})]
 )
 def test_the_guard_imports_no_more_than_it_needs(module: str, heavy: set[str]) -> None:
     code = f"import json, sys, benchctl.campaign.guard.{module}; print(json.dumps(list(sys.modules)))"

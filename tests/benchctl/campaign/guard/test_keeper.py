@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from benchctl.bench import Bench, load_bench, template
-from benchctl.campaign.guard import child, keeper
+from benchctl.campaign.guard import keeper
 from benchctl.campaign.guard.keeper import GuardProcess, NoGuard, guarded
 from benchctl.campaign.opened import open_bench
 from benchctl.campaign.safety import Supervisor
@@ -121,7 +121,7 @@ def test_guards_that_die_are_replaced_and_after_the_last_the_run_is_ended(run: R
 def test_a_guard_that_is_stuck_is_replaced_and_never_makes_the_runner_wait(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(child, "BEAT_EVERY_S", 0.0)
+    monkeypatch.setattr(keeper, "BEAT_EVERY_S", 0.0)
     run.guard.arm(run.event)
     stuck = run.pid
     os.kill(stuck, signal.SIGSTOP)
@@ -130,9 +130,9 @@ def test_a_guard_that_is_stuck_is_replaced_and_never_makes_the_runner_wait(
         run.guard.beat()
     assert time.monotonic() - began_s < 10.0
     assert not gone(stuck)
-    monkeypatch.setattr(child, "ANSWER_S", 0.2)
+    monkeypatch.setattr(keeper, "ANSWER_S", 0.2)
     run.beat_until(lambda: len(run.says) > 1)
-    monkeypatch.setattr(child, "ANSWER_S", 30.0)
+    monkeypatch.setattr(keeper, "ANSWER_S", 30.0)
     assert run.says[-1].startswith(f"process {stuck} has not answered for 0.2 s; process ")
     run.beat_until(lambda: gone(stuck))
 

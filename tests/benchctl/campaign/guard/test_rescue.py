@@ -15,9 +15,8 @@ from typing import Any
 import pytest
 
 from benchctl.bench import Bench, load_bench
-from benchctl.campaign.guard.journal import note
 from benchctl.campaign.guard.orders import Orders, Reached
-from benchctl.campaign.guard.rescue import rescue
+from benchctl.campaign.guard.rescue import note, rescue
 from benchctl.campaign.opened import simulated_bench
 from benchctl.locks import Lock
 from benchctl_instruments.catalog import driver

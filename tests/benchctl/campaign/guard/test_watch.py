@@ -8,8 +8,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from benchctl.campaign.guard import watch as module
-from benchctl.campaign.guard.watch import Ending, Lines, watch
+from benchctl.campaign.guard import orders as module
+from benchctl.campaign.guard.orders import Ending, Lines, watch
 
 
 class Runner:

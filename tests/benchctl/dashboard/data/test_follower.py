@@ -20,8 +20,7 @@ from benchctl.campaign.soak import SOAK_CHANNELS, one_poll
 from benchctl.dashboard.data import follower as module
 from benchctl.dashboard.data.follower import Follower, Watch
 from benchctl.recordings.campaign_folder import CampaignWriter, StepWriter, campaign_lock
-from benchctl.recordings.recover import recover
-from benchctl.recordings.reopen import reopen
+from benchctl.recordings.recover import recover, reopen
 from benchctl_instruments.interfaces import ChamberReading
 from tests.benchctl.dashboard.data import brute
 from tests.benchctl.recordings import made

@@ -12,8 +12,7 @@ from benchctl.diagnosis.drive.problem import DriveProblem, drive_problem
 from benchctl.diagnosis.parts import problem_of
 from benchctl.diagnosis.search.held_out import held_out_steps
 from benchctl.recordings.importing import import_recording
-from benchctl.recordings.joined import join
-from benchctl.recordings.reader import Recording, open_recording
+from benchctl.recordings.reader import Recording, join, open_recording
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.diagnosis.made_drive import INERTIA, VISCOUS, Truth, drive_channels
 from tests.benchctl.diagnosis.made_recording import found_in, recording_of

@@ -11,9 +11,8 @@ from benchctl.diagnosis.gyro.frame import frame_of
 from benchctl.diagnosis.gyro.problem import gyro_problem
 from benchctl.diagnosis.signals.series import series_of
 from benchctl.recordings.importing import import_recording
-from benchctl.recordings.joined import join
 from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo, Unit
-from benchctl.recordings.reader import open_recording
+from benchctl.recordings.reader import join, open_recording
 from benchctl.recordings.writer import write_recording
 from benchctl_instruments.physics.effects.thermal_lag import ThermalLag
 from benchctl_instruments.physics.effects.warm_up import WarmUp

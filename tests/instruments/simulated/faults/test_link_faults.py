@@ -14,7 +14,7 @@ from benchctl_instruments.errors import UsageError
 from benchctl_instruments.links.address import parse_address
 from benchctl_instruments.protocols.modbus import with_crc
 from benchctl_instruments.simulated.faults.bench import BenchFaults
-from benchctl_instruments.simulated.faults.link_kinds import (
+from benchctl_instruments.simulated.faults.link_faults import (
     BadChecksum,
     Cut,
     HalfFloat,
@@ -32,7 +32,7 @@ from benchctl_instruments.simulated.faults.link_kinds import (
     TableTrips,
 )
 from benchctl_instruments.simulated.modbus_server import ModbusRtuServer, ModbusTcpServer
-from benchctl_instruments.simulated.pty_line import PtyLine
+from benchctl_instruments.simulated.serial_line import PtyLine
 from benchctl_instruments.simulated.tcp_server import TcpServer
 from tests.instruments.modbus_device import Memory
 

@@ -17,7 +17,7 @@ from benchctl_instruments.simulated.faults.machines import (
     StuckReading,
     VelocityTrip,
 )
-from benchctl_instruments.simulated.faults.tables import FaultTable
+from benchctl_instruments.simulated.faults.schedule import FaultTable
 from benchctl_instruments.simulated.machines import AnalogInputs, ChamberMachine
 from benchctl_instruments.simulated.world import World
 from tests.instruments.chamber_machine import FakeChamber

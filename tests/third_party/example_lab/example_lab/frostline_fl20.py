@@ -18,8 +18,8 @@ from typing import Self
 
 from benchctl_instruments.errors import BenchError, InstrumentError, UsageError
 from benchctl_instruments.interfaces import ChamberReading, Clock, Identity
-from benchctl_instruments.links.byte_link import byte_link
 from benchctl_instruments.links.lines import LineDialogue, Manners
+from benchctl_instruments.links.serial_port import byte_link
 from benchctl_instruments.protocols.lines import LineCutter, encode_line
 from benchctl_instruments.simulated.faults.wires import Lines
 from benchctl_instruments.simulated.machines import ChamberMachine
