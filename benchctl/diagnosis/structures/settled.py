@@ -6,8 +6,6 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
-import numpy as np
-
 from benchctl.diagnosis.fitting.fit import Point, fit, gain_of
 from benchctl.diagnosis.fitting.wandering import PROCESSES
 from benchctl.diagnosis.gyro.problem import GyroProblem
@@ -21,6 +19,9 @@ from benchctl_instruments.physics.structures import Structure, freed
 
 _CLEARLY = 20.0
 """In twice the log likelihood, beyond what its parameters cost: by that much a structure must be better than names."""
+
+_OF_THE_RATE = {"output": "rate", "abs_rate": "rate"}
+"""Coordinates that are one: what is a function of the rate is nearly one of the output."""
 
 _STEPS, _BEGUN = 3, 0.3
 """So many structures may take the place of a process, where the first of them gains such a share of what it does."""
@@ -95,8 +96,9 @@ def _replaceable(problem: GyroProblem, chosen: Selection, fewest: int) -> Iterat
     """
     found = zip(chosen.evidence, chosen.after.point.effects, strict=True)
     effects = {key: effect for key, effect in found if not isinstance(effect, ClockEffect | FilterEffect)}
-    for coordinate in np.unique([effect.coordinate for effect in effects.values()]).tolist():
-        keys = tuple(key for key, effect in effects.items() if effect.coordinate == coordinate)
+    along = {key: _OF_THE_RATE.get(effect.coordinate, effect.coordinate) for key, effect in effects.items()}
+    for coordinate in sorted(set(along.values())):
+        keys = tuple(key for key, its in along.items() if its == coordinate)
         if len(keys) >= fewest:
             gain = gain_of(chosen.after, without(problem, chosen, *keys))
             yield keys, sum(len(effects[key].parameters) for key in keys), gain

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +32,8 @@ def write_moving(
     *,
     K0_v_per_dps: float = K0,
     squared_v: float = 0.0,
-    later_v: tuple[float, float] = (0.0, 0.0),
+    more_v: Callable[[FloatArray, FloatArray, FloatArray], FloatArray] = lambda time_s, rate_dps, coil_c: 0.0 * time_s,
+    coil_c: Callable[[FloatArray], FloatArray] = lambda time_s: np.full(time_s.size, T0),
     phase: float = 0.0,
     rate_hz: float = 200.0,
     kinds: Sequence[str] = KINDS,
@@ -42,20 +43,21 @@ def write_moving(
 ) -> Path:
     """Write U = U0 + K0·ω + v·ω² + noise; the sine begins at `phase` [rad].
 
-    `later_v` is an instant [s] and what is added from then on.
+    `more_v` of time, rate and coil temperature is added; `coil_c` is that temperature.
     """
     chance = np.random.default_rng(seed)
     steps, start_s = [], 0.0
     for index, kind in enumerate(kinds, 1):
         time_s = np.arange(0.0, 8.0, 1 / rate_hz)
         angle, rate = _motion(kind, time_s, phase)
-        more = later_v[1] * (start_s + time_s > later_v[0])
+        coil = coil_c(start_s + time_s)
+        more = more_v(start_s + time_s, rate, coil)
         noise = NOISE_V * chance.standard_normal(time_s.size)
         channels = {
             "time_s": start_s + time_s,
             "encoder_deg": np.mod(angle, 360.0),
             "gyro_v": U0 + K0_v_per_dps * rate + squared_v * rate**2 + more + noise,
-            "gyro_temp_c": np.full(time_s.size, T0),
+            "gyro_temp_c": coil,
         }
         info = StepInfo(
             index=index,
