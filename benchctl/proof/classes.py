@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Literal
 
 from benchctl.closeness import meant
-from benchctl.diagnosis.result import Verdict
+from benchctl.diagnosis.result import Part, Verdict
 from benchctl_instruments.errors import UsageError
 
 ClassName = Literal[
@@ -25,6 +25,8 @@ ClassName = Literal[
     "outsider",
     "structure",
     "structure+one",
+    "drive",
+    "chamber",
 ]
 
 
@@ -57,6 +59,12 @@ class TrialClass:
     share: float | None = 1.0
     wandering: bool = False
     structure: bool = False
+    part: Part = "gyro"
+
+    @property
+    def usual(self) -> bool:
+        """Whether it belongs to a proof that names no classes."""
+        return not self.structure and self.part == "gyro"
 
 
 FAINT_GAIN = 200.0
@@ -85,10 +93,16 @@ CLASSES: MappingProxyType[ClassName, TrialClass] = MappingProxyType(
         "structure+one": TrialClass(
             says="a structure and one effect", verdict="missing-physics", weight=20, effects=1, structure=True
         ),
+        "drive": TrialClass(
+            says="one or two effects of a drive", verdict="missing-physics", weight=20, effects=2, part="drive"
+        ),
+        "chamber": TrialClass(
+            says="one or two effects of a chamber", verdict="missing-physics", weight=20, effects=2, part="chamber"
+        ),
     }
 )
 
-USUAL_TRIALS = sum(kind.weight for kind in CLASSES.values() if not kind.structure)
+USUAL_TRIALS = sum(kind.weight for kind in CLASSES.values() if kind.usual)
 
 
 def class_names(names: Collection[str]) -> tuple[ClassName, ...]:
@@ -105,7 +119,7 @@ def allotted(trials: int, only: Collection[str] = ()) -> tuple[ClassName, ...]:
     More trials of the same classes begin with the same ones. `only` names the classes, the usual ones where it is
     empty.
     """
-    chosen = {name: kind.weight for name, kind in CLASSES.items() if (name in only if only else not kind.structure)}
+    chosen = {name: kind.weight for name, kind in CLASSES.items() if (name in only if only else kind.usual)}
     total = sum(chosen.values())
     given = dict.fromkeys(chosen, 0)
     order: list[ClassName] = []

@@ -18,12 +18,13 @@ from typing import Any, TypeVar
 
 from benchctl.atomic import disk_errors, whole_file
 from benchctl.campaign.stop import StopRequest
-from benchctl.proof.classes import ClassName, allotted
-from benchctl.proof.draw import draw
+from benchctl.diagnosis.result import Part
+from benchctl.proof.classes import CLASSES, ClassName, allotted
+from benchctl.proof.part_trials import drawn
 from benchctl.proof.processes import ProcessFailedError, run_module
 from benchctl.proof.score import Score, score_diagnosis, score_regression
 from benchctl.proof.trial import Answer, Trial, read_trial, write_trial
-from benchctl.proof.truth import Truth
+from benchctl.proof.truth import Sealed
 from benchctl_instruments.errors import InstrumentError, UsageError
 
 SETTINGS, TRIALS = "proof.json", "trials"
@@ -127,9 +128,11 @@ class _Run:
 
     def _trial(self, index: int, kind: ClassName, work: Path) -> Trial:
         sealed = self._sealed(index, kind, work)
-        physics = self._asked("physics", sealed["recording"], work, sealed["without"])
-        generic = self._asked("generic", sealed["recording"], work, ()) if self.settings.generic else None
-        truth = draw(self.settings.seed, index, kind)
+        part = CLASSES[kind].part
+        physics = self._asked("physics", sealed["recording"], work, sealed["without"], part)
+        beside = self.settings.generic and part == "gyro"
+        generic = self._asked("generic", sealed["recording"], work, ()) if beside else None
+        truth = drawn(self.settings.seed, index, kind)
         if truth.digest() != sealed["digest"]:
             raise UsageError(
                 f"trial {index}: what was sealed as {sealed['digest']} is not what is unsealed; "
@@ -161,10 +164,12 @@ class _Run:
         self.told(index, f"sealed, sha256 {told['digest']}")
         return told
 
-    def _asked(self, arm: str, recording: str, work: Path, without: Sequence[str]) -> dict[str, Any]:
+    def _asked(
+        self, arm: str, recording: str, work: Path, without: Sequence[str], part: Part = "gyro"
+    ) -> dict[str, Any]:
         """What an arm says in a process of its own, which knows the recording's path and nothing else."""
         out = work / f"{arm}.json"
-        arguments = [recording, "--arm", arm, "--out", str(out), "--without", ",".join(without)]
+        arguments = [recording, "--arm", arm, "--out", str(out), "--without", ",".join(without), "--part", part]
         try:
             run_module("benchctl.proof.blind", *arguments, stop=self.stop, longest_s=_LONGEST_S)
         except ProcessFailedError as err:
@@ -173,7 +178,7 @@ class _Run:
         return found
 
 
-def _scored(truth: Truth, found: Mapping[str, Any], score: Callable[[Truth, Mapping[str, Any]], Score]) -> Answer:
+def _scored(truth: Sealed, found: Mapping[str, Any], score: Callable[[Sealed, Mapping[str, Any]], Score]) -> Answer:
     if "error" in found:
         return Answer(score=None, error=found["error"])
     said = found["said"]

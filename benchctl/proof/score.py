@@ -10,9 +10,8 @@ from typing import Any
 from benchctl.diagnosis.keys import keys_of_names
 from benchctl.proof.classes import CLASSES
 from benchctl.proof.structures import SHAPE_CLASSES
-from benchctl.proof.truth import Truth
+from benchctl.proof.truth import Sealed
 from benchctl_instruments.physics.effects.effect import Parameter
-from benchctl_instruments.physics.effects.registry import effect
 from benchctl_instruments.physics.structure_places import OVER
 from benchctl_instruments.physics.structures import structure_named
 
@@ -74,7 +73,7 @@ class Score:
     heldout_ratio: float | None = None
 
 
-def score_diagnosis(truth: Truth, said: Mapping[str, Any]) -> Score:
+def score_diagnosis(truth: Sealed, said: Mapping[str, Any]) -> Score:
     """Score a diagnosis, given as its JSON."""
     # a second effect of one kind, which no trial conceals, is one more
     found = dict(zip(keys_of_names(one["effect"] for one in said["findings"]), said["findings"], strict=True))
@@ -97,14 +96,14 @@ def score_diagnosis(truth: Truth, said: Mapping[str, Any]) -> Score:
             score
             for name in truth.effects
             if name in found
-            for score in _parameters(name, truth.effects[name], found[name]["parameters"])
+            for score in _parameters(name, truth, found[name]["parameters"])
         )
         + tuple(_of_structures(truth, said["unexplained"])),
         heldout_ratio=fit["heldout_after"] / fit["noise"] if fit["noise"] and fit["heldout_after"] else None,
     )
 
 
-def score_regression(truth: Truth, said: Mapping[str, Any]) -> Score:
+def score_regression(truth: Sealed, said: Mapping[str, Any]) -> Score:
     """Score the sparse regression; it has no word for unknown structure, so that with an outsider it is never right."""
     missed, made_up = _differences(truth, dict.fromkeys(said["effects"]))
     return Score(
@@ -116,11 +115,11 @@ def score_regression(truth: Truth, said: Mapping[str, Any]) -> Score:
     )
 
 
-def _differences(truth: Truth, found: Mapping[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _differences(truth: Sealed, found: Mapping[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     return tuple(sorted(truth.nameable - found.keys())), tuple(sorted(found.keys() - truth.effects.keys()))
 
 
-def _located(truth: Truth, unexplained: Mapping[str, Any]) -> bool:
+def _located(truth: Sealed, unexplained: Mapping[str, Any]) -> bool:
     named = unexplained["coordinates"]
     return bool(unexplained["significant"] and named and not set(named[0].split("*")).isdisjoint(truth.lives_in))
 
@@ -129,14 +128,14 @@ def _models(unexplained: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return [unexplained["model"], *unexplained.get("further", ())] if "model" in unexplained else []
 
 
-def _modelled(truth: Truth, unexplained: Mapping[str, Any]) -> bool:
+def _modelled(truth: Sealed, unexplained: Mapping[str, Any]) -> bool:
     """Whether what is unexplained is modelled at the stage and over the coordinate of the concealed structure alone."""
     said = {(one["stage"], one["coordinates"][0]) for one in _models(unexplained)}
     drawn = [found for name in truth.withheld if (found := structure_named(name)) is not None]
     return said == {(one.acts_on, OVER[one.over].word) for one in drawn} and len(unexplained["coordinates"]) == 1
 
 
-def _shape_right(truth: Truth, unexplained: Mapping[str, Any]) -> bool | None:
+def _shape_right(truth: Sealed, unexplained: Mapping[str, Any]) -> bool | None:
     """Whether what is unexplained is modelled in the shapes that were drawn, or in those nearest to them."""
     drawn = {found.shape for name in truth.withheld if (found := structure_named(name)) is not None}
     if not drawn:
@@ -145,17 +144,14 @@ def _shape_right(truth: Truth, unexplained: Mapping[str, Any]) -> bool | None:
     return {SHAPE_CLASSES.get(one, one) for one in said} == {SHAPE_CLASSES.get(one, one) for one in drawn}
 
 
-def _of_structures(truth: Truth, unexplained: Mapping[str, Any]) -> Iterator[ParameterScore]:
+def _of_structures(truth: Sealed, unexplained: Mapping[str, Any]) -> Iterator[ParameterScore]:
     for model in _models(unexplained):
-        drawn = truth.effects.get(model["name"])
-        if drawn is not None and model["coordinates"] != ["time"]:  # whose origin no plan knows
-            yield from _parameters(model["name"], drawn, model["parameters"])
+        if model["name"] in truth.effects and model["coordinates"] != ["time"]:  # whose origin no plan knows
+            yield from _parameters(model["name"], truth, model["parameters"])
 
 
-def _parameters(
-    identifier: str, drawn: Mapping[str, float], stated: Mapping[str, Mapping[str, Any]]
-) -> list[ParameterScore]:
-    described = effect(identifier).parameters
+def _parameters(identifier: str, truth: Sealed, stated: Mapping[str, Mapping[str, Any]]) -> list[ParameterScore]:
+    described, drawn = truth.kind_of(identifier).parameters, truth.effects[identifier]
     scores = []
     for name, value in drawn.items():
         if name not in stated or stated[name]["value"] is None or (identifier, name) in _BY_CHANCE:

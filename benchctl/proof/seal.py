@@ -20,7 +20,8 @@ from typing import Any
 from benchctl.campaign.opened import open_bench
 from benchctl.campaign.runner import Outcome, run_campaign
 from benchctl.campaign.stop import stop_on_signals
-from benchctl.proof.draw import draw, plan_of
+from benchctl.proof.draw import plan_of
+from benchctl.proof.part_trials import PartTruth, drawn
 from benchctl.proof.truth import Truth
 from benchctl_instruments.errors import BenchError
 
@@ -45,16 +46,20 @@ def main(arguments: list[str] | None = None) -> int:
     asked = parser.parse_args(arguments)
     began_s = time.monotonic()
     try:
-        truth = draw(asked.seed, asked.index, asked.kind)
+        truth = drawn(asked.seed, asked.index, asked.kind)
         _tell({"digest": truth.digest()})
-        outcome = record(truth, asked.out)
+        if isinstance(truth, PartTruth):
+            recording, rows = truth.record(asked.out)
+        else:
+            outcome = record(truth, asked.out)
+            recording, rows = outcome.recording, outcome.samples
     except BenchError as err:
         sys.stderr.write(f"{err}\n")
         return err.exit_status
     _tell(
         {
-            "recording": str(outcome.recording),
-            "rows": outcome.samples,
+            "recording": str(recording),
+            "rows": rows,
             "without": list(truth.withheld),
             "wall_s": time.monotonic() - began_s,
         }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,15 +13,16 @@ from benchctl.bench import Bench
 from benchctl.diagnosis.result import Verdict
 from benchctl.proof.classes import CLASSES, ClassName
 from benchctl.proof.unit import TrialUnit
-from benchctl_instruments.physics.effects.effect import PhysicalEffect
+from benchctl_instruments.physics.effects.effect import DescribedEffect, PhysicalEffect
 from benchctl_instruments.physics.effects.making import make_effects
+from benchctl_instruments.physics.effects.registry import effect
 
 Effects = Mapping[str, Mapping[str, float]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Truth:
-    """What a trial conceals.
+class Sealed(ABC):
+    """What any trial conceals.
 
     Attributes
     ----------
@@ -28,16 +30,10 @@ class Truth:
         Its number in the proof, from 0.
     kind
         Its class.
-    unit
-        The gyro and the bench.
     seed
-        Draws the bench's noise.
+        Draws the noise.
     effects
         What is missing in the lab's model, in the words of the vocabulary.
-    moved
-        Whether the lab's parameters are of an earlier day.
-    gain
-        What the effects are worth together in twice the log likelihood, as planned; None where that is not known.
     withheld
         Hypotheses that the diagnosis is not given.
     lives_in
@@ -48,11 +44,8 @@ class Truth:
 
     index: int
     kind: ClassName
-    unit: TrialUnit
     seed: int
     effects: Effects = field(default_factory=dict)
-    moved: bool = False
-    gain: float | None = None
     withheld: tuple[str, ...] = ()
     lives_in: tuple[str, ...] = ()
     nonce: str
@@ -66,6 +59,42 @@ class Truth:
     def nameable(self) -> frozenset[str]:
         """The effects that a diagnosis should name: all that it has hypotheses of."""
         return frozenset(self.effects) - frozenset(self.withheld)
+
+    @abstractmethod
+    def kind_of(self, name: str) -> type[DescribedEffect]:
+        """The effect of a name."""
+
+    @abstractmethod
+    def as_json(self) -> dict[str, Any]:
+        """Plain data: all that matters of it."""
+
+    def digest(self) -> str:
+        """SHA-256 of it as JSON."""
+        text = json.dumps(self.as_json(), sort_keys=True, ensure_ascii=False)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Truth(Sealed):
+    """What a trial of a gyro conceals.
+
+    Attributes
+    ----------
+    unit
+        The gyro and the bench.
+    moved
+        Whether the lab's parameters are of an earlier day.
+    gain
+        What the effects are worth together in twice the log likelihood, as planned; None where that is not known.
+    """
+
+    unit: TrialUnit
+    moved: bool = False
+    gain: float | None = None
+
+    def kind_of(self, name: str) -> type[DescribedEffect]:
+        """The effect of a name."""
+        return effect(name)
 
     def made(self) -> tuple[PhysicalEffect, ...]:
         """The effects themselves, as the bench has them."""
@@ -98,8 +127,3 @@ class Truth:
             "physics": self.unit.physics(self.seed),
             "nonce": self.nonce,
         }
-
-    def digest(self) -> str:
-        """SHA-256 of it as JSON."""
-        text = json.dumps(self.as_json(), sort_keys=True, ensure_ascii=False)
-        return hashlib.sha256(text.encode()).hexdigest()

@@ -229,7 +229,7 @@ class Models:
                 yield tried
         known = present.point
         for baseline, effect in self._problem.starts(known.baseline, known.effects):
-            if kinds is None or effect.identifier in kinds:
+            if place_of(effect) not in self._refused and (kinds is None or effect.identifier in kinds):
                 tried = self._begun_with(present, Point(baseline=baseline, effects=(*known.effects, effect)), 0.0)
                 if self._possible(tried.fit):
                     yield tried

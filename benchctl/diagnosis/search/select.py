@@ -26,7 +26,7 @@ from benchctl.diagnosis.search.screen import Scored, Screening
 from benchctl.diagnosis.search.selection import Evidence, Selection
 from benchctl.diagnosis.signals.blocks import step_starts
 from benchctl.diagnosis.signals.normal import Z95
-from benchctl_instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.physics.effects.effect import DescribedEffect, Parameter
 from benchctl_instruments.physics.structures import Structure
 
 Better = Callable[[Problem, Fit, Whitener], Problem | None]
@@ -158,17 +158,26 @@ def _not_to_state(problem: Problem, present: Fit, evidence: Mapping[str, Evidenc
 
 
 def _may_be_nothing(problem: Problem, fitted: Fit) -> set[int]:
-    """The places of the effects of which every size has zero within its 95 % interval."""
+    """The places of the effects of which everything that may be zero has zero within its 95 % interval.
+
+    Beside a disturbance, within that of Schwarz's criterion, which is what an effect must gain there.
+    """
     errors = np.sqrt(np.diag(fitted.robust_covariance(problem.step)))
+    least = math.sqrt(math.log(fitted.rows)) if problem.disturbed else Z95
     sizes = [
         [
-            abs(effect.values[one.name]) <= Z95 * error
+            abs(effect.values[one.name]) <= least * error
             for one, error in zip(fitted.numbers, errors.tolist(), strict=True)
-            if one.effect == place and one.parameter is not None and one.parameter.role == "size"
+            if one.effect == place and one.parameter is not None and _vanishes(one.parameter)
         ]
         for place, effect in enumerate(fitted.point.effects)
     ]
     return {place for place, small in enumerate(sizes) if small and all(small)}
+
+
+def _vanishes(parameter: Parameter) -> bool:
+    """Whether a number is zero where its effect is gone."""
+    return parameter.role == "size" or (parameter.zero == 0.0 and not parameter.logarithmic)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -361,6 +370,8 @@ class _Search(Models):
         for scored in hidden[:_PAIRS]:  # and beside one of them what a problem itself begins with
             one = self._with(present, scored).fit.point
             for baseline, effect in self._problem.starts(one.baseline, one.effects):
+                if place_of(effect) in self._refused:
+                    continue
                 begun.append((Point(baseline=baseline, effects=(*one.effects, effect)), scored.probe.places))
         best: Tried | None = None
         for start, places in begun:

@@ -44,12 +44,13 @@ class SecondLag(ChamberEffect):
     }
 
     def apply(self, signals: ChamberSignals) -> ChamberSignals:
-        """The drive behind the lag, exact for one held from sample to sample."""
+        """The drive behind the lag, the mean from sample to sample of one that is held meanwhile."""
         if self.tau_s <= 0.0:
             return signals
         left = math.exp(-signals.interval_s / self.tau_s)
-        lagging, _ = scipy.signal.lfilter([1.0 - left], [1.0, -left], signals.drive, zi=[left * signals.drive_before])
-        return replace(signals, drive=np.asarray(lagging))
+        at_samples, _ = scipy.signal.lfilter([0.0, 1.0 - left], [1.0, -left], signals.drive, zi=[signals.drive_before])
+        behind = (1.0 - left) * self.tau_s / signals.interval_s
+        return replace(signals, drive=np.asarray(signals.drive + behind * (at_samples - signals.drive)))
 
     def says(self) -> str:
         """The finding in one sentence."""

@@ -107,7 +107,6 @@ def test_a_part_is_diagnosed_from_the_file_to_the_page_and_its_model_is_read_bac
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="intervals of chambers are too narrow: a dead time of 0.9 s is made up")
 def test_beside_the_second_lag_of_a_chamber_nothing_is_made_up(tmp_path: Path) -> None:
     path = written(recording_of(chamber_channels(Chamber(second_lag_s=30.0), 1)), tmp_path / "part.h5")
     with open_recording(path) as recording:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, fields, replace
 
 import numpy as np
 import pytest
@@ -141,3 +141,20 @@ def test_cogging_within_a_sample_is_averaged_over_it() -> None:
 
     averaged = torque(fine, 1e-4).reshape(-1, 100).mean(axis=1)
     assert torque(coarse, 0.01) == pytest.approx(averaged, abs=1e-5)
+
+
+def test_the_drive_behind_a_second_lag_is_its_mean_over_a_sample() -> None:
+    coarse, fine = _chamber_signals(), 50
+    interval_s = coarse.interval_s / fine
+    many = coarse.time_s.size * fine
+    steps = replace(
+        coarse,
+        time_s=np.arange(many) * interval_s,
+        interval_s=interval_s,
+        drive=np.repeat(coarse.drive, fine),
+        room_c=np.repeat(coarse.room_c, fine),
+        loss=np.repeat(coarse.loss, fine),
+    )
+    lag = chamber_effects()["second_lag"].make({"tau_s": 3.0})
+    told = lag.apply(steps).drive.reshape(-1, fine).mean(axis=1)
+    assert np.abs(lag.apply(coarse).drive - told).max() < 1e-3 * np.ptp(coarse.drive)

@@ -1,0 +1,187 @@
+"""Sealed trials of a table's drive and of a chamber: a run is drawn, with the effects that it conceals, and simulated.
+
+The motion of a drive is prescribed and the torque that it takes follows, a hundred times a second and ten steps in
+between; the air of a chamber runs freely, a draught beside it, and is read once a second in the steps of a thermometer.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+import scipy.signal
+
+from benchctl.proof.classes import CLASSES, ClassName
+from benchctl.proof.draw import draw
+from benchctl.proof.truth import Effects, Sealed, Truth
+from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo, Unit
+from benchctl.recordings.writer import write_recording
+from benchctl_instruments.arrays import FloatArray
+from benchctl_instruments.physics.chamber_effects.air import air_c
+from benchctl_instruments.physics.chamber_effects.effect import ChamberSignals
+from benchctl_instruments.physics.chamber_effects.registry import chamber_effects
+from benchctl_instruments.physics.drive_effects.effect import DriveSignals, DriveStage
+from benchctl_instruments.physics.drive_effects.registry import drive_effects
+from benchctl_instruments.physics.effects.effect import DescribedEffect
+
+_STEPS = 10
+"""Steps of a simulation from sample to sample."""
+_DRIVE_S, _DRIVE_HZ = 120.0, 200.0
+_CHAMBER_S, _CHAMBER_HZ, _RESTS_S = 2400.0, 1.0, 60.0
+_NOISE_NM, _ENCODER_DEG = 0.004, 0.5 / 3600.0
+_ROOM_C, _READING_C, _STEP_C = 22.0, 0.03, 0.1
+
+_SIZES: Mapping[str, Mapping[str, Mapping[str, tuple[float, float]]]] = {
+    "drive": {
+        "coulomb_friction": {"coulomb_nm": (0.01, 0.05)},
+        "stribeck_friction": {"breakaway_nm": (0.02, 0.08), "velocity_rad_s": (0.05, 0.2)},
+        "torque_offset": {"offset_nm": (-0.03, 0.03)},
+        "gravity": {"moment_nm": (0.01, 0.06), "hangs_at_deg": (0.0, 360.0)},
+        "cogging_torque": {"amplitude_nm": (0.005, 0.03), "phase_deg": (0.0, 360.0), "order": (4.0, 24.0)},
+    },
+    "chamber": {
+        "dead_time": {"delay_s": (8.0, 25.0)},
+        "second_lag": {"tau_s": (15.0, 50.0)},
+        "exchange": {"rate_per_s": (1e-3, 4e-3)},
+        "loss_step": {"fraction": (-0.7, -0.3), "moment": (0.3, 0.7)},
+        "heater_nonlinearity": {"curvature": (-0.4, -0.15)},
+        "heat_store": {"capacity": (0.5, 1.5), "tau_s": (200.0, 600.0)},
+    },
+}
+"""Between which an effect's parameters are drawn; of a signed size both signs are meant."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartTruth(Sealed):
+    """What a trial of a drive or a chamber conceals: `baseline` holds its model's own parameters."""
+
+    baseline: Mapping[str, float]
+
+    def kind_of(self, name: str) -> type[DescribedEffect]:
+        """The effect of a name."""
+        return _kinds(self.kind)[name]
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data: all that matters of it."""
+        return asdict(self)
+
+    def record(self, folder: Path) -> tuple[Path, int]:
+        """Simulate the run and write its recording; its path and how many samples it has."""
+        draws = np.random.default_rng(self.seed)
+        channels = _drive(self, draws) if self.kind == "drive" else _chamber(self, draws)
+        rows = channels["time_s"].size
+        end_s = float(channels["time_s"][-1])
+        info = StepInfo(
+            index=1, name="run", kind="motion", t_start=0.0, t_end=end_s, chamber_setpoint_c=_ROOM_C, samples=rows
+        )
+        rate_hz = _DRIVE_HZ if self.kind == "drive" else _CHAMBER_HZ
+        meta = Meta(
+            status="complete", unit=Unit(serial="SEALED", range_dps=0.0), bench=BenchFacts(sample_rate_hz=rate_hz)
+        )
+        path = folder.with_suffix(".h5")
+        write_recording(path, meta, [Step(info, channels)])
+        return path, rows
+
+
+def drawn(seed: int, index: int, kind: ClassName) -> Truth | PartTruth:
+    """What trial `index` of a proof conceals, of whatever part its class is; the same for the same seed."""
+    if CLASSES[kind].part == "gyro":
+        return draw(seed, index, kind)
+    rng = np.random.default_rng([seed, index])
+    effects: dict[str, Mapping[str, float]] = {}
+    for name in rng.permutation(list(_SIZES[kind]))[: 2 if rng.random() < 0.5 else 1].tolist():
+        look_alikes = _kinds(kind)[name].look_alikes
+        if not any(name in _kinds(kind)[one].look_alikes or one in look_alikes for one in effects):
+            effects[name] = {
+                one: float(round(rng.uniform(*ends)) if one == "order" else f"{rng.uniform(*ends):.4g}")
+                for one, ends in _SIZES[kind][name].items()
+            }
+    low, high = ((0.02, 0.02), (0.06, 0.05)) if kind == "drive" else ((2.0, 120.0), (4.0, 300.0))
+    names = ("inertia_kg_m2", "viscous_nm_s") if kind == "drive" else ("gain_c_per_percent", "tau_s")
+    numbers = [float(f"{rng.uniform(*ends):.4g}") for ends in zip(low, high, strict=True)]
+    return PartTruth(
+        index=index,
+        kind=kind,
+        seed=int(rng.integers(2**31)),
+        effects=effects,
+        baseline=dict(zip(names, numbers, strict=True)),
+        nonce=np.random.default_rng([seed, index, 1]).bytes(16).hex(),
+    )
+
+
+def _kinds(part: str) -> Mapping[str, type[DescribedEffect]]:
+    return drive_effects() if part == "drive" else chamber_effects()
+
+
+def _made(effects: Effects, part: str, duration_s: float, largest: float = 1.0) -> list[Any]:
+    about = {"duration_s": duration_s, "largest_drive": largest}
+    return [_kinds(part)[name].make(values, about) for name, values in effects.items()]
+
+
+def _drive(truth: PartTruth, draws: np.random.Generator) -> dict[str, FloatArray]:
+    """A table that is swung slowly to and fro over whole turns, faster swings on top."""
+    step_s = 1.0 / (_DRIVE_HZ * _STEPS)
+    time_s = np.arange(round(_DRIVE_S / step_s), dtype=np.float64) * step_s
+    angle, rate, acceleration = np.zeros((3, time_s.size))
+    for turned_rad, hz in ((4.0, 0.04), (0.4, 0.31), (0.03, 1.7)):
+        turn, phase = 2.0 * math.pi * hz, draws.uniform(0.0, 2.0 * math.pi)
+        angle += turned_rad * np.sin(turn * time_s + phase)
+        rate += turned_rad * turn * np.cos(turn * time_s + phase)
+        acceleration -= turned_rad * turn**2 * np.sin(turn * time_s + phase)
+    inertia, viscous = truth.baseline.values()
+    signals = DriveSignals(
+        time_s=time_s,
+        interval_s=step_s,
+        angle_deg=np.degrees(angle),
+        rate_rad_s=rate,
+        acceleration_rad_s2=acceleration,
+        torque_nm=inertia * acceleration + viscous * rate,
+        inertia_kg_m2=inertia,
+        viscous_nm_s=viscous,
+    )
+    stages = get_args(DriveStage)
+    for effect in sorted(_made(truth.effects, "drive", _DRIVE_S), key=lambda one: stages.index(one.stage)):
+        signals = replace(signals, torque_nm=effect.apply(signals))
+    read = slice(None, None, _STEPS)
+    rows = time_s[read].size
+    return {
+        "time_s": time_s[read],
+        "encoder_deg": np.mod(signals.angle_deg[read] + draws.normal(0.0, _ENCODER_DEG, rows), 360.0),
+        "torque_nm": signals.torque_nm[read] + draws.normal(0.0, _NOISE_NM, rows),
+    }
+
+
+def _chamber(truth: PartTruth, draws: np.random.Generator) -> dict[str, FloatArray]:
+    """A chamber at rest whose heater is switched between powers of its own, a second body beside the air."""
+    step_s = 1.0 / (_CHAMBER_HZ * _STEPS)
+    time_s = np.arange(round(_CHAMBER_S / step_s), dtype=np.float64) * step_s
+    starts_s = np.concatenate([[0.0], np.cumsum([_RESTS_S, *np.round(draws.uniform(100.0, 400.0, 12))])])
+    powers = np.concatenate([[0.0], np.round(draws.uniform(0.0, 60.0, starts_s.size - 1))])
+    power = powers[np.searchsorted(starts_s, time_s + step_s / 2.0, side="right") - 1]
+    second = _ROOM_C + 15.0 * (1.0 - np.cos(2.0 * math.pi * time_s / draws.uniform(700.0, 1500.0)))
+    signals = ChamberSignals(
+        time_s=time_s,
+        interval_s=step_s,
+        drive=power,
+        room_c=np.full_like(time_s, _ROOM_C),
+        loss=np.ones_like(time_s),
+        second_c=second,
+    )
+    for effect in _made(truth.effects, "chamber", _CHAMBER_S, float(power.max())):
+        signals = effect.apply(signals)
+    gain, tau_s = truth.baseline.values()
+    pushes = draws.normal(0.0, draws.uniform(0.005, 0.02) * math.sqrt(step_s), time_s.size)
+    air = air_c(signals, _ROOM_C, gain, tau_s) + scipy.signal.lfilter([1.0], [1.0, step_s / tau_s - 1.0], pushes)
+    read = slice(None, None, _STEPS)
+    told = air[read] + draws.normal(0.0, _READING_C, air[read].size)
+    return {
+        "time_s": time_s[read],
+        "chamber_temp_c": np.round(told / _STEP_C) * _STEP_C,
+        "heater_percent": power[read],
+        "ambient_temp_c": signals.room_c[read],
+        "second_temp_c": second[read],
+    }

@@ -1,0 +1,61 @@
+"""Sealed trials of drives and chambers: what they draw, and what their recordings hold."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from benchctl.campaign.stop import StopRequest
+from benchctl.proof import seal
+from benchctl.proof.classes import ClassName
+from benchctl.proof.part_trials import PartTruth, drawn
+from benchctl.proof.running import ProofSettings, run_proof
+from benchctl.recordings.reader import open_recording
+
+PARTS: tuple[ClassName, ...] = ("drive", "chamber")
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_a_trial_of_a_part_is_drawn_again_with_the_same_digest_and_conceals_no_two_that_look_alike(
+    part: ClassName,
+) -> None:
+    seen: set[str] = set()
+    for index in range(60):
+        truth = drawn(5, index, part)
+        assert truth.digest() == drawn(5, index, part).digest() != drawn(6, index, part).digest()
+        assert 1 <= len(truth.effects) <= 2
+        for name in truth.effects:
+            assert not set(truth.kind_of(name).look_alikes) & set(truth.effects)
+        seen |= set(truth.effects)
+    assert len(seen) == (5 if part == "drive" else 6)
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_the_recording_of_a_part_says_nothing_of_what_its_trial_conceals(
+    part: ClassName, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = ["--seed", "5", "--index", "0", "--class", part, "--out", str(tmp_path / "run")]
+    assert seal.main(asked) == 0
+    first, last = (json.loads(line) for line in capsys.readouterr().out.splitlines())
+    truth = drawn(5, 0, part)
+    assert isinstance(truth, PartTruth)
+    assert first == {"digest": truth.digest()}
+    with open_recording(Path(last["recording"])) as recording:
+        assert sum(info.samples for info in recording.infos) == last["rows"] > 1000
+        told = json.dumps([dict(recording.meta.provenance), recording.meta.simulation, recording.meta.extra])
+    for secret in (*truth.effects, *truth.baseline, str(truth.seed), truth.nonce):
+        assert secret not in told
+
+
+@pytest.mark.slow
+def test_a_drive_is_diagnosed_blind_and_scored_against_what_was_sealed(tmp_path: Path) -> None:
+    settings = ProofSettings(seed=5, trials=1, only=("drive",), jobs=1)
+    (trial,) = run_proof(settings, tmp_path, told=lambda _index, _what: None, stop=StopRequest())
+    assert trial.generic is None
+    assert trial.physics.right
+    score = trial.physics.score
+    assert score is not None
+    assert {one.name for one in score.parameters} >= {"cogging_torque.amplitude_nm", "cogging_torque.order"}
+    assert all(one.within(0.1) for one in score.parameters)
