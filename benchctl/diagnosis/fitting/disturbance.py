@@ -28,6 +28,8 @@ _UNSEEN = 1e-8
 """Share of a derivative that others do not follow, beneath which it is one of them."""
 _REFUTED = 3.84
 """Twice the log likelihood by which the air's own memory must do worse than another before 95 % speak against it."""
+_PAUSE = 1.5
+"""Intervals between two rows, beyond which a run ends."""
 _SHORTEST = 2.0
 """Intervals; a shorter memory is not told from white noise."""
 
@@ -147,10 +149,11 @@ def with_disturbance(problem: Problem, fitted: Fit) -> Fit:
     found = disturbance_beside(problem, fitted)
     draws = np.random.default_rng(0)
     noise = draws.standard_normal((_DRAWS, fitted.residual.size))
+    paused = np.flatnonzero(np.diff(problem.time_s) > _PAUSE * problem.interval_s) + 1
     for process in found.slow:
         pushes = math.sqrt(process.drive) * draws.standard_normal(noise.shape)
-        pushes[:, 0] /= math.sqrt(1.0 - process.remembers**2)
-        noise += scipy.signal.lfilter([1.0], [1.0, -process.remembers], pushes, axis=1)
+        for run in np.split(np.arange(noise.shape[1]), paused):  # each begins with the air as it is
+            noise[:, run] += scipy.signal.lfilter([1.0], [1.0, -process.remembers], pushes[:, run], axis=1)
     counted = fitted.fitted[problem.step] & problem.usable
     white = fitted.whitener(found.white * noise) * counted
     moved = white @ fitted.derivatives @ fitted.inverse_information

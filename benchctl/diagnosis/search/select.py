@@ -160,13 +160,13 @@ def _not_to_state(problem: Problem, present: Fit, evidence: Mapping[str, Evidenc
 def _may_be_nothing(problem: Problem, fitted: Fit) -> set[int]:
     """The places of the effects of which everything that may be zero has zero within its 95 % interval.
 
-    Beside a disturbance, within that of Schwarz's criterion, which is what an effect must gain there.
+    A dead time beside a disturbance, which a lag may leave by chance, within that of Schwarz's criterion.
     """
     errors = np.sqrt(np.diag(fitted.robust_covariance(problem.step)))
-    least = math.sqrt(math.log(fitted.rows)) if problem.disturbed else Z95
     sizes = [
         [
-            abs(effect.values[one.name]) <= least * error
+            abs(effect.values[one.name])
+            <= error * (Z95 if one.parameter.role == "size" else math.sqrt(math.log(fitted.rows)))
             for one, error in zip(fitted.numbers, errors.tolist(), strict=True)
             if one.effect == place and one.parameter is not None and _vanishes(one.parameter)
         ]

@@ -75,7 +75,7 @@ def test_the_process_that_answers_is_given_the_recording_and_what_is_withheld_an
     recording = seal[seal.index("--out") + 1]
     without = ",".join(trial.truth["withheld"])
     assert physics[1:4] == (recording, "--arm", "physics")
-    assert physics[-2:] == ("--without", without)
+    assert physics[-4:] == ("--without", without, "--part", "gyro")
     assert generic[1:4] == (recording, "--arm", "generic")
     assert trial.generic is not None
     assert trial.generic.stated == ("warm_up",)
