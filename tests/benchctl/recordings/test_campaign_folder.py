@@ -79,10 +79,12 @@ def test_a_running_campaign_can_be_read_up_to_the_last_flush(tmp_path: Path) -> 
         first, second = recording.infos
         assert recording.meta.status == "running"
         assert first.whole
-        assert (second.whole, second.samples, second.digest) == (False, 80, "")
-        assert second.t_end == pytest.approx(200.79)
+        assert (second.whole, second.digest) == (False, "")
+        assert second.samples in (80, 90)  # 0.2 s after the last ones came, as on a busy machine, they are flushed too
+        assert second.t_end == pytest.approx(200.0 + (second.samples - 1) * 0.01)
         assert made.same(recording.step(1), made.step(1))
-        assert np.array_equal(recording.step(2)["gyro_v"], made.streamed(200.0, 80)["gyro_v"])
+        assert recording.step(2)["gyro_v"].size == second.samples
+        assert np.array_equal(recording.step(2)["gyro_v"][:80], made.streamed(200.0, 80)["gyro_v"])
     assert [str(problem) for problem in verify(tmp_path / "c")] == [
         "0002_rate_+2.h5.part: was not finished: it is being written, or its program died"
     ]
