@@ -99,7 +99,7 @@ def differences(first: Meta, again: Meta, *, expected: Collection[str] = ()) -> 
 
 def _of_procedure(before: Mapping[str, str], now: Mapping[str, str]) -> Iterator[str]:
     yield from changes("", _only(before, "procedure"), _only(now, "procedure"))
-    digests = [told.get("procedure_sha256", "")[:12] or None for told in (before, now)]
+    digests = [provenance.get("procedure_sha256", "")[:12] or None for provenance in (before, now)]
     if digests[0] != digests[1]:
         yield changed("its source (SHA-256)", *digests)
         yield from _diff(before.get("procedure_source", ""), now.get("procedure_source", ""))
@@ -157,9 +157,9 @@ def _table(meta: Meta, name: str) -> dict[str, Any]:
     return flat(table_of(meta, name, "the first run"))
 
 
-def _only(told: Mapping[str, str], name: str) -> dict[str, str]:
+def _only(provenance: Mapping[str, str], name: str) -> dict[str, str]:
     """That entry alone, where it is not empty."""
-    return {name: told[name]} if told.get(name) else {}
+    return {name: provenance[name]} if provenance.get(name) else {}
 
 
 _MAY_CHANGE = {"name", "operator", "time_factor", "interlocks", "faults"}
@@ -204,12 +204,12 @@ def refuse_other_instruments(meta: Meta, identities: Mapping[str, Identity]) -> 
 
 
 def _differences(meta: Meta, infos: Mapping[int, StepInfo], plan: Plan, bench: Bench) -> Iterator[str]:
-    told = meta.provenance
-    if told.get("procedure") != plan.procedure:
-        yield changed("procedure", told.get("procedure"), plan.procedure)
+    provenance = meta.provenance
+    if provenance.get("procedure") != plan.procedure:
+        yield changed("procedure", provenance.get("procedure"), plan.procedure)
         return
-    if told.get("procedure_sha256") != (digest := hashlib.sha256(plan.source.encode()).hexdigest()):
-        yield changed("source of the procedure (SHA-256)", str(told.get("procedure_sha256"))[:12], digest[:12])
+    if provenance.get("procedure_sha256") != (digest := hashlib.sha256(plan.source.encode()).hexdigest()):
+        yield changed("source of the procedure (SHA-256)", str(provenance.get("procedure_sha256"))[:12], digest[:12])
     yield from changes("parameter ", table_of(meta, "parameters", _CAMPAIGN), _plain(dict(plan.parameters)))
     if meta.unit.serial != bench.unit.serial:
         yield changed("unit.serial", meta.unit.serial, bench.unit.serial)

@@ -1,18 +1,18 @@
 """Record a digital gyro's frames into a step, timed as the scans are; every missing frame is counted.
 
-A thread of its own reads the gyro's blocks as they come, so that nothing else of a run waits for them.
+A separate thread reads the gyro's blocks as they come, so that the run does not wait for them.
 
     instant of sample i = instant of sample 0 + i / rate
 
-The gyro's own numbers give i, its nominal rate the distance. A stamp says when the last sample of a block had reached
-the host, so each block bounds the instant of sample 0 from above, and the one that was least late has the last word:
-what is left is its delay, the least that a frame takes (on a simulated bench, whose clock leaps: up to one sample
-interval). That is settled once, by the blocks up to the first `settle`; later ones change nothing, so a crystal that is
-off by 20 ppm puts the end of an hour's step 0.07 s from its place.
+The gyro's frame numbers give i, its nominal rate the interval. A stamp is the time at which the last sample of a
+block had reached the host, so each block is an upper bound for the instant of sample 0, and the lowest bound counts.
+Its error is the shortest delay of a frame (on a simulated bench, whose clock leaps: up to one sample interval). The
+blocks up to the first `settle` determine it, later ones change nothing: a crystal that is off by 20 ppm puts the end
+of an hour's step 0.07 s from its place.
 
-Where the line was deaf for so long that the numbers may have wrapped, the samples from there on wait for the next
-`settle`: their own blocks say how many whole wraps are missing. That is right while a frame takes less than half a wrap
-to come; no sample is ever put before one that came earlier.
+After a silence in which the frame numbers may have wrapped, the samples wait for the next `settle`: their own blocks
+show how many wraps are missing. That is right while a frame takes less than half a wrap to come; no sample is ever put
+before one that came earlier.
 """
 
 from __future__ import annotations

@@ -69,11 +69,11 @@ def recorded_bench(meta: Meta, whose: str) -> Bench:
     UsageError
         Where it keeps none, or its texts are no bench.
     """
-    told = meta.provenance
-    text = told.get("bench_toml", "")
-    bench = bench_of_text(text, f"the bench.toml of {whose}", told.get("chamber_profile", ""))
+    provenance = meta.provenance
+    text = provenance.get("bench_toml", "")
+    bench = bench_of_text(text, f"the bench.toml of {whose}", provenance.get("chamber_profile", ""))
     obeyed = {name: table_of(meta, f"bench_{name}", whose) for name in ("physics", "effects")}
-    return bench.model_copy(update={name: table for name, table in obeyed.items() if told.get(f"bench_{name}")})
+    return bench.model_copy(update={name: table for name, table in obeyed.items() if provenance.get(f"bench_{name}")})
 
 
 def table_of(meta: Meta, name: str, whose: str) -> dict[str, Any]:

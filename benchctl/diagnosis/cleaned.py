@@ -75,7 +75,7 @@ def _behind_rails(problem: GyroProblem, rail: Fault | None, rows: IntArray) -> t
     if rail is None or rail.effect in problem.without:
         return problem, ()
     its = effect(rail.effect).make({name: value.value for name, value in rail.parameters.items()})
-    return problem.behind(its), (rail.on_rows(rail.rows[rows]),)
+    return problem.behind(its, rail.rows), (rail.on_rows(rail.rows[rows]),)
 
 
 def _hasty(acceleration_dps2: FloatArray) -> BoolArray:

@@ -19,9 +19,10 @@ from pathlib import Path, PurePosixPath
 from benchctl.history.entries import words
 from benchctl.history.flags import Control, Flag, Siblings, control_of, flags_of, siblings_of
 from benchctl.history.index import find, keep, opened, place_of, refresh
-from benchctl.history.series import SOURCES, Campaign, Drift, Point, Problem, Series, Source, drifts
+from benchctl.history.series import SOURCES, Campaign, Drift, Point, Series, Source, drifts
 from benchctl.limits import listed
 from benchctl.recordings.campaign_manifest import Integrity
+from benchctl.recordings.digests import Problem
 from benchctl.recordings.verify import refuse_changed
 from benchctl_instruments.errors import UsageError
 

@@ -28,8 +28,9 @@ from typing import Literal
 from benchctl.atomic import whole_file
 from benchctl.confined import walk
 from benchctl.history.entries import read_campaign, read_document, words
-from benchctl.history.series import SOURCES, Campaign, Document, Problem, Source
+from benchctl.history.series import SOURCES, Campaign, Document, Source
 from benchctl.recordings.campaign_manifest import MANIFEST, Entry, content_of, entries_of
+from benchctl.recordings.digests import Problem
 from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, RECORDING, STEPS, UNREADABLE
 from benchctl_instruments.errors import UsageError, reason
 

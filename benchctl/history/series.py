@@ -14,17 +14,6 @@ SOURCES: tuple[Source, ...] = get_args(Source)
 """The files that state figures of a campaign, in the order in which a reader wants them."""
 
 
-@dataclass(frozen=True, slots=True)
-class Problem:
-    """Something that is not part of the history, and why; `where` is its path in the folder."""
-
-    where: str
-    says: str
-
-    def __str__(self) -> str:
-        return f"{self.where}: {self.says}"
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Campaign:
     """What a recording says of itself. `started_utc` is ISO 8601 in UTC, to the second; `path` is in the folder.

@@ -21,7 +21,7 @@ from benchctl.diagnosis.gyro.seen_by_both import lines_of_angle
 from benchctl.diagnosis.gyro.taken import most_rows
 from benchctl.diagnosis.gyro.thinned import pieces_of, thinned
 from benchctl.diagnosis.keys import tables_of
-from benchctl.diagnosis.signals.band_limited import WIDE, differentiator, edges_hz, filtered, half_of
+from benchctl.diagnosis.signals.band_limited import WIDE, differentiator, edges_hz, filtered_along, half_of
 from benchctl.diagnosis.signals.bins import hats
 from benchctl.diagnosis.signals.free_band import Band, band_of, shared_motion
 from benchctl.diagnosis.signals.series import cut
@@ -288,14 +288,13 @@ class GyroProblem(Stepped):
         rounding = rounding_between(predicted[rows], volts[rows], step_v)
         return replace(self, rounding_v=rounding.mean_v(predicted) - predicted)
 
-    def behind(self, rails: PhysicalEffect) -> Self:
-        """With rails that its samples were seen to stand at.
+    def behind(self, rails: PhysicalEffect, clipped: BoolArray) -> Self:
+        """With rails at which the samples `clipped` (n,) stand.
 
         Of motion that is clipped the filter of `shared_motion` passes only the share that is not (Bussgang, 1952).
         """
-        chain, volts = self.chain, self.frame.volts
-        passed = ~np.logical_or.reduce([np.isclose(np.abs(volts), abs(limit)) for limit in rails.values.values()])
-        fast_dps = None if chain.fast_dps is None else chain.fast_dps / max(float(passed.mean()), _LEAST_UNCLIPPED)
+        chain, share = self.chain, max(1.0 - float(clipped.mean()), _LEAST_UNCLIPPED)
+        fast_dps = None if chain.fast_dps is None else chain.fast_dps / share
         return replace(
             self,
             rails=(rails,),
@@ -399,7 +398,7 @@ def gyro_problem(
         frame=frame,
         chain=GyroChain(frame, law, earth_dps, None if shared_v is None else _beyond_wide(frame, shared_v / K0)),
         simulation=simulation,
-        full_scale=abs(float(simulation["K0_v_per_dps"])) * range_dps,
+        full_scale=abs(K0) * range_dps,
         range_dps=range_dps,
         without=frozenset(without),
         adc_step_v=2 * facts.adc_range_v / 2**facts.adc_bits if facts.adc_bits else 0.0,
@@ -407,7 +406,7 @@ def gyro_problem(
         earth_dps=earth_dps,
         band=band,
         response=None if band is None else _response(frame, band, limit_v),
-        contrast=None if band is None or shared_v is None else _contrast(frame, band, limit_v, shared_v),
+        contrast=None if band is None or shared_v is None else _contrast(frame, band, usable, shared_v),
         encoder_step_deg=360.0 / facts.encoder_counts_per_rev if facts.encoder_counts_per_rev else 0.0,
         believed=stated is not None or digital,
         unit="°/s" if digital else "V",
@@ -443,14 +442,13 @@ def _response(frame: Frame, band: Band, limit_v: float) -> Response | None:
     )
 
 
-def _contrast(frame: Frame, band: Band, limit_v: float, shared_v: FloatArray) -> Contrast | None:
+def _contrast(frame: Frame, band: Band, usable: BoolArray, shared_v: FloatArray) -> Contrast | None:
     """How the fast motion of a band is felt in both directions."""
-    fast_v = band.fast(shared_v)
     return contrast_of(
-        slow_dps=frame.rate_dps - band.fast(frame.rate_dps),
-        fast_v=fast_v,
+        slow_dps=band.passed(frame.rate_dps),
+        fast_v=shared_v - band.passed(shared_v),
         volts=frame.volts,
-        usable=_usable(frame, limit_v, band),
+        usable=usable,
         step=frame.step,
     )
 
@@ -459,8 +457,7 @@ def _beyond_wide(frame: Frame, shared_dps: FloatArray) -> FloatArray:
     """What of a motion that encoder and gyro share the rate of the encoder's angles does not hold, shape (n,)."""
     sample_rate_hz = 1.0 / frame.interval_s
     smooth = differentiator(sample_rate_hz, *edges_hz(WIDE, sample_rate_hz), 0)
-    passed: FloatArray = np.concatenate([filtered(shared_dps[part], smooth) for part in frame.stretches])
-    return shared_dps - passed
+    return shared_dps - filtered_along(frame.stretches, shared_dps, smooth)
 
 
 def _line(recording: Recording, frame: Frame, *, digital: bool) -> Mapping[str, Any]:

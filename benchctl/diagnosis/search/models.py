@@ -227,12 +227,17 @@ class Models:
             tried = self._with(present, scored)
             if self._possible(tried.fit):
                 yield tried
-        known = present.point
-        for baseline, effect in self._problem.starts(known.baseline, known.effects):
-            if place_of(effect) not in self._refused and (kinds is None or effect.identifier in kinds):
-                tried = self._begun_with(present, Point(baseline=baseline, effects=(*known.effects, effect)), 0.0)
+        for start in self._starts(present.point):
+            if kinds is None or start.effects[-1].identifier in kinds:
+                tried = self._begun_with(present, start, 0.0)
                 if self._possible(tried.fit):
                     yield tried
+
+    def _starts(self, known: Point) -> Iterator[Point]:
+        """Where the problem itself has one effect more begin, of those that were not refused."""
+        for baseline, effect in self._problem.starts(known.baseline, known.effects):
+            if place_of(effect) not in self._refused:
+                yield Point(baseline=baseline, effects=(*known.effects, effect))
 
     def _keeps(self, better: Fit, worse: Fit) -> bool:
         """Whether the gain holds on steps that a model was not fitted to.

@@ -360,10 +360,7 @@ class _Search(Models):
                 begun.append((replace(present.point, effects=(*present.point.effects, *pair.effects)), pair.places))
         for scored in hidden[:_PAIRS]:  # and beside one of them what a problem itself begins with
             one = self._with(present, scored).fit.point
-            for baseline, effect in self._problem.starts(one.baseline, one.effects):
-                if place_of(effect) in self._refused:
-                    continue
-                begun.append((Point(baseline=baseline, effects=(*one.effects, effect)), scored.probe.places))
+            begun.extend((start, scored.probe.places) for start in self._starts(one))
         best: Tried | None = None
         for start, places in begun:
             both = self._fit(start)

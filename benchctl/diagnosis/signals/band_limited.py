@@ -38,6 +38,11 @@ def filtered(values: FloatArray, kernel: FloatArray) -> FloatArray:
     return filtered_each([values], kernel)[0]
 
 
+def filtered_along(stretches: Sequence[slice], values: FloatArray, kernel: FloatArray) -> FloatArray:
+    """Values of stretches that follow one another, shape (n,), each stretch through a filter by itself."""
+    return np.concatenate([filtered(values[part], kernel) for part in stretches])
+
+
 def filtered_each(stretches: Sequence[FloatArray], kernel: FloatArray) -> list[FloatArray]:
     """Several stretches through one filter, each as by itself; all in one go, which is the faster for short ones."""
     reach = kernel.size // 2

@@ -17,7 +17,15 @@ import numpy as np
 from scipy.signal import csd, firwin, kaiserord, welch
 from scipy.signal.windows import hann
 
-from benchctl.diagnosis.signals.band_limited import NARROW, WIDE, differentiator, edges_hz, filtered, half_of
+from benchctl.diagnosis.signals.band_limited import (
+    NARROW,
+    WIDE,
+    differentiator,
+    edges_hz,
+    filtered,
+    filtered_along,
+    half_of,
+)
 from benchctl.diagnosis.signals.motion import Motion, motion_of
 from benchctl_instruments.arrays import FloatArray, IntArray
 
@@ -113,12 +121,11 @@ class Band:
 
     def slow(self, values: FloatArray) -> FloatArray:
         """The low-passed values, shape (n,), in the rows that are kept, shape (m,)."""
-        return np.concatenate([filtered(values[part], self._kernel)[:: self.every] for part in self.stretches])
+        return self.passed(values)[self.rows]
 
-    def fast(self, values: FloatArray) -> FloatArray:
-        """What the low pass takes off, of every row, shape (n,)."""
-        passed: FloatArray = np.concatenate([filtered(values[part], self._kernel) for part in self.stretches])
-        return values - passed
+    def passed(self, values: FloatArray) -> FloatArray:
+        """The low-passed values in every row, shape (n,)."""
+        return filtered_along(self.stretches, values, self._kernel)
 
     @cached_property
     def _kernel(self) -> FloatArray:
@@ -145,7 +152,7 @@ def shared_motion(
         crossed += (part.stop - part.start) * csd(seen[part], volts[part], sample_rate_hz, nperseg=size)[1]
         power += (part.stop - part.start) * welch(seen[part], sample_rate_hz, nperseg=size)[1]
     kernel = np.roll(np.fft.irfft(crossed / np.maximum(power, 1e-300)), size // 2) * hann(size, sym=False)
-    return np.concatenate([filtered(seen[part], kernel[1:]) for part in stretches])
+    return filtered_along(stretches, seen, kernel[1:])
 
 
 def band_of(stretches: tuple[slice, ...], sample_rate_hz: float, rate_dps: FloatArray, volts: FloatArray) -> Band:

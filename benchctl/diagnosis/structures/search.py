@@ -105,9 +105,11 @@ def modelled(
             best = nearest if nearest.evidence > best.evidence - _TIE else best
         simple = _simplest(best, candidates)
         better = max((one for one in candidates if _alike(one, best)), key=lambda one: one.evidence)
-        with_simple = _with(problem, chosen, simple.fit)
-        rest = rest_of(problem, with_simple.whitener, with_simple.after, seed=seed)
-        best = _sharpened(problem, chosen, better if rest.significant else simple)
+        if simple is not better:
+            with_simple = _with(problem, chosen, simple.fit)
+            left = rest_of(problem, with_simple.whitener, with_simple.after, seed=seed)
+            simple = better if left.significant else simple
+        best = _sharpened(problem, chosen, simple)
         if not found:
             near = [one for one in candidates if one.evidence > most_evidence - _TIE]
             words = dict.fromkeys(OVER[one.structure.over].word for one in near)

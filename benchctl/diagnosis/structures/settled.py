@@ -41,9 +41,11 @@ def settled(problem: GyroProblem, chosen: Selection) -> Selection:
         noise = chosen.noise.measured(problem, chosen.after, least_gain=chosen.least)
         after, whole = (fit(problem, noise.whitener, one.point, one.fitted) for one in (chosen.after, chosen.whole))
         chosen = replace(chosen, noise=noise, after=after, whole=whole)
-    free = tuple(freed(one) if isinstance(one, Structure) else one for one in chosen.whole.point.effects)
-    whole = fit(problem, chosen.whitener, replace(chosen.whole.point, effects=free), chosen.whole.fitted)
-    chosen = replace(chosen, whole=whole)
+    held = chosen.whole.point.effects
+    free = tuple(freed(one) if isinstance(one, Structure) else one for one in held)
+    if [*map(type, free)] != [*map(type, held)]:
+        whole = fit(problem, chosen.whitener, replace(chosen.whole.point, effects=free), chosen.whole.fitted)
+        chosen = replace(chosen, whole=whole)
     point = chosen.after.point
     named = tuple(effect for effect in point.effects if not isinstance(effect, Structure))
     bare = fit(problem, chosen.whitener, Point(baseline=point.baseline, effects=named), chosen.after.fitted)

@@ -222,8 +222,8 @@ def _models(
 def _with_edges(effect: Structure, parameters: Mapping[str, Estimate]) -> Mapping[str, Estimate]:
     """Estimates in which a place is not known better than half the width of the change there; an end is as stated."""
     half = 0.5 * effect.values["width"] if effect.is_stepped else 0.0
-    for name in (name for name, one in effect.parameters.items() if one.role == "assumed"):
-        parameters = {**parameters, name: replace(parameters[name], low=effect.values[name], high=effect.values[name])}
+    ends = {name: effect.values[name] for name, one in effect.parameters.items() if one.role == "assumed"}
+    parameters = {**parameters, **{name: replace(parameters[name], low=end, high=end) for name, end in ends.items()}}
     return {
         name: replace(one, low=one.low - half, high=one.high + half) if name in ("at", "at_2") else one
         for name, one in parameters.items()
