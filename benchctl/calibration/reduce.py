@@ -12,10 +12,10 @@ non-finite samples are left out with their block, and nothing is smoothed across
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from itertools import pairwise
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -40,7 +40,7 @@ _MOST_AT_ONCE = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReducedStep:
+class ReducedStep(Blocks):
     """A step as block means, arrays of shape (n,), oldest first.
 
     `kind` is `static`, `constant_rate` or `motion`. `rate_dps` is the table's, at the gyro's stamps less `delay_s`,
@@ -53,17 +53,8 @@ class ReducedStep:
 
     info: StepInfo
     kind: str
-    time_s: FloatArray
-    count: FloatArray
     block_s: float
-    output_v: FloatArray
-    rate_dps: FloatArray
-    rate_at_stamp_dps: FloatArray
-    rate_variance: FloatArray
-    acceleration_dps2: FloatArray
-    jerk_dps3: FloatArray
     temperature_c: FloatArray
-    encoder_basis: FloatArray
     delay_s: float
     duration_s: float
     revolutions: float
@@ -150,25 +141,17 @@ def reduce_step(step: Step | StoredStep, meta: Meta) -> ReducedStep | None:
         return None
     blocks = reduction.blocks
 
-    def joined(name: str) -> FloatArray:
-        return np.concatenate([getattr(one, name) for one in blocks])
-
-    info, count, stamps = stored.info, joined("count"), joined("time_s")
+    joined: dict[str, Any] = {
+        one.name: np.concatenate([getattr(block, one.name) for block in blocks]) for one in fields(Blocks)
+    }
+    info, count, stamps = stored.info, joined["count"], joined["time_s"]
     intercept, slope = reduction.temperature.fitted()
     return ReducedStep(
+        **joined,
         info=info,
         kind=info.kind if info.kind in QUIET_KINDS else "motion",
-        time_s=stamps,
-        count=count,
         block_s=float(np.median(count)) * reduction.interval_s,
-        output_v=joined("output_v"),
-        rate_dps=joined("rate_dps"),
-        rate_at_stamp_dps=joined("rate_at_stamp_dps"),
-        rate_variance=joined("rate_variance"),
-        acceleration_dps2=joined("acceleration_dps2"),
-        jerk_dps3=joined("jerk_dps3"),
         temperature_c=intercept + slope * stamps,
-        encoder_basis=joined("encoder_basis"),
         delay_s=reduction.delay_s or 0.0,
         duration_s=float(count.sum()) * reduction.interval_s,
         revolutions=_revolutions(blocks, reduction.interval_s),
