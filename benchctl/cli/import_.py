@@ -46,6 +46,6 @@ def import_(
             "samples": made.samples,
             "treatment": made.treatment,
         }
-        result.say(f"{made.output}: {made.steps} steps, {made.samples:,} samples")
+        result.say(f"{made.output}: {made.steps} step{'' if made.steps == 1 else 's'}, {made.samples:,} samples")
         if made.treatment:
             result.say(made.treatment)

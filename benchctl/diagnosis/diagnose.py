@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 from benchctl.diagnosis.cleaned import cleaned, coarse_step_of, fault_findings
 from benchctl.diagnosis.findings.figures import figures_of
 from benchctl.diagnosis.findings.findings import findings_of, noise_effects
-from benchctl.diagnosis.findings.in_unit import finding_in, not_found_in, unexplained_in
+from benchctl.diagnosis.findings.in_unit import finding_in, not_found_in, pieces_in_time, unexplained_in
 from benchctl.diagnosis.findings.located import slices_of, step_figures
 from benchctl.diagnosis.findings.not_found import not_found_of, unseen_in
 from benchctl.diagnosis.findings.traces import traces_of
@@ -97,6 +97,8 @@ def _diagnosis(
     found = (*with_sine(problem, findings_of(problem, chosen)), *fault_findings(problem, faults))
     findings = tuple(finding_in(one, problem.unit) for one in found)
     unexplained = unexplained_in(unexplained, problem.unit, part)
+    if len(problem.step_names) > len(recording.infos):
+        unexplained = pieces_in_time(unexplained)
     baseline = baseline_of(problem, chosen)
     verdict = verdict_of(problem, findings, unexplained, baseline)
     rows = chosen.heldout[problem.step]

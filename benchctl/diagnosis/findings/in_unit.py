@@ -42,6 +42,14 @@ def unexplained_in(one: Unexplained, unit: str, part: Part) -> Unexplained:
     return replace(one, says=text_in(one.says, unit), models=models)
 
 
+def pieces_in_time(one: Unexplained) -> Unexplained:
+    """The same where the steps are pieces that one step was cut into: what differs between them changes with time."""
+    coordinates = dict.fromkeys(word.replace("step", "time") for word in one.coordinates)
+    says = one.says.replace("the steps", "time").replace("with the step", "with time")
+    says = says.replace(" This recording does not part it from time.", "")
+    return replace(one, coordinates=tuple(coordinates), says=says)
+
+
 def estimates_in(estimates: Mapping[str, Estimate], unit: str) -> Mapping[str, Estimate]:
     """Estimates whose values stay and whose units follow."""
     return {name: replace(value, unit=unit_in(value.unit, unit)) for name, value in estimates.items()}

@@ -4,8 +4,8 @@ import re
 
 import pytest
 
-from benchctl.diagnosis.findings.in_unit import estimates_in, text_in, unit_in
-from benchctl.diagnosis.result import Estimate
+from benchctl.diagnosis.findings.in_unit import estimates_in, pieces_in_time, text_in, unit_in
+from benchctl.diagnosis.result import Estimate, Unexplained
 from benchctl_instruments.physics.effects.registry import effects
 
 
@@ -38,3 +38,19 @@ def test_values_stay_and_units_follow() -> None:
         "v_per_sqrt_s": Estimate(value=2.0, low=1.0, high=3.0, unit="°/s s-0.5")
     }
     assert unit_in("V-1", "°/s") == "V-1"
+
+
+def test_what_differs_between_pieces_of_one_step_changes_with_time() -> None:
+    left = Unexplained(
+        significant=True,
+        share=0.1,
+        coordinates=("step", "time"),
+        says="What is left is not noise: it lives in the steps; no known effect accounts for it. Closest generic form:"
+        " a bias that changes with the step. This recording does not part it from time.",
+    )
+    told = pieces_in_time(left)
+    assert told.coordinates == ("time",)
+    assert told.says == (
+        "What is left is not noise: it lives in time; no known effect accounts for it. Closest generic form:"
+        " a bias that changes with time."
+    )
