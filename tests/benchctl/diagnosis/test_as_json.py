@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchctl.diagnosis.as_json import as_json
 from benchctl.diagnosis.result import COORDINATES, Estimate
 from tests.benchctl.diagnosis.example import nothing_missing, pair, unknown_structure
 
@@ -18,7 +17,7 @@ _PRINT = "import json; from tests.benchctl.diagnosis.example import pair; print(
 
 def written(diagnosis):
     """As a program reads it: strict JSON, there and back."""
-    return json.loads(json.dumps(as_json(diagnosis), allow_nan=False))
+    return json.loads(json.dumps(diagnosis.as_json(), allow_nan=False))
 
 
 @pytest.mark.parametrize("diagnosis", [pair(), nothing_missing(), unknown_structure()], ids=lambda one: one.recording)
