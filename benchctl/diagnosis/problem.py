@@ -99,8 +99,8 @@ class Problem(Protocol):
         Models are fitted to `measured` itself, and each competes beside the disturbance that it needs.
         """
 
-    def memory_s(self, baseline: FloatArray, effects: Sequence[Any]) -> float:
-        """How long, by a model, the measured quantity remembers what has disturbed it, s; of a `disturbed` one."""
+    def forgetting(self, baseline: FloatArray, effects: Sequence[Any]) -> Sequence[tuple[float, float]]:
+        """The rates [1/s] with which a `disturbed` quantity forgets by a model what has pushed it, and their powers."""
 
     @property
     def rounding(self) -> float:

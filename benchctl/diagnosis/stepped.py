@@ -56,9 +56,9 @@ class Stepped(ABC):
         """Not: noise is white until more is found."""
         return False
 
-    def memory_s(self, baseline: FloatArray, effects: Sequence[Any]) -> float:
+    def forgetting(self, baseline: FloatArray, effects: Sequence[Any]) -> Sequence[tuple[float, float]]:
         """None: noise is felt at once."""
-        return 0.0
+        return ()
 
     @property
     def rounding(self) -> float:

@@ -196,8 +196,7 @@ class Untouched:
         if not self._problem.disturbed:
             return lambda values: values
         every = self._problem.usable
-        longest_s = self._problem.memory_s(self._baseline, self._own)
-        slow = disturbance_of(self._problem, self._residual, every, longest_s).slow
+        slow = disturbance_of(self._problem, self._residual, self._baseline, self._own).slow
         weight = every.astype(np.float64)
         return Whitener(interval_s=self._problem.interval_s, weight=weight, time_s=self._problem.time_s).beside(slow)
 

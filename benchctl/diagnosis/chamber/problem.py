@@ -19,7 +19,7 @@ from benchctl.diagnosis.stepped import MadeOfRows, MadeRows
 from benchctl.part_models import EFFECTS, numbers_of
 from benchctl.recordings.reader import Recording
 from benchctl_instruments.arrays import BoolArray, FloatArray
-from benchctl_instruments.physics.chamber_effects.air import air_c, slowest_s
+from benchctl_instruments.physics.chamber_effects.air import air_c, forgetting
 from benchctl_instruments.physics.chamber_effects.effect import ChamberEffect, ChamberSignals
 from benchctl_instruments.physics.chamber_effects.registry import chamber_effects
 from benchctl_instruments.physics.effects.effect import DescribedEffect
@@ -178,14 +178,14 @@ class ChamberProblem(MadeOfRows):
         missed = (self.predict(baseline, effects) - self.measured)[self.usable]
         return float(missed @ missed)
 
-    def memory_s(self, baseline: FloatArray, effects: Sequence[Any]) -> float:
-        """The longest time constant [s] with which the air of a model returns: it is felt for so long."""
+    def forgetting(self, baseline: FloatArray, effects: Sequence[Any]) -> Sequence[tuple[float, float]]:
+        """The rates [1/s] with which the air of a model forgets what has pushed it, and their powers."""
         told = dict(zip(self.baseline_names, baseline.tolist(), strict=True))
         signals = self._signals(self.rows.runs[0], told)
         for effect in effects:
             if effect.stage == "loss":
                 signals = effect.apply(signals)
-        return slowest_s(signals, told["tau_s"])
+        return forgetting(signals, told["tau_s"])
 
     @property
     def rounding(self) -> float:

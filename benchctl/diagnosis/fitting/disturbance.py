@@ -7,8 +7,11 @@ is one of the temperature. A process with a longer memory than the model's air w
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy.optimize
@@ -19,80 +22,199 @@ from benchctl.diagnosis.fitting.noise import Slow, Whitener
 from benchctl.diagnosis.problem import Problem
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
-_MEMORIES, _RATIOS = 5, 6
-_LEAST_RATIO, _MOST_RATIO = 1e-4, 1e4
+_MEMORIES = 5
+_SIZES = tuple(np.geomspace(1e-4, 1e4, 7).tolist())
+"""Drives of a disturbance over the variance of the white noise, among which the likeliest is looked for."""
 _DRAWS = 400
 _REFITTED, _ALTERNATED, _SETTLED = 4, 5, 0.5
 """Rounds of a fit beside a disturbance, and how often each follows the other until the likelihood hardly gains."""
+_UNSEEN = 1e-8
+"""Share of a derivative that others do not follow, beneath which it is one of them."""
+_REFUTED = 3.84
+"""Twice the log likelihood by which the air's own memory must do worse than another before 95 % speak against it."""
+_PAUSE = 1.5
+"""Intervals between two rows, beyond which a run ends."""
+_STEP = 0.7
+"""How far the logarithms of memory and size are moved at first from the likeliest of many."""
+_NEGLIGIBLE = 1e-6
+"""Share of the variance of what pushes of the air become, below which a process is left away."""
 _SHORTEST = 2.0
 """Intervals; a shorter memory is not told from white noise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disturbance:
-    """The process beside white noise, minus twice its log likelihood, and the deviation of the white noise."""
+    """The process beside white noise, with the deviation of the white noise.
+
+    `deviance` is minus twice the log likelihood of the residuals, `restricted` that of what their fit cannot follow;
+    `place` the longest memory [rows] and the size that a process has.
+    """
 
     slow: tuple[Slow, ...]
     deviance: float
+    restricted: float
     white: float
+    place: tuple[float, float] | None = None
 
 
-def disturbance_of(problem: Problem, residual: FloatArray, counted: BoolArray, longest_s: float) -> Disturbance:
-    """The likeliest disturbance of residuals, shape (n,), in the unit of the problem.
+def disturbance_of(problem: Problem, residual: FloatArray, baseline: FloatArray, effects: Sequence[Any]) -> Disturbance:
+    """The likeliest disturbance of what a model leaves, shape (n,), in the unit of the problem, as if not fitted."""
+    pushed = pushed_in(problem, baseline, effects)
+    return _Residuals(problem, residual[None, :], np.ones(residual.size, np.bool_)).own(pushed)
 
-    Rows that are not `counted` (n,) tell nothing of it. White noise is no smaller than the rounding; the memory no
-    longer than `longest_s`, or the recording.
-    """
-    bare = Whitener(interval_s=problem.interval_s, weight=problem.usable.astype(np.float64), time_s=problem.time_s)
-    rows = problem.usable & counted
-    count = float(np.count_nonzero(rows))
-    floor = max(problem.rounding**2, 1e-12 * float(np.mean(residual[rows] ** 2)), 1e-24)
 
-    def tried(slow: tuple[Slow, ...]) -> Disturbance:
-        whitener = bare.beside(slow)
-        left = float(np.sum(whitener(residual)[rows] ** 2))
-        innovation = whitener.innovation**2 if slow else 1.0
-        variance = max(left / count / innovation, floor) * innovation
-        deviance = count * math.log(variance) + left / variance + whitener.log_determinant
-        return Disturbance(slow=slow, deviance=deviance, white=math.sqrt(variance / innovation))
+def pushed_in(problem: Problem, baseline: FloatArray, effects: Sequence[Any]) -> tuple[Slow, ...]:
+    """What pushes of unit power become as a model forgets them."""
 
-    def at(place: FloatArray) -> Disturbance:
-        memory = math.exp(min(max(float(place[0]), math.log(_SHORTEST)), math.log(most)))
-        ratio = math.exp(min(max(float(place[1]), math.log(_LEAST_RATIO)), math.log(_MOST_RATIO)))
-        return tried((Slow(remembers=math.exp(-1.0 / memory), drive=ratio),))
+    def held(rate: float) -> float:
+        """What is left of the pushes between two rows."""
+        return -math.expm1(-2.0 * rate * interval_s) / (2.0 * rate) if rate > 0.0 else interval_s
 
-    lasts_s = float(problem.time_s[-1] - problem.time_s[0])
-    most = max(min(longest_s, lasts_s) / problem.interval_s, 2.0 * _SHORTEST)
-    grid = [
-        np.array([math.log(memory), math.log(ratio)])
-        for memory in np.geomspace(_SHORTEST, most, _MEMORIES)
-        for ratio in np.geomspace(_LEAST_RATIO, _MOST_RATIO, _RATIOS)
-    ]
-    first = min(grid, key=lambda place: at(place).deviance)
-
-    def deviance(place: FloatArray) -> float:
-        return at(place).deviance
-
-    found = scipy.optimize.fmin(deviance, first, xtol=0.02, ftol=0.1, maxfun=60, disp=False)
-    return min(tried(()), at(np.asarray(found)), key=lambda one: one.deviance)
+    interval_s = problem.interval_s
+    return tuple(
+        Slow(remembers=math.exp(-rate * interval_s), drive=power * held(rate))
+        for rate, power in problem.forgetting(baseline, effects)
+    )
 
 
 def disturbance_beside(problem: Problem, fitted: Fit) -> Disturbance:
     """The likeliest disturbance beside a fit, on the steps that it was fitted to."""
-    longest_s = problem.memory_s(fitted.point.baseline, fitted.point.effects)
-    return disturbance_of(problem, fitted.residual, fitted.fitted[problem.step], longest_s)
+    return _residuals_of(problem, fitted).own(_pushed(problem, fitted))
 
 
 def deviance_beside(problem: Problem, fitted: Fit) -> float:
-    """Minus twice the log likelihood of a fitted model beside its likeliest disturbance, refitted beside that."""
-    best = disturbance_beside(problem, fitted)
+    """Minus twice the log likelihood of a fitted model beside its likeliest disturbance, refitted beside that.
+
+    Models that differ in what they predict are compared by the whole likelihood: the restricted one has lost what their
+    numbers follow, of which each has another share.
+    """
+    best = _likeliest(problem, fitted)
     for _ in range(_ALTERNATED):
         fitted = fit(problem, fitted.whitener.beside(best.slow), fitted, fitted.fitted, rounds=_REFITTED)
-        again = disturbance_beside(problem, fitted)
+        again = _likeliest(problem, fitted, best.place)
         if again.deviance > best.deviance - _SETTLED:
             return min(again.deviance, best.deviance)
         best = again
     return best.deviance
+
+
+def _likeliest(problem: Problem, fitted: Fit, first: tuple[float, float] | None = None) -> Disturbance:
+    slowest = max(_pushed(problem, fitted), key=lambda one: one.remembers)
+    return _residuals_of(problem, fitted).likeliest((slowest,), _deviance, first)
+
+
+def _deviance(one: Disturbance) -> float:
+    return one.deviance
+
+
+def _restricted(one: Disturbance) -> float:
+    return one.restricted
+
+
+def _pushed(problem: Problem, fitted: Fit) -> tuple[Slow, ...]:
+    return pushed_in(problem, fitted.point.baseline, fitted.point.effects)
+
+
+def _residuals_of(problem: Problem, fitted: Fit) -> _Residuals:
+    columns = np.vstack([fitted.raw_derivatives.T, fitted.residual])
+    return _Residuals(problem, columns, fitted.fitted[problem.step])
+
+
+class _Residuals:
+    """Residuals beside which disturbances are tried, with the derivatives of the fit that left them.
+
+    A fit takes up the slowest of a disturbance, so that what it leaves seems to forget sooner than the air does. The
+    disturbance is therefore that of what the derivatives cannot follow (Patterson & Thompson, Biometrika 58, 1971).
+    """
+
+    def __init__(self, problem: Problem, columns: FloatArray, counted: BoolArray) -> None:
+        """Of derivatives and, last, the residual, shape (p + 1, n)."""
+        weight = problem.usable.astype(np.float64)
+        self._bare = Whitener(interval_s=problem.interval_s, weight=weight, time_s=problem.time_s)
+        self._columns, self._rows = columns, problem.usable & counted
+        self._count = float(np.count_nonzero(self._rows))
+        squares = float(np.mean(columns[-1][self._rows] ** 2))
+        self._floor = max(problem.rounding**2, 1e-12 * squares, 1e-24)
+        self._lasts = float(problem.time_s[-1] - problem.time_s[0]) / problem.interval_s
+
+    def beside(self, slow: tuple[Slow, ...]) -> Disturbance:
+        """How likely one disturbance is, with the white noise that goes with it best."""
+        whitener = self._bare.beside(slow)
+        white = whitener(self._columns)[:, self._rows]
+        # the last number is what is left of the residual, the others the determinant of the derivatives' products
+        triangle = np.abs(np.diag(np.linalg.qr(white.T, mode="r")))
+        least = _UNSEEN * np.linalg.norm(white[:-1], axis=1) + 1e-300
+        followed = 2.0 * float(np.log(np.maximum(triangle[:-1], least)).sum())
+        left, innovation = float(triangle[-1] ** 2), whitener.innovation**2 if slow else 1.0
+
+        def of(count: float) -> tuple[float, float]:
+            variance = max(left / count / innovation, self._floor) * innovation
+            return count * math.log(variance) + left / variance + whitener.log_determinant, variance
+
+        restricted, variance = of(self._count - (len(self._columns) - 1))
+        return Disturbance(
+            slow=slow,
+            deviance=of(self._count)[0],
+            restricted=restricted + followed,
+            white=math.sqrt(variance / innovation),
+        )
+
+    def likeliest(
+        self,
+        pushed: tuple[Slow, ...],
+        key: Callable[[Disturbance], float],
+        first: tuple[float, float] | None = None,
+    ) -> Disturbance:
+        """That with the least `key`: none, or what comes of the `pushed` processes, forgotten as soon or sooner.
+
+        It is looked for from a `first` memory [rows] and size on, or from the likeliest of many.
+        """
+        most = self._longest(pushed)
+        memories = np.geomspace(_SHORTEST, most, _MEMORIES).tolist()
+        first = first or min(itertools.product(memories, _SIZES), key=lambda one: key(self._of(pushed, *one)))
+
+        def at(place: FloatArray) -> Disturbance:
+            memory, size = np.exp(np.clip(place, *np.log([[_SHORTEST, _SIZES[0]], [most, _SIZES[-1]]]))).tolist()
+            return self._of(pushed, memory, size)
+
+        def missed(place: FloatArray) -> float:
+            return key(at(place))
+
+        around = np.log(first) + _STEP * np.array([[0.0, 0.0], [-1.0, 0.0], [0.0, -1.0]])
+        found = scipy.optimize.fmin(
+            missed, around[0], initial_simplex=around, xtol=0.05, ftol=0.1, maxfun=60, disp=False
+        )
+        return min(self.beside(()), at(np.asarray(found)), key=key)
+
+    def own(self, pushed: tuple[Slow, ...]) -> Disturbance:
+        """By the restricted likelihood what comes of the `pushed` processes, unless another is likelier by far."""
+        likeliest, most = self.likeliest(pushed, _restricted), self._longest(pushed)
+        found = scipy.optimize.minimize_scalar(
+            lambda size: self._of(pushed, most, math.exp(size)).restricted,
+            bounds=(math.log(_SIZES[0]), math.log(_SIZES[-1])),
+            method="bounded",
+            options={"xatol": 0.05},
+        )
+        own = self._of(pushed, most, math.exp(found.x))
+        return own if own.restricted < likeliest.restricted + _REFUTED else likeliest
+
+    def _longest(self, pushed: tuple[Slow, ...]) -> float:
+        """For how many rows the slowest of the processes is remembered, at most the whole recording."""
+        slowest = max((one.remembers for one in pushed), default=0.0)
+        longest = -1.0 / math.log(slowest) if 0.0 < slowest < 1.0 else math.inf * slowest
+        return max(min(longest, self._lasts), 2.0 * _SHORTEST)
+
+    def _of(self, pushed: tuple[Slow, ...], memory: float, size: float) -> Disturbance:
+        """What comes of the processes where none is remembered for more than `memory` rows."""
+        variances = [one.drive / max(1.0 - one.remembers**2, 1.0 / self._lasts) for one in pushed]
+        drives: dict[float, float] = {}
+        for one, variance in zip(pushed, variances, strict=True):
+            if variance > _NEGLIGIBLE * sum(variances):
+                remembers = min(max(one.remembers, math.exp(-1.0 / _SHORTEST)), math.exp(-1.0 / memory))
+                drives[remembers] = drives.get(remembers, 0.0) + size * one.drive
+        whole = sum(one.drive for one in pushed)
+        slow = tuple(Slow(remembers=key, drive=drive / whole) for key, drive in drives.items())
+        return replace(self.beside(slow), place=(memory, size))
 
 
 def with_disturbance(problem: Problem, fitted: Fit) -> Fit:
@@ -105,10 +227,11 @@ def with_disturbance(problem: Problem, fitted: Fit) -> Fit:
     found = disturbance_beside(problem, fitted)
     draws = np.random.default_rng(0)
     noise = draws.standard_normal((_DRAWS, fitted.residual.size))
+    paused = np.flatnonzero(np.diff(problem.time_s) > _PAUSE * problem.interval_s) + 1
     for process in found.slow:
         pushes = math.sqrt(process.drive) * draws.standard_normal(noise.shape)
-        pushes[:, 0] /= math.sqrt(1.0 - process.remembers**2)
-        noise += scipy.signal.lfilter([1.0], [1.0, -process.remembers], pushes, axis=1)
+        for run in np.split(np.arange(noise.shape[1]), paused):  # each begins with the air as it is
+            noise[:, run] += scipy.signal.lfilter([1.0], [1.0, -process.remembers], pushes[:, run], axis=1)
     counted = fitted.fitted[problem.step] & problem.usable
     white = fitted.whitener(found.white * noise) * counted
     moved = white @ fitted.derivatives @ fitted.inverse_information

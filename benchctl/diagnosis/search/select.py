@@ -26,7 +26,7 @@ from benchctl.diagnosis.search.screen import Scored, Screening
 from benchctl.diagnosis.search.selection import Evidence, Selection
 from benchctl.diagnosis.signals.blocks import step_starts
 from benchctl.diagnosis.signals.normal import Z95
-from benchctl_instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.physics.effects.effect import DescribedEffect, Parameter
 from benchctl_instruments.physics.structures import Structure
 
 Better = Callable[[Problem, Fit, Whitener], Problem | None]
@@ -158,17 +158,26 @@ def _not_to_state(problem: Problem, present: Fit, evidence: Mapping[str, Evidenc
 
 
 def _may_be_nothing(problem: Problem, fitted: Fit) -> set[int]:
-    """The places of the effects of which every size has zero within its 95 % interval."""
+    """The places of the effects of which everything that may be zero has zero within its 95 % interval.
+
+    A dead time beside a disturbance, which a lag may leave by chance, within that of Schwarz's criterion.
+    """
     errors = np.sqrt(np.diag(fitted.robust_covariance(problem.step)))
     sizes = [
         [
-            abs(effect.values[one.name]) <= Z95 * error
+            abs(effect.values[one.name])
+            <= error * (Z95 if one.parameter.role == "size" else math.sqrt(math.log(fitted.rows)))
             for one, error in zip(fitted.numbers, errors.tolist(), strict=True)
-            if one.effect == place and one.parameter is not None and one.parameter.role == "size"
+            if one.effect == place and one.parameter is not None and _vanishes(one.parameter)
         ]
         for place, effect in enumerate(fitted.point.effects)
     ]
     return {place for place, small in enumerate(sizes) if small and all(small)}
+
+
+def _vanishes(parameter: Parameter) -> bool:
+    """Whether a number is zero where its effect is gone."""
+    return parameter.role == "size" or (parameter.zero == 0.0 and not parameter.logarithmic)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

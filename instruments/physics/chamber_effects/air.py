@@ -55,16 +55,23 @@ def air_c(signals: ChamberSignals, start_c: float, gain: float, tau_s: float) ->
     return np.array(air)
 
 
-def slowest_s(signals: ChamberSignals, tau_s: float) -> float:
-    """The longest time constant [s] with which the air returns to where its drive holds it, radiation left out."""
+def forgetting(signals: ChamberSignals, tau_s: float) -> list[tuple[float, float]]:
+    """The rates [1/s] with which the air forgets what has pushed it, radiation left out, each with its power.
+
+    Pushes of one power at every frequency become noise of the air with a density of Σ power/(ω² + rate²).
+    """
     stores = np.array(_stores(signals, tau_s)).reshape(-1, 2)
     back = np.zeros((1 + len(stores), 1 + len(stores)))
     back[0, 0] = (float(signals.loss.min()) + stores[:, 0].sum()) / tau_s + signals.exchange
     back[0, 1:] = -stores[:, 0] / tau_s
     back[1:, 0] = -1.0 / stores[:, 1]
     back[1:, 1:] = np.diag(1.0 / stores[:, 1])
-    slowest = float(np.linalg.eigvals(back).real.min())
-    return 1.0 / slowest if slowest > 0.0 else math.inf
+    rates = np.maximum(np.linalg.eigvals(back).real, 0.0)
+    own = stores[:, 1] ** -2.0
+    return [
+        (rate, abs(math.prod((own - rate**2).tolist()) / math.prod((np.delete(rates, place) ** 2 - rate**2).tolist())))
+        for place, rate in enumerate(rates.tolist())
+    ]
 
 
 def _stores(signals: ChamberSignals, tau_s: float) -> list[tuple[float, float]]:
