@@ -42,7 +42,7 @@ class CoulombFriction(DriveEffect):
 
     def apply(self, signals: DriveSignals) -> FloatArray:
         """The torque with dry friction."""
-        return signals.torque_nm + self.coulomb_nm * np.sign(signals.rate_rad_s)
+        return signals.torque_nm + self.coulomb_nm * signals.mean_of(np.sign, np.abs)
 
     def says(self) -> str:
         """The finding in one sentence."""

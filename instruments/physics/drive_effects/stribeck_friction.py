@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+import scipy  # which loads special when it is first used
 
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.drive_effects.effect import DriveEffect, DriveSignals
@@ -52,8 +54,12 @@ class StribeckFriction(DriveEffect):
 
     def apply(self, signals: DriveSignals) -> FloatArray:
         """The torque with the friction of creeping rates."""
-        creeping = np.exp(-((signals.rate_rad_s / self.velocity_rad_s) ** 2))
-        return signals.torque_nm + self.breakaway_nm * creeping * np.sign(signals.rate_rad_s)
+        velocity = self.velocity_rad_s
+        creeping = signals.mean_of(
+            lambda rate: np.exp(-((rate / velocity) ** 2)) * np.sign(rate),
+            lambda rate: 0.5 * math.sqrt(math.pi) * velocity * scipy.special.erf(np.abs(rate) / velocity),
+        )
+        return signals.torque_nm + self.breakaway_nm * creeping
 
     def says(self) -> str:
         """The finding in one sentence."""

@@ -143,6 +143,33 @@ def test_cogging_within_a_sample_is_averaged_over_it() -> None:
     assert torque(coarse, 0.01) == pytest.approx(averaged, abs=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [("coulomb_friction", {"coulomb_nm": 0.03}), ("stribeck_friction", {"breakaway_nm": 0.05, "velocity_rad_s": 0.05})],
+)
+def test_friction_within_a_sample_is_averaged_over_it_where_the_motion_turns_round(
+    name: str, values: dict[str, float]
+) -> None:
+    def torque(interval_s: float) -> FloatArray:
+        time_s = (np.arange(round(4.0 / interval_s)) + 0.5) * interval_s
+        rate = 0.3 * np.sin(8.0 * time_s)
+        signals = replace(
+            _drive_signals(),
+            time_s=time_s,
+            interval_s=interval_s,
+            angle_deg=np.zeros_like(time_s),
+            rate_rad_s=rate,
+            acceleration_rad_s2=2.4 * np.cos(8.0 * time_s),
+            torque_nm=np.zeros_like(time_s),
+        )
+        effect = drive_effects()[name].make(values)
+        assert isinstance(effect, DriveEffect)
+        return effect.apply(signals)
+
+    averaged = torque(1e-5).reshape(-1, 1000).mean(axis=1)
+    assert torque(0.01) == pytest.approx(averaged, abs=2e-4)
+
+
 def test_the_drive_behind_a_second_lag_is_its_mean_over_a_sample() -> None:
     coarse, fine = _chamber_signals(), 50
     interval_s = coarse.interval_s / fine
