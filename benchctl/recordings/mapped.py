@@ -105,7 +105,7 @@ def _entries(mapping: ColumnMap, beside: Description | None) -> Sequence[StepEnt
         return mapping.steps
     if beside is not None and beside.steps:
         return beside.steps
-    return [StepEntry(name="whole", kind="motion")]
+    return [StepEntry(name="recording", kind="motion")]
 
 
 def _stated_rate(mapping: ColumnMap, beside: Description | None) -> float | None:

@@ -62,7 +62,7 @@ def test_the_example_of_the_help_imports_what_it_describes(tmp_path: Path) -> No
 
 def test_a_clean_table_is_one_step_known_by_its_encoder(tmp_path: Path) -> None:
     meta, (step,) = read_foreign(*table(tmp_path, list(range(1000, 1400, 10))))
-    assert (step.info.name, step.info.kind, step.info.sample_rate_hz) == ("whole", "motion", 100.0)
+    assert (step.info.name, step.info.kind, step.info.sample_rate_hz) == ("recording", "motion", 100.0)
     assert step["time_s"][0] == 0
     assert meta.extra["time_origin_s"] == 1.0
     assert step["encoder_deg"][1] == pytest.approx((-2020.0) % 360)
@@ -80,7 +80,7 @@ def test_dirty_stamps_are_refused_unless_the_map_says_otherwise(tmp_path: Path) 
 
 def test_repair_splits_at_gaps_and_says_so(tmp_path: Path) -> None:
     meta, steps = read_foreign(*table(tmp_path, STAMPS, time='stamps = "repair"'))
-    assert [step.info.name for step in steps] == ["whole, part 1", "whole, part 2", "whole, part 3"]
+    assert [step.info.name for step in steps] == ["recording, part 1", "recording, part 2", "recording, part 3"]
     assert [step.info.samples for step in steps] == [50, 18, 29]
     assert [step["time_s"][0] for step in steps] == pytest.approx([0, 0.52, 0.71])
     assert "3 samples are missing in 2 gaps (after line 51, 69)" in meta.provenance["treatment"]
