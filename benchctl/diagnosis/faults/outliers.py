@@ -52,16 +52,20 @@ def spikes_in(*, residual: FloatArray, usable: BoolArray, step_v: float, sudden:
         return Faults(found=(), masked=masked, standing=masked, step_v=step_v)
     values, floor = residual[rows], step_v / math.sqrt(12.0)
     # where rows were left out the residual jumps
-    searched = ~binary_dilation(np.diff(rows, prepend=rows[:1] - 1) > 1, iterations=HALF)
+    calm = np.ones(rows.size, np.bool_)
+    beside_a_gap = binary_dilation(np.diff(rows, prepend=rows[:1] - 1) > 1, iterations=HALF)
+    searched = ~beside_a_gap
     spikes = single_rows(values, searched, _SEEN, floor)
     for one in sudden:
         if _is_of_motion(spikes.rows, searched, one[rows]):
-            searched &= ~one[rows]
+            calm &= ~one[rows]
+            searched = calm & ~beside_a_gap
             spikes = single_rows(values, searched, _SEEN, floor)
     if spikes.rows.size < _FEWEST:
         masked[rows[spikes.rows]] = True
         return Faults(found=(), masked=masked, standing=np.zeros_like(masked), step_v=step_v)
     masked[rows[single_rows(values, searched, _MASKED, floor).rows]] = True
+    masked[rows[single_rows(values, calm & beside_a_gap, _SEEN, floor).rows]] = True
     found = _outliers(spikes, searched, masked)
     return Faults(found=(found,), masked=masked, standing=np.zeros_like(masked), step_v=step_v)
 

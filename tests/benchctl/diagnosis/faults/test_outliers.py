@@ -76,6 +76,20 @@ def test_what_is_left_after_masking_is_noise() -> None:
     assert masked.mean() < 2.1e-3
 
 
+def test_spikes_beside_rows_that_were_left_out_are_masked_too_and_a_jump_there_is_not() -> None:
+    residual = spiky(1e-3, 60.0, 11)
+    usable = np.ones(ROWS, np.bool_)
+    for gap in range(5000, ROWS, 5000):
+        usable[gap : gap + 50] = False
+        residual[gap + 50 + 3] += 200.0
+    masked = searched(residual, usable).masked
+    assert masked[5053::5000].mean() > 0.95
+    residual = spiky(1e-3, 60.0, 11)
+    residual[150_000:] += 30.0
+    jumped = searched(residual, usable).masked
+    assert jumped[150_050:150_066].sum() <= 1
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_white_noise_has_no_spikes(seed: int) -> None:
     residual = np.random.default_rng(seed).standard_normal(500_000)
