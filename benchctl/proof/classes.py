@@ -94,10 +94,10 @@ CLASSES: MappingProxyType[ClassName, TrialClass] = MappingProxyType(
             says="a structure and one effect", verdict="missing-physics", weight=20, effects=1, structure=True
         ),
         "drive": TrialClass(
-            says="one or two effects of a drive", verdict="missing-physics", weight=20, effects=2, part="drive"
+            says="up to two effects of a drive", verdict="missing-physics", weight=20, effects=2, part="drive"
         ),
         "chamber": TrialClass(
-            says="one or two effects of a chamber", verdict="missing-physics", weight=20, effects=2, part="chamber"
+            says="up to two effects of a chamber", verdict="missing-physics", weight=20, effects=2, part="chamber"
         ),
     }
 )

@@ -65,14 +65,9 @@ def disturbance_of(problem: Problem, residual: FloatArray, baseline: FloatArray,
 
 def pushed_in(problem: Problem, baseline: FloatArray, effects: Sequence[Any]) -> tuple[Slow, ...]:
     """What pushes of unit power become as a model forgets them."""
-
-    def held(rate: float) -> float:
-        """What is left of the pushes between two rows."""
-        return -math.expm1(-2.0 * rate * interval_s) / (2.0 * rate) if rate > 0.0 else interval_s
-
     interval_s = problem.interval_s
     return tuple(
-        Slow(remembers=math.exp(-rate * interval_s), drive=power * held(rate))
+        Slow(remembers=math.exp(-rate * interval_s), drive=-power * math.expm1(-2.0 * rate * interval_s) / (2.0 * rate))
         for rate, power in problem.forgetting(baseline, effects)
     )
 

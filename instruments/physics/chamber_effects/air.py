@@ -14,6 +14,8 @@ from benchctl_instruments.physics.chamber_effects.effect import ChamberSignals
 _KELVIN = 273.15
 _PER_KELVIN = 1.0 / (4.0 * 300.0**3)
 _HOTTEST_C = 3000.0
+_NEVER_PER_S = 1e-12
+"""What is forgotten no faster is never forgotten."""
 
 
 def air_c(signals: ChamberSignals, start_c: float, gain: float, tau_s: float) -> FloatArray:
@@ -60,18 +62,15 @@ def forgetting(signals: ChamberSignals, tau_s: float) -> list[tuple[float, float
 
     Pushes of one power at every frequency become noise of the air with a density of Σ power/(ω² + rate²).
     """
-    stores = np.array(_stores(signals, tau_s)).reshape(-1, 2)
-    back = np.zeros((1 + len(stores), 1 + len(stores)))
-    back[0, 0] = (float(signals.loss.min()) + stores[:, 0].sum()) / tau_s + signals.exchange
-    back[0, 1:] = -stores[:, 0] / tau_s
-    back[1:, 0] = -1.0 / stores[:, 1]
-    back[1:, 1:] = np.diag(1.0 / stores[:, 1])
-    rates = np.maximum(np.linalg.eigvals(back).real, 0.0)
-    own = stores[:, 1] ** -2.0
-    return [
-        (rate, abs(math.prod((own - rate**2).tolist()) / math.prod((np.delete(rates, place) ** 2 - rate**2).tolist())))
-        for place, rate in enumerate(rates.tolist())
-    ]
+    capacity, store_tau_s = np.array(signals.stores).reshape(-1, 2).T
+    back = np.diag(np.concatenate([[0.0], 1.0 / store_tau_s]))
+    back[0, 0] = float(signals.loss.min()) / tau_s + float(np.sum(capacity / store_tau_s)) + signals.exchange
+    back[0, 1:] = back[1:, 0] = -np.sqrt(capacity) / store_tau_s  # in temperatures by the root of their capacities
+    rates, modes = np.linalg.eigh(back)
+    rates = np.maximum(rates, _NEVER_PER_S)
+    shares = modes[0] ** 2  # of a push, forgotten with each rate
+    powers = shares * (2.0 * rates[:, None] / (rates[:, None] + rates) @ shares)
+    return list(zip(rates.tolist(), powers.tolist(), strict=True))
 
 
 def _stores(signals: ChamberSignals, tau_s: float) -> list[tuple[float, float]]:

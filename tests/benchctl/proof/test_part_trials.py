@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchctl.campaign.stop import StopRequest
+from benchctl.diagnosis.diagnose import diagnose
 from benchctl.proof import seal
 from benchctl.proof.classes import ClassName
 from benchctl.proof.part_trials import PartTruth, drawn
@@ -25,7 +26,8 @@ def test_a_trial_of_a_part_is_drawn_again_with_the_same_digest_and_conceals_no_t
     for index in range(60):
         truth = drawn(5, index, part)
         assert truth.digest() == drawn(5, index, part).digest() != drawn(6, index, part).digest()
-        assert 1 <= len(truth.effects) <= 2
+        assert 1 <= len(truth.effects) <= 2 if index % 4 < 3 else not truth.effects
+        assert truth.verdict == ("missing-physics" if truth.effects else "consistent")
         for name in truth.effects:
             assert not set(truth.kind_of(name).look_alikes) & set(truth.effects)
         seen |= set(truth.effects)
@@ -47,6 +49,17 @@ def test_the_recording_of_a_part_says_nothing_of_what_its_trial_conceals(
         told = json.dumps([dict(recording.meta.provenance), recording.meta.simulation, recording.meta.extra])
     for secret in (*truth.effects, *truth.baseline, str(truth.seed), truth.nonce):
         assert secret not in told
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", PARTS)
+@pytest.mark.parametrize("index", [3, 7])
+def test_of_a_part_that_hides_nothing_nothing_is_stated(part: ClassName, index: int, tmp_path: Path) -> None:
+    truth = drawn(83, index, part)
+    path, _ = truth.record(tmp_path / "run")
+    with open_recording(path) as recording:
+        said = diagnose(recording, part="drive" if part == "drive" else "chamber")
+    assert not said.findings
 
 
 @pytest.mark.slow

@@ -67,6 +67,16 @@ def test_pushes_of_an_air_that_shares_its_heat_with_a_store_are_forgotten_as_its
     assert np.asarray(told) == pytest.approx(expected, rel=0.02, abs=0.01 * expected[0])
 
 
+def test_a_store_that_takes_up_nothing_changes_nothing_of_what_the_air_forgets() -> None:
+    problem, _ = _fitted(1)
+    tau_s = float(problem.baseline_start[1])
+    (alone,) = pushed_in(problem, problem.baseline_start, ())
+    store = problem.effects["heat_store"].make({"capacity": 0.0, "tau_s": tau_s})  # two rates that are one
+    both = pushed_in(problem, problem.baseline_start, (store,))
+    assert sum(one.drive for one in both) == pytest.approx(alone.drive)
+    assert all(one.remembers == pytest.approx(alone.remembers) for one in both)
+
+
 @pytest.mark.slow
 def test_the_intervals_of_a_chamber_hold_its_truth() -> None:
     truth = {"gain_c_per_percent": GAIN_C_PER_PERCENT, "ambient_c": ROOM_C, (None, "tau_s"): TAU_S}
