@@ -25,6 +25,8 @@ ClassName = Literal[
     "outsider",
     "structure",
     "structure+one",
+    "structure+wandering",
+    "structure-faint",
     "drive",
     "chamber",
 ]
@@ -92,6 +94,16 @@ CLASSES: MappingProxyType[ClassName, TrialClass] = MappingProxyType(
         ),
         "structure+one": TrialClass(
             says="a structure and one effect", verdict="missing-physics", weight=20, effects=1, structure=True
+        ),
+        "structure+wandering": TrialClass(
+            says="a structure and a wandering bias",
+            verdict="missing-physics",
+            weight=20,
+            wandering=True,
+            structure=True,
+        ),
+        "structure-faint": TrialClass(
+            says="a faint structure", verdict="unknown-structure", weight=20, share=None, structure=True
         ),
         "drive": TrialClass(
             says="up to two effects of a drive", verdict="missing-physics", weight=20, effects=2, part="drive"

@@ -20,7 +20,6 @@ from benchctl.proof.truth import Truth
 from benchctl.proof.unit import TrialUnit, draw_unit
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.effects.registry import effect
-from benchctl_instruments.physics.structure_places import OVER
 from benchctl_instruments.physics.structures import structure_named
 
 PROCEDURE = "diagnostic"
@@ -89,7 +88,7 @@ def _outside(names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """What is withheld, and where that lives."""
     found = {name: kind for name in names if (kind := structure_named(name)) is not None}
     if found:
-        return tuple(found), tuple(OVER[kind.over].word for kind in found.values())
+        return tuple(found), tuple(word for kind in found.values() for word in kind.word.split("*"))
     look_alikes, lives_in = OUTSIDERS[names[0]]
     return (names[0], *look_alikes), lives_in
 
@@ -97,7 +96,7 @@ def _outside(names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
 def _chosen(rng: np.random.Generator, kind: ClassName, wanted: TrialClass) -> list[str]:
     """The names of what is concealed."""
     names = [str(rng.choice(WANDERING))] if wanted.wandering else []
-    names += drawn_structures(rng) if wanted.structure else []
+    names += drawn_structures(rng, predicted=wanted.share is None or wanted.wandering) if wanted.structure else []
     pool, so_many = _pool(kind, wanted), len(names) + wanted.effects
     while len(names) < so_many:
         name = pool[int(rng.integers(len(pool)))]
@@ -136,7 +135,7 @@ def _sized(rng: np.random.Generator, truth: Truth, names: Sequence[str]) -> Trut
         reduced = _faint_share(run, truth, name, full) if share is None else share
         if reduced is None:
             return None
-        size = full if of_structure else shrunk(name, full, reduced, truth.unit)
+        size = shrunk(name, full, reduced, truth.unit) if share is None or not of_structure else full
         alone = replace(truth, effects={name: size})
         truth = replace(truth, effects={**truth.effects, name: size})
         drawn = name in STATISTICAL or "_of_noise_" in name

@@ -22,7 +22,7 @@ from benchctl.diagnosis.result import Part
 from benchctl.proof.classes import CLASSES, ClassName, allotted
 from benchctl.proof.part_trials import drawn
 from benchctl.proof.processes import ProcessFailedError, run_module
-from benchctl.proof.score import Score, score_diagnosis, score_regression
+from benchctl.proof.score import Score, models_in, score_diagnosis, score_regression
 from benchctl.proof.trial import Answer, Trial, read_trial, write_trial
 from benchctl.proof.truth import Sealed
 from benchctl_instruments.errors import InstrumentError, UsageError
@@ -188,6 +188,7 @@ def _scored(truth: Sealed, found: Mapping[str, Any], score: Callable[[Sealed, Ma
         stated=tuple(said["effects"] if "effects" in said else [one["effect"] for one in findings]),
         verdict=said.get("verdict", ""),
         coordinates=tuple(said.get("unexplained", {}).get("coordinates", ())),
+        models=tuple(one["name"] for one in models_in(said.get("unexplained", {}))),
         unexplained=bool(said.get("unexplained", {}).get("significant", False)),
         alternatives={one["effect"]: [other["effect"] for other in one["alternatives"]] for one in findings},
         seconds=found["seconds"],

@@ -12,11 +12,12 @@ from benchctl.proof.classes import CLASSES
 from benchctl.proof.structures import SHAPE_CLASSES
 from benchctl.proof.truth import Sealed
 from benchctl_instruments.physics.effects.effect import Parameter
-from benchctl_instruments.physics.structure_places import OVER
 from benchctl_instruments.physics.structures import structure_named
 
 _BY_CHANCE = {("dropouts", "count")}
 """What is drawn as an expectation: how many came in a recording is chance, and that is what is stated."""
+_HARDLY_ANY = 1.02
+"""A held-out residual of less than so many times the noise leaves no excess to speak of."""
 PHASE_DEG = 10.0
 """How near a phase must come to count as within a tenth; a quarter is two and a half times that."""
 
@@ -61,6 +62,9 @@ class Score:
         Those of effects that were rightly named.
     heldout_ratio
         Held-out residual over the noise that was found.
+    removed
+        Share of the excess of the held-out residual over the noise, in power, that the model takes away; None where
+        there is hardly any.
     """
 
     right: bool
@@ -71,6 +75,7 @@ class Score:
     shape_right: bool | None = None
     parameters: tuple[ParameterScore, ...] = ()
     heldout_ratio: float | None = None
+    removed: float | None = None
 
 
 def score_diagnosis(truth: Sealed, said: Mapping[str, Any]) -> Score:
@@ -100,6 +105,7 @@ def score_diagnosis(truth: Sealed, said: Mapping[str, Any]) -> Score:
         )
         + tuple(_of_structures(truth, said["unexplained"])),
         heldout_ratio=fit["heldout_after"] / fit["noise"] if fit["noise"] and fit["heldout_after"] else None,
+        removed=_removed(fit),
     )
 
 
@@ -115,6 +121,13 @@ def score_regression(truth: Sealed, said: Mapping[str, Any]) -> Score:
     )
 
 
+def _removed(fit: Mapping[str, Any]) -> float | None:
+    noise, before, after = (fit.get(name) for name in ("noise", "heldout_before", "heldout_after"))
+    if not (noise and before and after) or before < _HARDLY_ANY * noise:
+        return None
+    return float(1.0 - (after**2 - noise**2) / (before**2 - noise**2))
+
+
 def _differences(truth: Sealed, found: Mapping[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     return tuple(sorted(truth.nameable - found.keys())), tuple(sorted(found.keys() - truth.effects.keys()))
 
@@ -124,15 +137,17 @@ def _located(truth: Sealed, unexplained: Mapping[str, Any]) -> bool:
     return bool(unexplained["significant"] and named and not set(named[0].split("*")).isdisjoint(truth.lives_in))
 
 
-def _models(unexplained: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+def models_in(unexplained: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The models of what is unexplained."""
     return [unexplained["model"], *unexplained.get("further", ())] if "model" in unexplained else []
 
 
 def _modelled(truth: Sealed, unexplained: Mapping[str, Any]) -> bool:
     """Whether what is unexplained is modelled at the stage and over the coordinate of the concealed structure alone."""
-    said = {(one["stage"], one["coordinates"][0]) for one in _models(unexplained)}
+    said = {(one["stage"], frozenset(one["coordinates"][0].split("*"))) for one in models_in(unexplained)}
     drawn = [found for name in truth.withheld if (found := structure_named(name)) is not None]
-    return said == {(one.acts_on, OVER[one.over].word) for one in drawn} and len(unexplained["coordinates"]) == 1
+    true = {(one.acts_on, frozenset(one.word.split("*"))) for one in drawn}
+    return said == true and len(unexplained["coordinates"]) == 1
 
 
 def _shape_right(truth: Sealed, unexplained: Mapping[str, Any]) -> bool | None:
@@ -140,12 +155,12 @@ def _shape_right(truth: Sealed, unexplained: Mapping[str, Any]) -> bool | None:
     drawn = {found.shape for name in truth.withheld if (found := structure_named(name)) is not None}
     if not drawn:
         return None
-    said = {one["shape"] for one in _models(unexplained)}
+    said = {one["shape"] for one in models_in(unexplained)}
     return {SHAPE_CLASSES.get(one, one) for one in said} == {SHAPE_CLASSES.get(one, one) for one in drawn}
 
 
 def _of_structures(truth: Sealed, unexplained: Mapping[str, Any]) -> Iterator[ParameterScore]:
-    for model in _models(unexplained):
+    for model in models_in(unexplained):
         if model["name"] in truth.effects and model["coordinates"] != ["time"]:  # whose origin no plan knows
             yield from _parameters(model["name"], truth, model["parameters"])
 

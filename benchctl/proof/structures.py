@@ -13,24 +13,38 @@ import numpy as np
 
 from benchctl.proof.sizes import RAMP_C_PER_S, WARM_C, Values
 from benchctl.proof.unit import TrialUnit
-from benchctl_instruments.physics.structure_places import OVER, StructureStage
-from benchctl_instruments.physics.structures import Structure, structure_named
+from benchctl_instruments.physics.structure_places import StructureStage
+from benchctl_instruments.physics.structures import Structure, structure, structure_named
 
-_OVER: Mapping[StructureStage, tuple[str, ...]] = {
-    "scale": ("gyro_temp", "gyro_temp", "gyro_temp", "angle", "time", "abs_rate"),
-    "bias": ("gyro_temp", "gyro_temp", "gyro_temp_rate", "angle", "rate", "time", "setpoint", "last_sign", "abs_rate"),
-    "sampling": ("gyro_temp",),
-    "encoder": ("time",),
-    "noise": ("gyro_temp", "time"),
-}
-_STAGES: tuple[tuple[StructureStage, float], ...] = (
-    ("scale", 0.35),
-    ("bias", 0.45),
-    ("sampling", 0.05),
-    ("encoder", 0.075),
-    ("noise", 0.075),
+_ANY = (
+    *("step", "plateau", "kink", "bump", "wave", "smooth_step", "smooth_plateau", "double_bump", "resonance"),
+    *("sawtooth", "root", "growth", "curved", "rectified", "chirp"),
 )
-_SHAPES = ("step", "plateau", "kink", "bump", "wave", "smooth_step", "resonance", "sawtooth", "root")
+_ROUND = ("wave", "bump", "resonance", "rectified")
+_WAYS = ("negative", "positive")
+_DRAWN: tuple[tuple[float, StructureStage, str, str, tuple[str, ...]], ...] = (
+    (16, "scale", "gyro_temp", "", _ANY),
+    (6, "scale", "angle", "", _ROUND),
+    (6, "scale", "time", "", _ANY),
+    (4, "scale", "abs_rate", "", ("step", "kink", "memory")),
+    (4, "scale", "gyro_temp", "abs_rate", ("step", "kink", "bump", "smooth_step")),
+    (12, "bias", "gyro_temp", "", _ANY),
+    (4, "bias", "gyro_temp", "rate_sign", ("step", "kink", "bump", "smooth_step")),
+    (4, "bias", "gyro_temp", "", ("hysteresis",)),
+    (5, "bias", "gyro_temp_rate", "", _ANY),
+    (5, "bias", "angle", "", _ROUND),
+    (5, "bias", "rate", "", _ANY),
+    (5, "bias", "time", "", _ANY),
+    (5, "bias", "setpoint", "", _WAYS),
+    (4, "bias", "last_sign", "", _WAYS),
+    (4, "bias", "abs_rate", "", ("memory",)),
+    (3, "bias", "rate_sign", "", ("memory",)),
+    (5, "sampling", "gyro_temp", "", ("kink", "step", "smooth_step")),
+    (6, "encoder", "time", "", ("jump",)),
+    (3, "noise", "gyro_temp", "", ("kink", "bump")),
+    (3, "noise", "time", "", ("step", "plateau")),
+)
+"""How often, at which stage, over which coordinate, in proportion to which other one, and in which shapes."""
 _IN_PAIRS = 0.15
 _LARGEST: Mapping[StructureStage, tuple[float, float]] = {
     "scale": (2e-3, 1e-2),
@@ -43,47 +57,61 @@ _LARGEST: Mapping[StructureStage, tuple[float, float]] = {
 SHAPE_CLASSES: Mapping[str, str] = {
     "step_below": "step",
     "smooth_step": "step",
+    "jump": "step",
+    "plateau": "bump",
+    "smooth_plateau": "bump",
+    "double_bump": "bump",
     "resonance": "bump",
     "kink_below": "kink",
     "bend": "kink",
     "root": "kink",
     "power": "kink",
     "power_below": "kink",
+    "growth": "kink",
+    "parabola": "curve",
+    "curved": "curve",
+    "cubic": "curve",
+    "spline6": "curve",
+    "spline12": "curve",
     "sawtooth": "wave",
+    "rectified": "wave",
+    "chirp": "wave",
     "bursts": "wave",
-    "jump": "step",
 }
 """Shapes that stand for another one, where that is the nearest that a search has."""
 
 
-def drawn_structures(rng: np.random.Generator) -> list[str]:
-    """The identifiers of a structure, or of two that add up."""
-    names = [_drawn(rng)]
+_WIDTHS: Mapping[str, tuple[float, float]] = {
+    "smooth_step": (0.02, 0.1),
+    "smooth_plateau": (0.08, 0.2),
+    "bump": (0.04, 0.12),
+    "resonance": (0.04, 0.12),
+    "double_bump": (0.04, 0.08),
+    "root": (0.5, 0.5),
+    "growth": (0.1, 0.3),
+    "curved": (0.4, 0.6),
+    "sawtooth": (0.25, 0.6),
+    "rectified": (0.25, 0.6),
+    "chirp": (0.25, 0.5),
+}
+"""The widths of shapes, as shares of the coordinate's range."""
+
+
+def drawn_structures(rng: np.random.Generator, *, predicted: bool = False) -> list[str]:
+    """The identifiers of a structure, or of two that add up; `predicted`: of what changes a prediction."""
+    names = [_drawn(rng, predicted)]
     if rng.random() < _IN_PAIRS:
-        other = _drawn(rng)
+        other = _drawn(rng, predicted)
         if other.partition("_over_")[2] != names[0].partition("_over_")[2]:
             names.append(other)
     return names
 
 
-def _drawn(rng: np.random.Generator) -> str:
-    stages, chances = zip(*_STAGES, strict=True)
-    stage: StructureStage = stages[int(rng.choice(len(stages), p=chances))]
-    over = str(rng.choice(_OVER[stage]))
-    shapes: tuple[str, ...] = _SHAPES
-    if over == "angle":
-        shapes = ("wave", "bump", "resonance")
-    elif OVER[over].ways is not None:
-        shapes = ("negative", "positive")
-    elif stage == "encoder":
-        shapes = ("jump",)
-    elif stage == "noise":
-        shapes = ("kink", "bump") if over == "gyro_temp" else ("step", "plateau")
-    elif stage == "sampling":
-        shapes = ("kink", "step", "smooth_step")
-    elif over == "abs_rate":
-        shapes = ("step", "kink") if stage == "scale" else ("memory",)
-    return f"{rng.choice(shapes)}_of_{stage}_over_{over}"
+def _drawn(rng: np.random.Generator, predicted: bool) -> str:
+    rows = [one for one in _DRAWN if not (predicted and one[1] in ("noise", "encoder"))]
+    weights = np.array([one[0] for one in rows])
+    _, stage, over, times, shapes = rows[int(rng.choice(len(rows), p=weights / weights.sum()))]
+    return structure(stage, over, str(rng.choice(shapes)), times=times).identifier
 
 
 def structure_size(identifier: str, rng: np.random.Generator, unit: TrialUnit) -> Values:
@@ -97,30 +125,34 @@ def structure_size(identifier: str, rng: np.random.Generator, unit: TrialUnit) -
         largest *= unit.full_scale_v
     if kind.acts_on == "noise":
         largest = abs(largest)
+    if kind.times == "abs_rate":
+        largest /= unit.range_dps
     at = low + wide * float(rng.uniform(0.25, 0.75))
-    if kind.shape in ("step", "smooth_step"):
-        width = 2e-3 if kind.shape == "step" else float(rng.uniform(0.02, 0.1))
-        return {"change": largest, "at": at, "width": wide * width}
+    if kind.shape == "step":  # at once, or a ramp between two values
+        width = 2e-3 if rng.random() < 0.7 else float(rng.uniform(0.15, 0.5))
+        return {"change": largest, "at": at, "width": width * wide}
     if kind.shape == "plateau":
         length = wide * float(rng.uniform(0.15, 0.4))
         return {"change": largest, "at": min(at, low + 0.9 * wide - length), "length": length}
     if kind.shape == "kink":
         return {"above": largest / (0.5 * wide), "at": at}
-    if kind.shape == "root":
-        return {"change": largest, "at": at, "width": 0.5 * wide}
-    if kind.shape in ("bump", "resonance"):
-        return {"change": largest, "at": at, "width": wide * float(rng.uniform(0.04, 0.12))}
+    if kind.shape in _WIDTHS:
+        if kind.shape == "growth":
+            at = low + wide
+        return {"change": largest, "at": at, "width": wide * float(rng.uniform(*_WIDTHS[kind.shape]))}
     if kind.shape == "jump":
         return {"change": largest, "at": at}
-    if kind.shape in ("negative", "positive"):
+    if kind.shape in _WAYS:
         return {"change": 0.3 * largest}
+    if kind.shape == "hysteresis":
+        width = 10.0 * float(rng.uniform(0.2, 0.8))
+        return {"c1": largest / width, "width": width}
     if kind.shape == "memory":
-        return {"c1": largest / unit.range_dps, "tau": float(rng.uniform(20.0, 150.0))}
+        most = 1.0 if kind.over == "rate_sign" else unit.range_dps
+        return {"c1": largest / most, "tau": float(rng.uniform(20.0, 150.0))}
     phase = float(rng.uniform(0.0, math.tau))
     # slower waves over the angle have a name
     whole = float(rng.integers(5, 10)) if kind.over == "angle" else float(rng.uniform(1.5, 4.0))
-    if kind.shape == "sawtooth":
-        return {"change": largest, "period": wide / whole}
     return {"cosine": largest * math.cos(phase), "sine": largest * math.sin(phase), "period": wide / whole}
 
 
@@ -133,7 +165,5 @@ def _range(kind: type[Structure], unit: TrialUnit) -> tuple[float, float]:
         "time": (600.0, 3000.0),
         "rate": (-unit.range_dps, 2.0 * unit.range_dps),
         "abs_rate": (0.0, unit.range_dps),
-        "setpoint": (-1.0, 2.0),
-        "last_sign": (-1.0, 2.0),
     }
-    return ranges[kind.over]
+    return ranges.get(kind.over, (-1.0, 2.0))

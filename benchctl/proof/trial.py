@@ -21,7 +21,7 @@ class Answer:
     """What an arm said of a recording and how right that was; `error` where it said nothing.
 
     `stated` are the effects that it named, `unexplained` whether it saw unknown structure beside them, `coordinates`
-    where; `alternatives` are the look-alikes of each effect.
+    where, `models` what it modelled of that; `alternatives` are the look-alikes of each effect.
     """
 
     score: Score | None
@@ -29,6 +29,7 @@ class Answer:
     verdict: str = ""
     unexplained: bool = False
     coordinates: tuple[str, ...] = ()
+    models: tuple[str, ...] = ()
     alternatives: Mapping[str, Sequence[str]] = field(default_factory=dict)
     seconds: float = math.nan
     peak_bytes: int | None = None
@@ -97,7 +98,7 @@ def _answer(kept: dict[str, Any] | None) -> Any:
             }
         )
     seconds = math.nan if kept["seconds"] is None else kept["seconds"]
-    texts = {name: tuple(kept[name]) for name in ("stated", "coordinates")}
+    texts = {name: tuple(kept[name]) for name in ("stated", "coordinates", "models")}
     return Answer(**{**kept, **texts, "score": score, "seconds": seconds})
 
 

@@ -24,6 +24,7 @@ class Said:
     stage: StructureStage
     over: str
     values: Mapping[str, float]
+    times: str = ""
 
     @property
     def what(self) -> str:
@@ -38,7 +39,8 @@ class Said:
     def size(self, value: float) -> str:
         """A change, without its sign."""
         factor, unit = ACTS[self.stage].printed
-        return f"{factor * abs(value):.3g} {unit}"
+        per = f" per {OVER[self.times].printed or '1'} of {OVER[self.times].phrase}" if self.times else ""
+        return f"{factor * abs(value):.3g} {unit}{per}"
 
     def change(self, name: str = "change") -> str:
         """A change, with its direction."""
@@ -61,7 +63,7 @@ class Shape:
     """A shape: sizes with the power of the coordinate that each goes with, places in x, lengths in x, its function.
 
     `ends` are ends of its range that no fit moves, `numbers` what has no unit, with its bounds. `says` is a sentence
-    about it; `memory` says that x is the coordinate through a first-order lag.
+    about it; `memory` says that x is the coordinate through a first-order lag, or what a backlash holds back of it.
     """
 
     sizes: Mapping[str, int] = field(default_factory=lambda: {"change": 0})
@@ -72,7 +74,12 @@ class Shape:
     formula: str
     function: Callable[[Mapping[str, float], FloatArray], Any]
     says: Callable[[Said], str]
-    memory: bool = False
+    memory: Literal["", "lag", "backlash"] = ""
+
+    def written(self, over: str, times: str = "") -> str:
+        """Its formula over a coordinate, in proportion to a second one where there is one."""
+        written = self.formula.format(x=over)
+        return f"({written})·{times}" if times else written
 
 
 def _ramp(x: FloatArray, at: float, width: float) -> FloatArray:
@@ -206,6 +213,20 @@ def _spline(knots: int) -> Shape:
     )
 
 
+def _any(formula: str, of_share: Callable[[FloatArray], FloatArray]) -> Shape:
+    """A function of the distance from a place in units of a width; no diagnosis looks for it."""
+    return Shape(
+        places=("at",),
+        lengths=("width",),
+        formula=formula,
+        function=lambda p, x: p["change"] * of_share((x - p["at"]) / p["width"]),
+        says=lambda said: (
+            f"The {said.what} depends on {said.along} as {formula.format(x='x')}: change {said.change()}, at"
+            f" {said.place()}, width {said.place('width')}."
+        ),
+    )
+
+
 SHAPES: Mapping[str, Shape] = {
     "step": _step("above", 1.0, "({x} − at)"),
     "step_below": _step("below", -1.0, "(at − {x})"),
@@ -291,16 +312,6 @@ SHAPES: Mapping[str, Shape] = {
     "negative": _way(0, "<", lambda x: x < 0.0),
     "positive": _way(1, ">", lambda x: x > 0.0),
     "either": _way(2, "≠", lambda x: x != 0.0),
-    "smooth_step": Shape(
-        places=("at",),
-        lengths=("width",),
-        formula="change·(1 + tanh(({x} − at)/width))/2",
-        function=lambda p, x: p["change"] * 0.5 * (1.0 + np.tanh((x - p["at"]) / p["width"])),
-        says=lambda said: (
-            f"About {said.place()} of {said.along} the {said.what} becomes {said.change()}, within"
-            f" {said.place('width')} to either side."
-        ),
-    ),
     "resonance": Shape(
         places=("at",),
         lengths=("width",),
@@ -308,24 +319,17 @@ SHAPES: Mapping[str, Shape] = {
         function=lambda p, x: p["change"] / (1.0 + ((x - p["at"]) / p["width"]) ** 2),
         says=_within,
     ),
-    "sawtooth": Shape(
-        lengths=("period",),
-        formula="change·(2·({x}/period mod 1) − 1)",
-        function=lambda p, x: p["change"] * (2.0 * np.mod(x / p["period"], 1.0) - 1.0),
-        says=lambda said: (
-            f"The {said.what} follows a sawtooth over {said.along}: up to {said.change()}, with a period of"
-            f" {said.place('period')}."
-        ),
-    ),
-    "root": Shape(
-        places=("at",),
+    "hysteresis": Shape(
+        sizes={"c1": 1},
         lengths=("width",),
-        formula="change·√(max({x} − at, 0)/width)",
-        function=lambda p, x: p["change"] * np.sqrt(np.maximum(x - p["at"], 0.0) / p["width"]),
+        formula="c1·(play({x}; ±width) − {x})",
+        function=lambda p, x: p["c1"] * x,
         says=lambda said: (
-            f"Above {said.place()} of {said.along} the {said.what} is {said.change()} {said.place('width')} further on,"
-            " and changes as the root of the distance."
+            f"The {said.what} has a hysteresis over {said.along}: at the same value it differs by"
+            f" {said.size(2.0 * said.values['width'] * said.values['c1'])} between rising and falling; it follows with"
+            f" a backlash of ±{said.place('width')}."
         ),
+        memory="backlash",
     ),
     **{f"spline{knots}": _spline(knots) for knots in (6, 12)},
     "memory": Shape(
@@ -336,6 +340,21 @@ SHAPES: Mapping[str, Shape] = {
             f"The {said.what} follows {said.along} with a memory of {said.values['tau']:.4g} s: it"
             f" {said.slope('c1')} of what {said.along} was."
         ),
-        memory=True,
+        memory="lag",
     ),
+    "smooth_step": _any("change·(1 + tanh(({x} − at)/width))/2", lambda u: 0.5 * (1.0 + np.tanh(u))),
+    "smooth_plateau": _any(
+        "change·(tanh(4·({x} − at)/width + 4) − tanh(4·({x} − at)/width − 4))/2",
+        lambda u: 0.5 * (np.tanh(4.0 * u + 4.0) - np.tanh(4.0 * u - 4.0)),
+    ),
+    "double_bump": _any(
+        "change·(exp(−½·(({x} − at)/width)²) − 0.7·exp(−½·(({x} − at)/width − 4)²))",
+        lambda u: np.exp(-0.5 * u**2) - 0.7 * np.exp(-0.5 * (u - 4.0) ** 2),
+    ),
+    "root": _any("change·√(max({x} − at, 0)/width)", lambda u: np.sqrt(np.maximum(u, 0.0))),
+    "growth": _any("change·exp(({x} − at)/width)", np.exp),
+    "curved": _any("change·((({x} − at)/width)³ − ({x} − at)/width)", lambda u: u**3 - u),
+    "sawtooth": _any("change·(2·({x}/width mod 1) − 1)", lambda u: 2.0 * np.mod(u, 1.0) - 1.0),
+    "rectified": _any("change·|sin(π·({x} − at)/width)|", lambda u: np.abs(np.sin(math.pi * u))),
+    "chirp": _any("change·sin(2π·(u + u²/8)), u = ({x} − at)/width", lambda u: np.sin(math.tau * (u + 0.125 * u**2))),
 }

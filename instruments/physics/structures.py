@@ -1,8 +1,8 @@
 """Physics without a name: what acts at a stage, as a function of a coordinate, in a shape that a search has found.
 
 A structure is an effect like any other, made from a stage, a coordinate and a shape; its identifier says which:
-`kink_of_scale_over_gyro_temp`. In a model file it is a table of `[discovered]`, a second of its kind with `_2` behind
-its name:
+`kink_of_scale_over_gyro_temp`, or `kink_of_scale_over_gyro_temp_times_abs_rate` of one that is in proportion to a
+second coordinate. In a model file it is a table of `[discovered]`, a second of its kind with `_2` behind its name:
 
     [discovered.kink_of_scale_over_gyro_temp]
     at = 27.7
@@ -28,6 +28,7 @@ from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import Signals
 from benchctl_instruments.physics.effects.draws import normals
 from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffect, Role
+from benchctl_instruments.physics.effects.thermal_hysteresis import play
 from benchctl_instruments.physics.structure_places import ACTS, OVER, Span, StructureStage, last_sign
 from benchctl_instruments.physics.structure_shapes import SHAPES, Said
 
@@ -53,7 +54,8 @@ _LOOK_ALIKES: Mapping[tuple[str, str], tuple[str, ...]] = {
     ("sampling", "time"): ("clock_drift",),
 }
 """Effects with a name that may do what a structure at a stage over a coordinate does."""
-_NAME = re.compile(rf"({'|'.join(SHAPES)})_of_({'|'.join(ACTS)})_over_({'|'.join(OVER)})(?:_[2-9])?")
+_ONE_OF = "|".join(OVER)
+_NAME = re.compile(rf"({'|'.join(SHAPES)})_of_({'|'.join(ACTS)})_over_({_ONE_OF})(?:_times_({_ONE_OF}))?(?:_[2-9])?")
 
 
 class Structure(PhysicalEffect):
@@ -65,12 +67,18 @@ class Structure(PhysicalEffect):
         One of `SHAPES`.
     over
         The coordinate, one of `OVER`.
+    times
+        A second coordinate that its function is in proportion to, or nothing.
+    word
+        The coordinate, or both, as a diagnosis states them.
     acts_on
         One of `ACTS`.
     """
 
     shape: ClassVar[str]
     over: ClassVar[str]
+    times: ClassVar[str]
+    word: ClassVar[str]
     acts_on: ClassVar[StructureStage]
 
     def value_at(self, x: FloatArray) -> FloatArray:
@@ -81,11 +89,15 @@ class Structure(PhysicalEffect):
         """Its function f of signals, shape (n,), and the signals with what it must remember of them."""
         x = OVER[self.over].values(signals)
         if self.pointwise:
-            return self.value_at(x), signals
+            f = self.value_at(x)
+            return f * OVER[self.times].values(signals) if self.times else f, signals
         kept = signals.memory.get(self.identifier)
         if self.over == "last_sign":
             x = last_sign(signals.rate_dps, 0.0 if kept is None else float(kept[0]))
             carried = np.array([x[-1]])
+        elif self.shape == "hysteresis":
+            played = play(x, self.values["width"], float(x[0] if kept is None else kept[0]))
+            x, carried = played - x, played[-1:].copy()
         if self.shape == "memory":
             x, carried = _lagged(x, signals, self.values["tau"], kept)
         return self.value_at(x), replace(signals, memory={**signals.memory, self.identifier: carried})
@@ -128,7 +140,7 @@ class Structure(PhysicalEffect):
 
     def says(self) -> str:
         """What it does, in one sentence with its numbers."""
-        return SHAPES[self.shape].says(Said(stage=self.acts_on, over=self.over, values=self.values))
+        return SHAPES[self.shape].says(Said(stage=self.acts_on, over=self.over, times=self.times, values=self.values))
 
 
 def _lagged(x: FloatArray, signals: Signals, tau_s: float, kept: FloatArray | None) -> tuple[FloatArray, FloatArray]:
@@ -142,24 +154,30 @@ def _lagged(x: FloatArray, signals: Signals, tau_s: float, kept: FloatArray | No
 
 
 @lru_cache(maxsize=1024)
-def structure(stage: StructureStage, over: str, shape: str, span: Span = _EVERYWHERE) -> type[Structure]:
+def structure(
+    stage: StructureStage, over: str, shape: str, span: Span = _EVERYWHERE, times: str = ""
+) -> type[Structure]:
     """The effect of a shape at a stage over a coordinate, of which a recording holds values in `span`."""
     acts, coordinate = ACTS[stage], OVER[over]
-    parameters = _parameters(stage, over, shape, span)
-    remembers = SHAPES[shape].memory or over == "last_sign"
+    parameters = _parameters(stage, over, shape, span, times)
+    lagged = SHAPES[shape].memory == "lag"
+    remembers = bool(SHAPES[shape].memory) or over == "last_sign"
+    word = "*".join(dict.fromkeys(OVER[one].word for one in (over, times) if one))
     namespace = {
-        "identifier": f"{shape}_of_{stage}_over_{over}",
+        "identifier": f"{shape}_of_{stage}_over_{over}" + (f"_times_{times}" if times else ""),
         "stage": acts.chain,
         "acts_on": stage,
         "over": over,
+        "times": times,
+        "word": word,
         "shape": shape,
         "pointwise": not remembers,
         "several": not remembers and stage != "noise",
-        "timeless": remembers and not SHAPES[shape].memory,
-        "momentary": coordinate.momentary or stage == "sampling",
+        "timeless": remembers and not lagged,
+        "momentary": coordinate.momentary or stage == "sampling" or (bool(times) and OVER[times].momentary),
         "words": f"A structure without a name: the {acts.what} depends on {coordinate.phrase}.",
-        "equation": f"{acts.equation}, f = {SHAPES[shape].formula.format(x=over)}",
-        "coordinate": f"{coordinate.word}*rate" if stage == "scale" and coordinate.word != "rate" else coordinate.word,
+        "equation": f"{acts.equation}, f = {SHAPES[shape].written(over, times)}",
+        "coordinate": f"{word}*rate" if stage == "scale" and word != "rate" and not times else word,
         "excited_by": f"the range of {coordinate.phrase}",
         "look_alikes": _LOOK_ALIKES.get((stage, coordinate.word), ()),
         "parameters": parameters,
@@ -198,11 +216,11 @@ def structure_named(identifier: str) -> type[Structure] | None:
     match = _NAME.fullmatch(identifier)
     if match is None:
         return None
-    shape, stage, over = match.groups()
-    return structure(next(one for one in ACTS if one == stage), over, shape)
+    shape, stage, over, times = match.groups()
+    return structure(next(one for one in ACTS if one == stage), over, shape, times=times or "")
 
 
-def _parameters(stage: StructureStage, over: str, shape: str, span: Span) -> Mapping[str, Parameter]:
+def _parameters(stage: StructureStage, over: str, shape: str, span: Span, times: str) -> Mapping[str, Parameter]:
     """Its parameters, sizes first; where they are known, within the range of the coordinate."""
     acts, along, form = ACTS[stage], OVER[over].unit, SHAPES[shape]
     low, high = span
@@ -212,6 +230,7 @@ def _parameters(stage: StructureStage, over: str, shape: str, span: Span) -> Map
     for name, power in form.sizes.items():
         limit = acts.limit / (reach**power if bounded or not power else 1e-12)
         per = f" ({along})-{power}" if power else ""
+        per += f" ({OVER[times].unit})-1" if times else ""
         made[name] = Parameter(
             unit=f"{acts.unit}{per}",
             meaning="what it changes" if not power else "change a unit of the coordinate",
@@ -234,9 +253,9 @@ def _parameters(stage: StructureStage, over: str, shape: str, span: Span) -> Map
         made[name] = Parameter(
             unit="1", meaning="a power", low=least, high=most, role="shape", scan=(least, most), logarithmic=True
         )
-    for name in (*form.lengths, *(("tau",) if form.memory else ())):
+    for name in (*form.lengths, *(("tau",) if form.memory == "lag" else ())):
         unit, least, most = along, _NARROWEST * wide, _WIDEST * wide
-        if form.memory:
+        if form.memory == "lag":
             unit, least, most = "s", 1e-3, 1e6
         elif not bounded:
             least, most = 1e-12, 1e12

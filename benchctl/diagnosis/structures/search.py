@@ -26,7 +26,6 @@ from benchctl.diagnosis.search.selection import Evidence, Selection
 from benchctl.diagnosis.signals.blocks import block_starts
 from benchctl.diagnosis.structures.scan import Begun, begun_everywhere, clock_s, encoder_jumps
 from benchctl_instruments.physics.effects.effect import DescribedEffect
-from benchctl_instruments.physics.structure_places import OVER
 from benchctl_instruments.physics.structures import Structure, unmoved
 
 _NEAR_THE_BEST = 0.4
@@ -112,8 +111,8 @@ def modelled(
         best = _sharpened(problem, chosen, simple)
         if not found:
             near = [one for one in candidates if one.evidence > most_evidence - _TIE]
-            words = dict.fromkeys(OVER[one.structure.over].word for one in near)
-            ties = tuple(word for word in words if word != OVER[best.structure.over].word)
+            words = dict.fromkeys(one.structure.word for one in near)
+            ties = tuple(word for word in words if word != best.structure.word)
         found.append(best.structure)
         chosen = _with(problem, chosen, best.fit)
         rest = rest_of(problem, chosen.whitener, chosen.after, seed=seed)

@@ -16,7 +16,7 @@ from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.structures.noise import NoiseFound, noise_structure, with_noise
 from benchctl.diagnosis.structures.search import Modelled, modelled, with_jumps
 from benchctl.diagnosis.structures.settled import instead_of_names, settled
-from benchctl_instruments.physics.structure_places import ACTS, OVER, PHRASES
+from benchctl_instruments.physics.structure_places import ACTS, PHRASES
 from benchctl_instruments.physics.structure_shapes import SHAPES
 from benchctl_instruments.physics.structures import Structure
 
@@ -43,6 +43,7 @@ _OF_STAGE: Mapping[str, tuple[str, ...]] = {
     "noise": ("a connection that is about to fail", "a source that loses light", "interference"),
     "sampling": ("a clock that drifts", "a filter whose delay changes", "processing whose time depends on load"),
 }
+_BY_WAY = ("friction in a winding, a glue or a mount", "a magnetic shield that keeps its state")
 _BY_SETPOINT = ("the chamber's compressor or heater, which runs while the set point moves", "a supply that it loads")
 _AT_INSTANTS = ("a device that is switched", "a slipping coupling", "a knock")
 _PERIODIC = ("a controller that cycles", "a compressor", "interference")
@@ -152,7 +153,7 @@ def _share(chosen: Selection, found: Modelled) -> float:
 
 def _stated(problem: Problem, found: Modelled, rest: Rest, share: float) -> Unexplained:
     models = tuple(_models(problem, found.chosen, found.structures, _explained(rest, found.left)))
-    coordinates = (OVER[found.structures[0].over].word, *found.ties)
+    coordinates = (found.structures[0].word, *found.ties)
     says = " ".join(one.says for one in models)
     if found.ties:
         others = " or ".join(PHRASES.get(word, word) for word in found.ties)
@@ -169,7 +170,7 @@ def _of_noise(noisy: NoiseFound, unexplained: Unexplained) -> Unexplained:
     model = StructureModel(
         identifier=effect.identifier,
         stage=effect.acts_on,
-        coordinates=(OVER[effect.over].word,),
+        coordinates=(effect.word,),
         shape=effect.shape,
         formula=_formula(effect),
         parameters=noisy.estimates,
@@ -209,7 +210,7 @@ def _models(
         yield StructureModel(
             identifier=key,
             stage=effect.acts_on,
-            coordinates=(OVER[effect.over].word,),
+            coordinates=(effect.word,),
             shape=effect.shape,
             formula=_formula(effect),
             parameters=_with_edges(effect, parameters),
@@ -231,7 +232,7 @@ def _with_edges(effect: Structure, parameters: Mapping[str, Estimate]) -> Mappin
 
 
 def _formula(effect: Structure) -> str:
-    return ACTS[effect.acts_on].formula.format(f=SHAPES[effect.shape].formula.format(x=effect.over))
+    return ACTS[effect.acts_on].formula.format(f=SHAPES[effect.shape].written(effect.over, effect.times))
 
 
 def _hints(effect: Structure) -> tuple[str, ...]:
@@ -239,7 +240,9 @@ def _hints(effect: Structure) -> tuple[str, ...]:
         return _OF_STAGE[effect.acts_on]
     if effect.over == "setpoint":
         return _BY_SETPOINT
-    known = _HINTS.get((effect.acts_on, OVER[effect.over].word), ())
+    if effect.shape == "hysteresis":
+        return _BY_WAY
+    known = _HINTS.get((effect.acts_on, effect.word), ())
     if effect.over == "time" and effect.shape in ("step", "plateau"):
         return (*_AT_INSTANTS, *known)
     return (*_PERIODIC, *known) if effect.over == "time" and effect.shape in ("wave", "bursts") else known

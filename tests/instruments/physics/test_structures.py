@@ -112,6 +112,35 @@ def test_what_remembers_does_not_depend_on_how_a_run_is_cut() -> None:
     np.testing.assert_allclose(np.concatenate(parts), memory.apply(whole).output_v, rtol=1e-12)
 
 
+def test_a_function_of_two_coordinates_is_in_proportion_to_the_second() -> None:
+    name = "kink_of_bias_over_gyro_temp_times_abs_rate"
+    (kink,) = make_effects({name: {"at": 30.0, "above": 1e-5}})
+    turning = replace(signals([20.0, 40.0, 40.0], 0.0), rate_dps=np.array([-50.0, -50.0, 100.0]))
+    assert kink.apply(turning).output_v.tolist() == pytest.approx([0.0, 5e-3, 1e-2])
+    assert kink.says() == (
+        "Above 30 °C of the coil's temperature the bias rises by 0.01 mV per °/s of the size of the rate per °C."
+    )
+    kind = structure_named(name)
+    assert kind is not None
+    assert kind.word == kind.coordinate == "gyro_temp*abs_rate"
+    assert kind.parameters["above"].unit == "V (degC)-1 (deg s-1)-1"
+
+
+def test_a_hysteresis_differs_between_heating_and_cooling_and_does_not_depend_on_how_a_run_is_cut() -> None:
+    (hysteresis,) = make_effects({"hysteresis_of_bias_over_gyro_temp": {"c1": 1e-3, "width": 2.0}})
+    whole = signals([*range(20, 41), *range(39, 19, -1)], 0.0)
+    volts = hysteresis.apply(whole).output_v
+    assert volts[10] == pytest.approx(-2e-3)
+    assert volts[-10] == pytest.approx(2e-3)
+    first, then = (
+        replace(whole, **{name: getattr(whole, name)[part] for name in ARRAYS}, first_index=part.start)
+        for part in (slice(0, 17), slice(17, 41))
+    )
+    begun = hysteresis.apply(first)
+    parts = [begun.output_v, hysteresis.apply(replace(then, memory=begun.memory)).output_v]
+    np.testing.assert_allclose(np.concatenate(parts), volts, rtol=1e-12)
+
+
 def test_a_name_of_no_structure_is_refused() -> None:
     assert structure_named("kink_of_scale_over_moon_phase") is None
     with pytest.raises(UsageError, match="there is no such effect"):
