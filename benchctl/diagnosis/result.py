@@ -112,6 +112,24 @@ class NotFound:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Curve:
+    """A structure's function beside the data of steps that were held out, all in the unit of what it changes.
+
+    In bins of the coordinate at `place` (m,): what the residual asks of the function (`asked`) and what the function
+    leaves of it (`left`), each with a standard `error`. At `along` (k,) the fitted function with its 95 % band.
+    """
+
+    place: FloatArray
+    asked: FloatArray
+    left: FloatArray
+    error: FloatArray
+    along: FloatArray
+    fitted: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class StructureModel:
     """A structure without a name as it was modelled: where it acts, over which coordinate, in which shape.
 
@@ -127,6 +145,7 @@ class StructureModel:
     explains: float
     says: str
     hints: tuple[str, ...] = ()
+    curve: Curve | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -27,14 +27,14 @@ from benchctl.reports.diagnosis_words import (
 )
 from benchctl.reports.figures import Drawing, inline_svg, style
 from benchctl.reports.html import render, write_page
-from benchctl.reports.mismatch_figures import map_figure, significance, steps_figure, traces_figure
+from benchctl.reports.mismatch_figures import curve_figure, map_figure, significance, steps_figure, traces_figure
 
 _FOLLOWED = " After, the wandering bias is followed from sample to sample."
 _WEIGHED = " After, each sample is weighed by the noise that its rate brings, and should come to the noise at rest."
 
 
 def drawings(diagnosis: Diagnosis, unit: str) -> Mapping[str, Drawing]:
-    """Those figures that there is something to draw for, by name: map, steps, traces."""
+    """Those figures that there is something to draw for, by name: map, steps, traces, structure-1 and so on."""
     found: dict[str, Drawing] = {}
     both = predicts_otherwise(diagnosis)
     before_after = "before and after" if both else "the model's own parameters refitted"
@@ -82,6 +82,16 @@ def drawings(diagnosis: Diagnosis, unit: str) -> Mapping[str, Drawing]:
                 + " Left: measured and predicted. Right: the residual, with means as lines; above it its rms."
                 + _FOLLOWED * _wanders(diagnosis),
             )
+        for number, model in enumerate(diagnosis.unexplained.models, start=1):
+            if model.curve is not None:
+                add(
+                    f"structure-{number}",
+                    curve_figure(model, unit),
+                    f"The fitted function beside what held-out steps ask of it. {model.says}",
+                    "Means of held-out steps in bins of the coordinate, with standard errors. Above: what the residual "
+                    "without the structure asks of it; the line is the fitted function, shaded its 95 % interval. "
+                    "Below: what the structure leaves.",
+                )
     return found
 
 

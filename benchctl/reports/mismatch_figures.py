@@ -16,11 +16,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from benchctl.diagnosis.result import Slice, StepFigures, Trace
+from benchctl.diagnosis.result import Slice, StepFigures, StructureModel, Trace
 from benchctl.reports import diagnosis_words as words
 from benchctl.reports.figures import GREY, INK, LEVEL_COLOURS, dots, new_figure
 from benchctl.reports.reduction import binned
 from benchctl_instruments.arrays import BoolArray, FloatArray
+from benchctl_instruments.physics.structure_places import ACTS
 
 BAND = "#e4e7ea"
 _TICKS = 7
@@ -284,6 +285,34 @@ def traces_figure(traces: Sequence[Trace], unit: str, *, changed: bool = True) -
         output.set_title(f"{trace.step} (held out)" if trace.heldout else trace.step)
     spoilt = [spoilt_key()] if any(trace.spoilt.any() for trace in traces) else []
     name_excerpts(figure, [*([BEFORE.key, AFTER.key] if changed else [ONLY.key]), *spoilt])
+    return figure
+
+
+def curve_figure(of: StructureModel, unit: str) -> Figure:
+    """What held-out steps ask of a structure with its function and the band of that, and what it leaves of them."""
+    curve = of.curve
+    if curve is None:
+        raise ValueError(f"{of.identifier}: there is no curve to draw")
+    factor, per = next(acts.printed for stage, acts in ACTS.items() if stage == of.stage)
+    figure = new_figure(2.6)
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
+    upper.fill_between(curve.along, factor * curve.low, factor * curve.high, color=BAND, linewidth=0)
+    upper.plot(curve.along, factor * curve.fitted, color=AFTER.colour, linewidth=0.9)
+    for axes, look, values in ((upper, BEFORE, curve.asked), (lower, AFTER, curve.left)):
+        axes.axhline(0.0, color=INK, linewidth=0.5)
+        axes.errorbar(
+            curve.place,
+            factor * values,
+            yerr=factor * curve.error,
+            color=look.colour,
+            alpha=look.alpha,
+            marker=look.marker,
+            markersize=2.2,
+            linewidth=0.6,
+            linestyle="none",
+        )
+        axes.set_ylabel(f"{look.label} ({per})", labelpad=1.5)
+    lower.set_xlabel(words.coordinate_axis(of.coordinates[0].split("*")[0], unit), labelpad=1.5)
     return figure
 
 

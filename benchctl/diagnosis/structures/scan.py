@@ -16,7 +16,7 @@ import numpy as np
 import scipy.signal
 from scipy.signal import oaconvolve
 
-from benchctl.diagnosis.fitting.fit import inverse
+from benchctl.diagnosis.fitting.fit import Fit, inverse
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.search.pull import Pull, peaks
 from benchctl.diagnosis.signals.bins import bin_of
@@ -88,7 +88,7 @@ def begun_everywhere(problem: GyroProblem, pull: Pull, in_time: Pull) -> list[Be
     """
     coordinates = coordinates_of(problem)
     seen = {
-        over_time: (one, [one.of_known(i) for i in range(len(one.fitted.numbers))], _factors(problem, one))
+        over_time: (one, [one.of_known(i) for i in range(len(one.fitted.numbers))], factors_of(problem, one.fitted))
         for over_time, one in ((False, pull), (True, in_time))
     }
     places = [(stage, over) for stage, all_of_it in _OF_STAGE.items() for over in all_of_it if over in coordinates]
@@ -123,9 +123,8 @@ def clock_s(problem: GyroProblem) -> FloatArray:
     return clock
 
 
-def _factors(problem: GyroProblem, pull: Pull) -> Mapping[StructureStage, FloatArray]:
+def factors_of(problem: GyroProblem, fitted: Fit) -> Mapping[StructureStage, FloatArray]:
     """What a stage multiplies its function with, in the output; arrays of shape (n,)."""
-    fitted = pull.fitted
     K0, U0 = fitted.point.baseline[:2].tolist()
     return {
         "scale": fitted.predicted - U0,

@@ -13,6 +13,7 @@ from benchctl.diagnosis.rest.rest import Rest, rest_of
 from benchctl.diagnosis.result import Estimate, StructureModel, Unexplained
 from benchctl.diagnosis.search.select import select
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.diagnosis.structures.curve import curve_of
 from benchctl.diagnosis.structures.noise import NoiseFound, noise_structure, with_noise
 from benchctl.diagnosis.structures.search import Modelled, modelled, with_jumps
 from benchctl.diagnosis.structures.settled import instead_of_names, settled
@@ -151,7 +152,7 @@ def _share(chosen: Selection, found: Modelled) -> float:
     return min(max((bare - after) / max(first - after, 1e-300), 0.0), 1.0)
 
 
-def _stated(problem: Problem, found: Modelled, rest: Rest, share: float) -> Unexplained:
+def _stated(problem: GyroProblem, found: Modelled, rest: Rest, share: float) -> Unexplained:
     models = tuple(_models(problem, found.chosen, found.structures, _explained(rest, found.left)))
     coordinates = (found.structures[0].word, *found.ties)
     says = " ".join(one.says for one in models)
@@ -197,7 +198,7 @@ def _explained(before: Rest, after: Rest) -> float:
 
 
 def _models(
-    problem: Problem, chosen: Selection, structures: Sequence[Structure], explains: float
+    problem: GyroProblem, chosen: Selection, structures: Sequence[Structure], explains: float
 ) -> Iterator[StructureModel]:
     """The structures of a selection, those that were found first before others."""
     kinds = list(dict.fromkeys(one.identifier for one in structures))
@@ -217,6 +218,7 @@ def _models(
             explains=explains,
             says=effect.says(),
             hints=_hints(effect),
+            curve=curve_of(problem, chosen, key),
         )
 
 

@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.result import Estimate, NotFound, Slice
+from benchctl.diagnosis.result import Curve, Estimate, NotFound, Slice, StructureModel
 from benchctl.recordings.model import BenchFacts, Meta, StepInfo, Unit
 from benchctl.reports import diagnosis_words as words
 from benchctl.reports.diagnosis_page import diagnosis_page, write_diagnosis_report
 from benchctl.reports.diagnosis_tables import lines
 from benchctl.reports.diagnosis_words import chip, headline
 from benchctl.reports.figures import style
-from benchctl.reports.mismatch_figures import map_figure, significance, steps_figure, traces_figure
+from benchctl.reports.mismatch_figures import curve_figure, map_figure, significance, steps_figure, traces_figure
 from tests.benchctl.diagnosis.example import NOISE_V, nothing_missing, pair, unknown_structure
 from tests.benchctl.reports.page import Page
 from tests.slowness import slowness
@@ -113,6 +113,51 @@ def test_unknown_structure_names_its_coordinates_and_forces_no_name():
     assert "angle of the table; angle of the table together with gyro's temperature" in told
     assert "62 % of the initial mismatch" in told
     assert "beyond chance: angle of the table." in told
+
+
+def step_model():
+    """A step of the scale factor at 34.6 °C, as it was found, with its curve beside held-out steps."""
+    place, along = np.linspace(-20.0, 50.0, 40), np.linspace(-20.0, 50.0, 200)
+    chance = 1e-4 * np.random.default_rng(3).standard_normal(40)
+    step = -9.7e-3 * (along > 34.6)
+    return StructureModel(
+        identifier="step_of_scale_over_gyro_temp",
+        stage="scale",
+        coordinates=("gyro_temp",),
+        shape="step",
+        formula="K = K0·(1 + change·clip((gyro_temp − at)/width + ½, 0, 1))",
+        parameters={"at": Estimate(value=34.6, low=34.4, high=34.8, unit="degC")},
+        explains=0.98,
+        says="Where the coil's temperature is above 34.6 °C the scale factor is 0.97 % lower.",
+        curve=Curve(
+            place=place,
+            asked=chance - 9.7e-3 * (place > 34.6),
+            left=chance,
+            error=np.full(40, 1e-4),
+            along=along,
+            fitted=step,
+            low=step - 2e-4,
+            high=step + 2e-4,
+        ),
+    )
+
+
+def test_a_modelled_structure_is_drawn_beside_what_held_out_steps_ask_of_it():
+    diagnosis = undrawn(unknown_structure())
+    modelled = replace(diagnosis, unexplained=replace(diagnosis.unexplained, models=(step_model(),)))
+    page = page_of(modelled)
+    assert 'id="structure-1-' in page
+    assert "Below: what the structure leaves." in page
+    bare = replace(step_model(), curve=None)
+    assert "structure-1-" not in page_of(replace(diagnosis, unexplained=replace(diagnosis.unexplained, models=(bare,))))
+
+
+def test_the_curve_of_a_structure_is_drawn_in_the_unit_of_what_it_changes():
+    with style():
+        upper, lower = curve_figure(step_model(), "V").axes
+    assert (upper.get_ylabel(), lower.get_ylabel()) == ("before (%)", "after (%)")
+    assert lower.get_xlabel() == "gyro's temperature (°C)"
+    assert np.min(upper.lines[0].get_ydata()) == pytest.approx(-0.97)
 
 
 def test_an_engineer_reads_what_to_do_where_parameters_moved_or_a_structure_has_no_name():
