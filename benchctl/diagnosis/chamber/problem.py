@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -48,7 +49,6 @@ class ChamberProblem(MadeOfRows):
     baseline_start: FloatArray
     believed: bool
     effects: Mapping[str, type[DescribedEffect]]
-    coordinates: Mapping[str, FloatArray]
     full_scale: float
     usable: BoolArray
     unit: str = "K"
@@ -87,6 +87,20 @@ class ChamberProblem(MadeOfRows):
         return {
             "duration_s": float(self.rows.run_s.max()),
             "largest_drive": max(float(np.abs(self.rows.drive).max()), 1e-12),
+        }
+
+    @cached_property
+    def coordinates(self) -> Mapping[str, FloatArray]:
+        """Of the air that of the first model: sorted by the measured air, noise would look like a structure."""
+        rows, air_c = self.rows, self.predict(self.baseline_start, ())
+        return {
+            "time": rows.time_s,
+            "chamber_temp": air_c,
+            "chamber_temp_rate": np.concatenate(
+                [np.gradient(air_c[part]) / self.interval_s for part in rows.stretches]
+            ),
+            "heater" if rows.kind == "power" else "setpoint": rows.means(rows.drive),
+            "step": rows.infos_of_rows.step.astype(np.float64),
         }
 
     def predict(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
@@ -257,7 +271,6 @@ def chamber_problem(
         bounds=within,
         believed=believed,
         effects=bounded_kinds(rows, known),
-        coordinates=_coordinates(rows),
         full_scale=float(np.ptp(rows.temperature_c[rows.usable])),
         usable=rows.usable,
     )
@@ -277,17 +290,6 @@ def _parameters(rows: ChamberRows) -> tuple[tuple[str, ...], tuple[str, ...]]:
         if not np.isfinite(rows.room_c).all():
             names, units = (*names, "ambient_c"), (*units, "degC")
     return ((*names, _START), (*units, "degC")) if len(rows.runs) == 1 else (names, units)
-
-
-def _coordinates(rows: ChamberRows) -> dict[str, FloatArray]:
-    rate = [np.gradient(rows.temperature_c[part]) / (rows.block * rows.interval_s) for part in rows.stretches]
-    return {
-        "time": rows.time_s,
-        "chamber_temp": rows.temperature_c,
-        "chamber_temp_rate": np.concatenate(rate),
-        "heater" if rows.kind == "power" else "setpoint": rows.means(rows.drive),
-        "step": rows.infos_of_rows.step.astype(np.float64),
-    }
 
 
 def _estimated(problem: ChamberProblem) -> FloatArray:

@@ -59,6 +59,7 @@ def test_of_a_part_that_hides_nothing_nothing_is_stated(part: ClassName, index: 
     path, _ = truth.record(tmp_path / "run")
     with open_recording(path) as recording:
         said = diagnose(recording, part="drive" if part == "drive" else "chamber")
+    assert said.verdict == "consistent"
     assert not said.findings
 
 
