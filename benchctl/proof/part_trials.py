@@ -1,7 +1,7 @@
 """Sealed trials of a table's drive and of a chamber: a run is drawn, with the effects that it conceals, and simulated.
 
 The motion of a drive is prescribed and the torque that it takes follows, a hundred times a second and ten steps in
-between; the air of a chamber runs freely, a draught beside it, and is read once a second in the steps of a thermometer.
+between; the air of a chamber runs freely, pushed by a draught, and is read once a second in the steps of a thermometer.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
-import scipy.signal
 
 from benchctl.diagnosis.result import Verdict
 from benchctl.proof.classes import CLASSES, ClassName
@@ -184,7 +183,8 @@ def _chamber(truth: PartTruth, draws: np.random.Generator) -> dict[str, FloatArr
         signals = effect.apply(signals)
     gain, tau_s = truth.baseline.values()
     pushes = draws.normal(0.0, draws.uniform(0.005, 0.02) * math.sqrt(step_s), time_s.size)
-    air = air_c(signals, _ROOM_C, gain, tau_s) + scipy.signal.lfilter([1.0], [1.0, step_s / tau_s - 1.0], pushes)
+    signals = replace(signals, drive=signals.drive + pushes * tau_s / (gain * step_s))
+    air = air_c(signals, _ROOM_C, gain, tau_s)
     read = slice(None, None, _STEPS)
     told = air[read] + draws.normal(0.0, _READING_C, air[read].size)
     return {
