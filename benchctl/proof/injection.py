@@ -136,7 +136,7 @@ class Untouched:
             samples = slice(None) if laid.samples is None else laid.samples
             output_v = np.zeros(signals.time_s.size)
             output_v[samples] = problem.frame.volts
-            return one.apply(replace(signals, output_v=output_v)).output_v[samples] - problem.frame.volts
+            return problem.slow(one.apply(replace(signals, output_v=output_v)).output_v[samples] - problem.frame.volts)
         return problem.predict(self._baseline, (*self._own, one)) - problem.predict(self._baseline, self._own)
 
     def _of_size(self, name: str, shaped: dict[str, float], rms: float) -> dict[str, float] | None:

@@ -26,6 +26,8 @@ from benchctl_instruments.errors import UsageError
 UNTOUCHED = "untouched.json"
 
 _LONGEST_S = 3600.0
+_STATED = 0.05
+"""Probability from which on an alternative counts as stated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,8 +46,8 @@ class InjectedTrial:
     """A trial after the unsealing.
 
     `share` is the rms that was added beside what is left of the untouched recording; `lost` are the recording's own
-    findings that were not named again, `made_up` what neither it nor the drawn effect is; `error` says why there is no
-    answer.
+    findings that were not named again, `made_up` what neither it nor the drawn effect is; `instead` is the finding of
+    which the drawn effect was stated as an alternative; `error` says why there is no answer.
     """
 
     index: int
@@ -56,6 +58,7 @@ class InjectedTrial:
     named: bool = False
     lost: Sequence[str] = ()
     made_up: Sequence[str] = ()
+    instead: str = ""
     stated: Mapping[str, float] | None = None
     seconds: float | None = None
     error: str = ""
@@ -127,17 +130,30 @@ class _Run:
 
 
 def _scored(injection: Injection, digest: str, own: frozenset[str], found: Mapping[str, Any]) -> InjectedTrial:
+    """Held against the truth; of two effects that a recording does not separate a diagnosis states both.
+
+    The one that is an alternative of the other's finding is then named as well, and the finding is not made up.
+    """
     named = {one["effect"]: one for one in found["said"]["findings"]}
+    either = {name: {name, *_rivals(one)} for name, one in named.items()}
+    stated = set().union(*either.values())
+    there = {*own, injection.effect}
     mine = named.get(injection.effect)
+    instead = next((name for name, names in either.items() if injection.effect in names), "")
     return _unsealed(
         injection,
         digest,
-        named=mine is not None,
-        lost=sorted(own - set(named)),
-        made_up=sorted(set(named) - own - {injection.effect}),
+        named=injection.effect in stated,
+        lost=sorted(own - stated),
+        made_up=sorted(name for name, names in either.items() if there.isdisjoint(names)),
+        instead="" if mine else instead,
         stated=None if mine is None else {name: value["value"] for name, value in mine["parameters"].items()},
         seconds=found["seconds"],
     )
+
+
+def _rivals(finding: Mapping[str, Any]) -> set[str]:
+    return {one["effect"] for one in finding["alternatives"] if one["probability"] >= _STATED}
 
 
 def _unsealed(injection: Injection, digest: str, **found: Any) -> InjectedTrial:
@@ -202,6 +218,7 @@ def as_json(proof: RecordingProof, own: Sequence[str], trials: Sequence[Injected
         "trials": len(trials),
         "untouched": list(own),
         "named": sum(one.named for one in trials),
+        "as_alternative": sum(bool(one.instead) for one in trials),
         "lost": sum(bool(one.lost) for one in trials),
         "made_up": sum(bool(one.made_up) for one in trials),
         "right": sum(one.right for one in trials),

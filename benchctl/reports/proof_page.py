@@ -42,8 +42,9 @@ def lines_on(values: Mapping[str, Any]) -> Iterator[str]:
         named = f"{row['named']:>4} of {row['trials']:<3}"
         yield f"{row['effect'].replace('_', ' '):<34} {named} {sizes[0]:>16} {sizes[1]:>16}"
     yield (
-        f"named {percent(Share(count=values['named'], of=values['trials']))}; its own findings lost in {values['lost']}"
-        f" trials, something made up in {values['made_up']}"
+        f"named {percent(Share(count=values['named'], of=values['trials']))}, {values['as_alternative']} of them as an"
+        f" alternative of another effect; its own findings lost in {values['lost']} trials, something made up in"
+        f" {values['made_up']}"
     )
 
 

@@ -45,6 +45,8 @@ _FEWEST_IN_BAND = 100
 _MOST_LEAD_S = 1.0 / (2.0 * math.pi * 25.0)
 """A part of the acceleration that shifts the output by more than a low-pass of 25 Hz does is no strain of a coil."""
 _LEAST_UNCLIPPED = 0.1
+_MOST_SCALE = 2.0
+"""Neither a part nor a wiring makes a scale factor differ from a stated one by more; a wrong model can."""
 _KNOTS, _RIDGE = 12, 1e-9
 _FEWEST_STEPS = 12
 """Of fewer steps none can be held out; they are cut into pieces."""
@@ -94,7 +96,7 @@ class GyroProblem(Stepped):
     @cached_property
     def measured(self) -> FloatArray:
         """The gyro's output [V], shape (n,)."""
-        volts = self._slow(self.frame.volts)
+        volts = self.slow(self.frame.volts)
         return volts if self.rounding_v is None else volts - self.rounding_v
 
     @property
@@ -150,6 +152,13 @@ class GyroProblem(Stepped):
         """The lab's values, shape (p,)."""
         stated = self.simulation
         return np.array([stated["K0_v_per_dps"], stated["U0_v"], *stated["k_T"], *stated["k_omega"]], dtype=np.float64)
+
+    @cached_property
+    def baseline_bounds(self) -> Mapping[str, tuple[float, float]]:
+        """A stated scale factor is known to within a factor of two; nothing is known of one that was fitted."""
+        K0 = float(self.simulation["K0_v_per_dps"])
+        low, high = sorted((K0 / _MOST_SCALE, K0 * _MOST_SCALE))
+        return {"K0_v_per_dps": (low, high)} if self.believed else {}
 
     @cached_property
     def circumstances(self) -> Mapping[str, float]:
@@ -215,11 +224,11 @@ class GyroProblem(Stepped):
         In a slow band effects of the momentary rate change them by what they do on the average at that slow output:
         what they do beyond it hangs on motion between the samples, which nobody knows.
         """
-        volts = self._slow(self.chain.predict(baseline, (*effects, *self.rails)))
+        volts = self.slow(self.chain.predict(baseline, (*effects, *self.rails)))
         lasting = [effect for effect in effects if not effect.momentary]
         if self.band is None or len(lasting) == len(effects) + len(self.rails):
             return volts
-        slow = self._slow(self.chain.predict(baseline, lasting))
+        slow = self.slow(self.chain.predict(baseline, lasting))
         return slow + self._on_the_average(volts - slow, slow)
 
     def spectral_residual(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
@@ -252,7 +261,8 @@ class GyroProblem(Stepped):
     def _kept(self, values: FloatArray) -> FloatArray:
         return values if self.band is None else values[self.band.rows]
 
-    def _slow(self, values: FloatArray) -> FloatArray:
+    def slow(self, values: FloatArray) -> FloatArray:
+        """What of the frame's rows (n,) is compared, shape (m,)."""
         return values if self.band is None else self.band.slow(values)
 
     def otherwise(self) -> Self | None:
@@ -284,7 +294,7 @@ class GyroProblem(Stepped):
 
     def unrounded(self, predicted: FloatArray, step_v: float) -> Self:
         """Without what the steps of a coarse converter make of an output that would be `predicted`, shape (n,)."""
-        rows, volts = self.usable, self._slow(self.frame.volts)
+        rows, volts = self.usable, self.slow(self.frame.volts)
         rounding = rounding_between(predicted[rows], volts[rows], step_v)
         return replace(self, rounding_v=rounding.mean_v(predicted) - predicted)
 

@@ -120,14 +120,27 @@ def contrast_of(
     for sign in (-1.0, 1.0):
         rows = turning & (np.sign(slow_dps) == sign)
         both &= np.bincount(step, rows, count) >= _FEWEST_ROWS
-        power = np.bincount(step, fast_v**2 * rows, count)[step]
-        np.divide(sign * fast_v, power, out=weights, where=rows & (power > 0.0))
+        own = _beside_line(fast_v, slow_dps, rows, step)
+        power = np.bincount(step, own**2, count)[step]
+        np.divide(sign * own, power, out=weights, where=rows & (power > 0.0))
     steps = np.flatnonzero(both)
     if steps.size < _FEWEST_STEPS:
         return None
     measured = np.asarray(np.bincount(step, weights * np.where(usable, volts, 0.0))[steps], np.float64)
     deviation = math.sqrt(float(measured.var(ddof=1)) + (_APART**2) * steps.size)
     return Contrast(weights=weights, rows=step, steps=steps, measured=measured, deviation=deviation)
+
+
+def _beside_line(values: FloatArray, along: FloatArray, rows: BoolArray, step: IntArray) -> FloatArray:
+    """What of values (n,) is in some rows of each step neither constant nor in proportion to another quantity.
+
+    An offset, and the slow motion itself, are then no gain of the fast one; 0 in all other rows.
+    """
+    many = np.maximum(np.bincount(step, rows), 1.0)
+    own, other = ((one - (np.bincount(step, one * rows) / many)[step]) * rows for one in (values, along))
+    power = np.bincount(step, other**2)
+    slope = np.divide(np.bincount(step, own * other), power, out=np.zeros_like(power), where=power > 0.0)
+    return np.asarray(own - slope[step] * other)
 
 
 def response_of(

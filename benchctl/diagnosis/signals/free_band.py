@@ -44,7 +44,11 @@ _PASSING = 0.6
 _ATTENUATION_DB = 80.0
 _RESOLUTION_S = 10.0
 _BIN_HZ = 0.4
-_FILTER_S = 2.56
+_FILTER_S = 0.64
+"""Length of the filter between encoder and gyro: a longer one tells the lines of the two directions of rotation apart.
+
+It then learns how each of them is felt, and hides a part of what differs between them.
+"""
 _FEWEST_BINS = 2
 _EVEN = 4.0
 """A bin's power over the median of the band's, up to which it still passes for white noise."""

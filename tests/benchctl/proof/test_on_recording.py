@@ -12,8 +12,10 @@ from benchctl.cli.app import run_verb
 from benchctl.diagnosis import diagnose
 from benchctl.proof import inject
 from benchctl.proof.injection import FAIR, Injection, Untouched
+from benchctl.proof.on_recording import _scored
 from benchctl.recordings.reader import open_recording
 from tests.benchctl.cli.processes import benchctl
+from tests.benchctl.diagnosis.gyro.test_response import stepped_recording
 from tests.benchctl.diagnosis.moving import KINDS, NOISE_V, write_moving
 
 SQUARED = Injection(index=0, effect="rate_squared", parameters={"v_per_dps2": 2e-6}, share=1.0, nonce="")
@@ -49,6 +51,30 @@ def test_a_limit_cuts_the_samples_themselves(plain: Path, said: dict[str, object
         changed = np.concatenate([step["gyro_v"] for step in Untouched(recording, said).with_it(limit)])
     assert changed.max() == pytest.approx(0.6, abs=1e-12)
     assert np.count_nonzero(changed > 0.6 - 1e-9) > 100
+
+
+def test_a_limit_is_drawn_for_a_motion_beyond_the_band_too(said: dict[str, object]) -> None:
+    recording = stepped_recording(0.012, 0.0, 0.0, 0.0, np.inf, 46.0)
+    baseline = {"K0_v_per_dps": {"value": 1.0}, "U0_v": {"value": 0.0}}
+    told = {**said, "findings": [], "baseline": {"parameters": baseline}, "fit": {"after": 0.3}}
+    untouched = Untouched(recording, told)
+    drawn = {untouched.drawn(1, index).effect for index in range(24)}
+    assert {"saturation", "two_rails"} & drawn
+
+
+@pytest.mark.parametrize(("probability", "named", "made_up"), [(0.4, True, []), (0.01, False, ["scale_asymmetry"])])
+def test_an_effect_counts_as_named_where_it_is_stated_as_the_alternative(
+    probability: float, named: bool, made_up: list[str]
+) -> None:
+    rival = {"effect": "rate_squared", "probability": probability}
+    findings = [
+        {"effect": "scale_asymmetry", "parameters": {}, "alternatives": [rival]},
+        {"effect": "timing_offset", "parameters": {}, "alternatives": []},
+    ]
+    found = {"said": {"findings": findings}, "seconds": 1.0}
+    trial = _scored(SQUARED, "", frozenset({"timing_offset"}), found)
+    assert (trial.named, trial.made_up, trial.lost) == (named, made_up, [])
+    assert trial.instead == ("scale_asymmetry" if named else "")
 
 
 def test_what_is_drawn_is_the_same_for_a_seed_shows_as_it_says_and_is_nothing_that_was_there(
