@@ -5,19 +5,32 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
+
 from benchctl.diagnosis.fitting.disturbance import disturbance_beside
 from benchctl.diagnosis.fitting.fit import Fit, fit, gain_of
 from benchctl.diagnosis.fitting.wandering import PROCESSES
 from benchctl.diagnosis.gyro.problem import GyroProblem
+from benchctl.diagnosis.keys import place_of
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.rest.commanded import owed_to_the_table, without_the_tables_own
-from benchctl.diagnosis.rest.rest import Rest, imperfect, instead_of, rest_beside, rest_of, withdrawn
+from benchctl.diagnosis.rest.rest import (
+    Rest,
+    imperfect,
+    instead_of,
+    lack_of_fit,
+    of_the_motion,
+    rest_beside,
+    rest_of,
+    withdrawn,
+)
 from benchctl.diagnosis.result import Unexplained
-from benchctl.diagnosis.search.select import reduced, without
+from benchctl.diagnosis.search.select import reduced, settled_again, without
 from benchctl.diagnosis.search.selection import Selection
-from benchctl_instruments.physics.effects.kinds import ClockEffect, FilterEffect
+from benchctl_instruments.physics.effects.kinds import ClockEffect, EncoderEffect, FilterEffect
 
-_ROUNDS = 3
+_ROUNDS = 5
+_ARCSEC, _DIGITS = 3600.0, 7
 _ROUNDED = 0.1
 """Share of the rounding's variance that may be left in lines, where the motion sweeps the steps alike each time."""
 NOTHING = Unexplained(significant=False, share=0.0)
@@ -50,10 +63,14 @@ def named(
                 own = instead_of(problem, chosen.whitener, one, judged, seed=seed)
                 own = min(own, _in_rows(problem, chosen.after, one))
                 instead[name] = own * gains[name] / max(gain_of(chosen.after, one), 1.0)
-        forbidden = withdrawn(gains, judged, instead)
+        effects = dict(zip(chosen.evidence, chosen.after.point.effects, strict=True))
+        forbidden = withdrawn(gains, judged, instead) or _too_small(problem, chosen, rest, agreed)
         if not forbidden:
             break
-        chosen = reduced(problem, chosen, forbidden)
+        fallen = {place_of(effect) for key, effect in effects.items() if key in forbidden}
+        chosen = settled_again(problem, reduced(problem, chosen, forbidden), fallen, seed=seed)
+    if isinstance(problem, GyroProblem):
+        chosen = _as_uncertain(chosen, rest)
     if imperfect(gains, judged, instead):
         return chosen, NOTHING, (f"{rest.says} It is little enough to be owed to the model of what was found.",)
     before = fit(problem, chosen.noise.plain, chosen.before.point, chosen.before.fitted)
@@ -62,6 +79,44 @@ def named(
         significant=True, share=rest.share_of(ceiling), coordinates=rest.coordinates, says=rest.says
     )
     return chosen, unexplained, ()
+
+
+def _too_small(problem: Problem, chosen: Selection, rest: Rest, agreed: set[str]) -> tuple[str, ...]:
+    """The key of the finding along the motion that gains least, where chance does as much beside what is left there.
+
+    What is compared beside the rows counts in full: nothing of what is left is in it; so does what several recordings
+    have `agreed` on. An error of the encoder that is
+    smaller than its steps is their rounding, which repeats itself with the motion.
+    """
+    ratio = lack_of_fit(rest)
+    gains: dict[str, float] = {}
+    for key, effect in zip(chosen.evidence, chosen.after.point.effects, strict=True):
+        if isinstance(effect, EncoderEffect) and _is_rounding(problem, effect):
+            return (key,)
+        if key not in agreed and of_the_motion(effect.coordinate) and chosen.evidence[key].gain < ratio * chosen.least:
+            gain, less = chosen.evidence[key].gain, without(problem, chosen, key)
+            gains[key] = gain - (1.0 - 1.0 / ratio) * min(_in_rows(problem, chosen.after, less), gain)
+    return tuple(key for key, gain in gains.items() if gain == min(gains.values()) and gain < chosen.least)
+
+
+def _is_rounding(problem: Problem, effect: EncoderEffect) -> bool:
+    steps = (
+        np.diff(np.unique(problem.frame.encoder_deg.round(_DIGITS)))
+        if isinstance(problem, GyroProblem)
+        else np.zeros(0)
+    )
+    size = max(abs(effect.values[name]) for name, one in effect.parameters.items() if one.role == "size")
+    return steps.size > 0 and size < _ARCSEC * float(np.median(steps))
+
+
+def _as_uncertain(chosen: Selection, rest: Rest) -> Selection:
+    """The selection with rivals that are compared by no more than what is left along the motion lets them be."""
+    share = 1.0 / lack_of_fit(rest)
+    evidence = {
+        key: replace(one, rivals={name: share * loss for name, loss in one.rivals.items()})
+        for key, one in chosen.evidence.items()
+    }
+    return replace(chosen, evidence=evidence)
 
 
 def _agreed(problem: Problem, chosen: Selection) -> set[str]:

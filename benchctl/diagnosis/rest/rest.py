@@ -44,6 +44,7 @@ _AS_GOOD = 0.02
 _MOST_NAMED = 3
 _CELLS = 24
 _MOST_OF_IT = 0.6
+_OF_MOTION = frozenset({"rate", "abs_rate", "rate_sign", "acceleration", "angle", "output"})
 
 
 class Whitens(Protocol):
@@ -184,8 +185,9 @@ def instead_of(problem: Problem, whitener: Whitens, without: Fitted, rest: Rest,
     """What the coordinate of a rest brings in the place of a finding, less what its numbers are worth.
 
     `without` is the fit of everything but the finding. A finding that is right brings more than anything smooth in a
-    coordinate does in its stead. Steps do not count: what each step does by itself follows almost anything. Of lines,
-    jumps and bumps only the rest's own counts: another one, at another place, is nothing that the rest shows.
+    coordinate does in its stead; what the coordinate brings beside the finding as well is not in its stead. Steps do
+    not count: what each step does by itself follows almost anything. Of lines, jumps and bumps only the rest's own
+    counts: another one, at another place, is nothing that the rest shows.
     """
     rows = without.fitted[problem.step] & (whitener.weight > 0.0)
     left = Leftover(without.white, without.derivatives, rows)
@@ -195,7 +197,9 @@ def instead_of(problem: Problem, whitener: Whitens, without: Fitted, rest: Rest,
     groups = [one for one in _smooth_groups(problem, without, slow=not plain) if one.words[0] in words]
     if rest.event is not None:
         groups.append(rest.event)
-    return max(one.promise for one in look(left, groups, whitened).looked) if groups else 0.0
+    beside = {(one.words, one.form): max(one.promise, 0.0) for one in rest.looked}
+    looked = look(left, groups, whitened).looked if groups else ()
+    return max((one.promise - beside.get((one.words, one.form), 0.0) for one in looked), default=0.0)
 
 
 def withdrawn(gains: Mapping[str, float], rest: Rest, instead: Mapping[str, float] | None = None) -> tuple[str, ...]:
@@ -219,6 +223,22 @@ def withdrawn(gains: Mapping[str, float], rest: Rest, instead: Mapping[str, floa
         return gain < SHORT * rest.gain
 
     return tuple(name for name, gain in gains.items() if falls(name, gain))
+
+
+def lack_of_fit(rest: Rest) -> float:
+    """By how much what is left along the motion exceeds pure error, a number of it on the average; at least 1.
+
+    Chance scatters by one; where the best function of the motion gains more than that by each of its numbers, so may a
+    finding along the motion that is none, and so may the difference of two of them.
+    """
+    of_motion = (one for one in rest.looked if one.log_p < rest.threshold and of_the_motion(*one.words))
+    best = next(of_motion, None)  # they come in order
+    return 1.0 if best is None else max(best.gain / best.dof, 1.0)
+
+
+def of_the_motion(*coordinates: str) -> bool:
+    """Whether coordinates are of the motion alone."""
+    return {word for one in coordinates for word in one.split("*")} <= _OF_MOTION
 
 
 def imperfect(gains: Mapping[str, float], rest: Rest, instead: Mapping[str, float] | None = None) -> bool:

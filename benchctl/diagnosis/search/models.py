@@ -14,7 +14,7 @@ from benchctl.diagnosis.fitting.fit import Fit, Point, fit, gain_alone, gain_kep
 from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.fitting.noise_model import NoiseModel
 from benchctl.diagnosis.fitting.occam import occam
-from benchctl.diagnosis.fitting.point import assumed, at_bound
+from benchctl.diagnosis.fitting.point import assumed, at_bound, stands_at
 from benchctl.diagnosis.keys import Place, may_join, place_of
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.held_out import dealt, held_out_steps
@@ -137,7 +137,7 @@ class Models:
     def _begun_with(self, present: Fit, start: Point, look_elsewhere: float) -> Tried:
         fitted = self._fit(start)
         added = fitted.point.effects[-1]
-        if at_bound(added) or not self._agreed(fitted, present):
+        if at_bound(added) or self._driven_to_bound(fitted, present) or not self._agreed(fitted, present):
             return Tried(fit=fitted, promise=-math.inf, evidence=-math.inf)
         if self._problem.disturbed:  # no chance was drawn beside a disturbance that is fitted at each of the places
             shapes = [one.scan for one in added.parameters.values() if one.role == "shape"]
@@ -146,6 +146,17 @@ class Models:
             fit=fitted,
             promise=self._beyond_chance(fitted, present) - look_elsewhere,
             evidence=gain_of(fitted, present) - occam(fitted, len(fitted.point.effects) - 1) - look_elsewhere,
+        )
+
+    def _driven_to_bound(self, fitted: Fit, present: Fit) -> bool:
+        """Whether a parameter of the baseline stands at the bound of what is plausible, and did not before.
+
+        Beside a disturbance a note says so.
+        """
+        values = zip(fitted.numbers, fitted.point.baseline.tolist(), present.point.baseline.tolist(), strict=False)
+        return not self._problem.disturbed and any(
+            stands_at(there, number.low, number.high) and not stands_at(before, number.low, number.high)
+            for number, there, before in values
         )
 
     def _agreed(self, better: Fit, worse: Fit) -> bool:

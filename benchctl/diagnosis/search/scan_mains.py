@@ -24,17 +24,38 @@ FAINTEST = 0.02
 """Rms of a line over that of the noise, below which it may be the encoder's steps, which repeat with the motion."""
 _UNEVEN = 0.1
 """A line whose parts disagree by less than this share of its gain is one line, however well each of them is known."""
+_SWING = 0.7
+"""Share of a rate's power in one line, from which on a table swings at one frequency."""
+
+
+def swing_hz(rate_dps: FloatArray, time_s: FloatArray, interval_s: float) -> float:
+    """The one frequency [Hz] at which a table swings, from a rate of shape (n,); 0 where there is no such."""
+    place = np.rint((time_s - time_s.min()) / interval_s).astype(np.int64)
+    if place.max() >= _LONGEST:
+        return 0.0
+    size = scipy.fft.next_fast_len(2 * int(place.max() + 1), real=True)
+    strength = np.abs(scipy.fft.rfft(np.bincount(place, rate_dps), size))
+    frequency = float(np.argmax(strength)) / (size * interval_s)
+    share = 2.0 * float(strength.max()) ** 2 / (rate_dps.size * max(float(rate_dps @ rate_dps), 1e-300))
+    return frequency if share > _SWING else 0.0
 
 
 def mains_places(
-    pull: Pull, time_s: FloatArray, interval_s: float, group: IntArray, lowest_hz: float, count: int
+    pull: Pull,
+    time_s: FloatArray,
+    interval_s: float,
+    group: IntArray,
+    lowest_hz: float,
+    count: int,
+    swinging_hz: float = 0.0,
 ) -> list[Place]:
     """The frequencies [Hz] of the strongest lines, up to half the sampling rate, the most promising first.
 
     `time_s` (n,) has one phase all along; rows are `interval_s` apart but for gaps; `group` (n,) are rows of one kind
-    of motion: a line that only one of them has is the motion's own. A line above half the sampling rate stands at its
-    alias, and is reported there: the samples hold nothing that tells which of its aliases is meant, and the mains are
-    never so exact that a match with one of their harmonics would.
+    of motion: a line that only one of them has is the motion's own, and so is a multiple of `swinging_hz`, the one
+    frequency at which the table swings (0: there is none). A line above half the sampling rate stands at its alias, and
+    is reported there: the samples hold nothing that tells which of its aliases is meant, and the mains are never so
+    exact that a match with one of their harmonics would.
     """
     frequency, gain, level = _periodogram(pull, time_s, interval_s)
     honest = np.where(frequency >= lowest_hz, gain / np.maximum(level, 1.0), 0.0)
@@ -46,6 +67,8 @@ def mains_places(
     least = FAINTEST**2 * float(np.count_nonzero(pull.rows))
     for index in peaks(honest, _TRIED, max(2, math.ceil(3.0 / (frequency[1] * max(lasts_s, interval_s))))):
         value = float(between(honest, index) * frequency[1])
+        if swinging_hz and abs(math.remainder(value, swinging_hz)) * lasts_s < 1.0:
+            continue
         if gain[index] > least and 0.0 < value <= 0.5 / interval_s and _is_one_line(pull, time_s, group, value):
             found.append(Place(value, float(gain[index]), paid(places, float(gain[index]), float(level[index]))))
         if len(found) == count:

@@ -22,7 +22,7 @@ from benchctl.diagnosis.search.pull import Pull, pull_of
 from benchctl.diagnosis.search.scan_converter import converter_places
 from benchctl.diagnosis.search.scan_ends import fold_places, limit_places, onset_places, rail_places
 from benchctl.diagnosis.search.scan_lines import line_places
-from benchctl.diagnosis.search.scan_mains import mains_places
+from benchctl.diagnosis.search.scan_mains import mains_places, swing_hz
 from benchctl.diagnosis.signals.threads import shared_out
 from benchctl_instruments.arrays import FloatArray
 
@@ -71,7 +71,9 @@ def _places(problem: Problem, pull: Pull, name: str) -> Iterator[tuple[Mapping[s
     if name == "mains_pickup":
         kinds = np.unique(problem.step_kinds, return_inverse=True)[1][problem.step]
         lowest = parameters["frequency_hz"].low
-        for place in mains_places(pull, _clock_s(problem), problem.interval_s, kinds, lowest, _COUNT):
+        clock_s, rate = _clock_s(problem), problem.coordinates.get("rate")
+        swinging_hz = 0.0 if rate is None else swing_hz(rate, clock_s, problem.interval_s)
+        for place in mains_places(pull, clock_s, problem.interval_s, kinds, lowest, _COUNT, swinging_hz):
             yield {"frequency_hz": place.value}, place.places, 0.0
     elif name == "adc_nonlinearity":
         for place in converter_places(pull, pull.fitted.predicted, parameters["period_v"].low, _COUNT):

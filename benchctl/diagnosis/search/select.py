@@ -32,7 +32,7 @@ from benchctl_instruments.physics.structures import Structure
 Better = Callable[[Problem, Fit, Whitener], Problem | None]
 
 _MOST_FINDINGS = 5
-_RIVALS = 3
+_RIVALS = 5
 _MOST_SWAPS = 6
 _MOST_REFUSED = 3
 """With so many effects refused, because they make held-out steps worse, the search ends."""
@@ -120,6 +120,11 @@ def reduced(problem: Problem, chosen: Selection, keys: Collection[str]) -> Selec
         noise=noise,
         evidence=dict(zip(keys_of(after.point.effects), kept, strict=True)),
     )
+
+
+def settled_again(problem: Problem, chosen: Selection, fallen: Collection[Place], *, seed: int) -> Selection:
+    """The selection after names have `fallen`: what was needed beside them only goes, and rivals are compared anew."""
+    return _Search(problem, seed, lambda _name, _share: None, 0.0).settle(chosen, fallen)
 
 
 def without_nothing(problem: Problem, chosen: Selection) -> Selection:
@@ -245,6 +250,18 @@ class _Search(Models):
             evidence=evidence,
             heldout=self._held,
             least=self._least(present),
+        )
+
+    def settle(self, chosen: Selection, fallen: Collection[Place]) -> Selection:
+        """What was chosen without what is not needed, nothing added; what has `fallen` is no rival either."""
+        self._noise, self._threshold = chosen.noise, chosen.screening.threshold
+        self._rivals, self._refused = dict(_Plain.of(chosen).rivals), set(fallen)
+        present, evidence = self._settled(chosen.after)
+        while (worse := _not_to_state(self._problem, present, evidence)) is not None:
+            self._refused.add(place_of(worse))
+            present, evidence = self._settled(self._without(present, worse))
+        return replace(
+            chosen, after=present, whole=with_disturbance(self._problem, self._whole(present)), evidence=evidence
         )
 
     def _whole(self, present: Fit) -> Fit:

@@ -11,10 +11,12 @@ from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.rest.rest import Rest, rest_of
 from benchctl.diagnosis.result import Estimate, StructureModel, Unexplained
+from benchctl.diagnosis.search.scan_mains import swing_hz
 from benchctl.diagnosis.search.select import select
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.structures.curve import curve_of
 from benchctl.diagnosis.structures.noise import NoiseFound, noise_structure, with_noise
+from benchctl.diagnosis.structures.scan import clock_s
 from benchctl.diagnosis.structures.search import Modelled, modelled, with_jumps
 from benchctl.diagnosis.structures.settled import instead_of_names, settled
 from benchctl_instruments.physics.structure_places import ACTS, PHRASES
@@ -129,7 +131,12 @@ def _modelled(
 
 
 def _named_again(problem: GyroProblem, found: Modelled, seed: int) -> Modelled:
-    """What was found with names in the place of structures, and beside them, where these do as well."""
+    """What was found with names in the place of structures, and beside them, where these do as well.
+
+    Of a swing at one frequency all coordinates of the motion are one, and any name has a structure that completes it.
+    """
+    if swing_hz(problem.coordinates["rate"], clock_s(problem), problem.interval_s):
+        return found
     structures = [one for one in found.chosen.after.point.effects if isinstance(one, Structure)]
     kinds = {one.identifier for one in structures}
     if not structures or len(kinds) < len(structures):  # a search does not know two of a kind apart

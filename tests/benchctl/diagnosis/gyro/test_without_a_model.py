@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchctl.diagnosis.diagnose import diagnose
 from benchctl.diagnosis.gyro.problem import gyro_problem
 from benchctl.recordings.reader import Recording
 from benchctl_instruments.errors import UsageError
@@ -52,3 +53,40 @@ def test_the_unit_of_a_digital_gyro_states_its_scale_factor(sign: float) -> None
 def test_a_table_that_never_turns_shows_no_scale_factor() -> None:
     with pytest.raises(UsageError, match="the table never turns"):
         gyro_problem(recorded(0.05, 2.5, unit="V", amplitude_dps=0.0, delay_s=0.0))
+
+
+def swung(seed: int) -> Recording:
+    """One sine of 7 Hz; the gyro is 7 ms late, 8 % too large, and shakes at multiples of the sine, as mounts do."""
+    chance, swing = np.random.default_rng(seed), 2.0 * np.pi * 7.0
+    time_s = np.arange(0.0, 8.0, 0.002)
+    late = time_s - 0.007
+    output = 1.08 * 115.0 * np.cos(swing * late) + 2.0 * chance.standard_normal(time_s.size)
+    for order, amplitude in ((2, 7.0), (3, 6.0), (4, 6.0), (7, 4.0)):
+        output += amplitude * np.sin(order * swing * late + 6.0 * chance.random())
+    channels = {
+        "time_s": time_s,
+        "encoder_deg": np.mod(115.0 / swing * np.sin(swing * time_s), 360.0),
+        "gyro_v": output,
+    }
+    return recording_of(channels, gyro_output_unit="deg/s", channel_units={"gyro_v": "deg/s"})
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_one_frequency_does_not_separate_a_delay_from_a_low_pass_and_both_are_stated(seed: int) -> None:
+    diagnosis = diagnose(swung(seed))
+    late = {"timing_offset", "sensor_bandwidth", "angular_acceleration", "mount_resonance"}
+    (finding,) = [one for one in diagnosis.findings if one.effect in late]
+    assert {"timing_offset", "sensor_bandwidth"} <= {finding.effect, *(one.effect for one in finding.alternatives)}
+    assert max(one.probability for one in finding.alternatives) > 0.1
+    assert finding.effect != "timing_offset" or finding.parameters["offset_s"].value == pytest.approx(7e-3, abs=1e-3)
+    assert "mains_pickup" not in {one.effect for one in diagnosis.findings}
+    assert set(diagnosis.next_experiment.separates) == {
+        finding.effect,
+        finding.alternatives[0].effect,
+    }
+
+
+def test_no_model_takes_a_stated_scale_factor_beyond_twice_itself() -> None:
+    problem = gyro_problem(recorded(-1.03, 0.4, unit="deg/s"))
+    assert problem.baseline_bounds == {"K0_v_per_dps": (-2.0, -0.5)}
+    assert gyro_problem(recorded(-0.05, 2.5, unit="V")).baseline_bounds == {}

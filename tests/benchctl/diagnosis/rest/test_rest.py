@@ -12,7 +12,17 @@ import scipy.signal
 from benchctl.diagnosis.fitting.fit import Point, fit
 from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.gyro.problem import gyro_problem
-from benchctl.diagnosis.rest.rest import Rest, imperfect, instead_of, is_plain, rest_of, threshold_of, withdrawn
+from benchctl.diagnosis.rest.rest import (
+    Rest,
+    imperfect,
+    instead_of,
+    is_plain,
+    lack_of_fit,
+    of_the_motion,
+    rest_of,
+    threshold_of,
+    withdrawn,
+)
 from benchctl.diagnosis.result import COORDINATES
 from benchctl.diagnosis.search.held_out import held_out_steps
 from benchctl_instruments.arrays import FloatArray
@@ -178,10 +188,34 @@ def test_a_coordinate_takes_the_place_of_a_wrong_finding_and_not_of_a_right_one(
     rest = rest_with(wave)
     assert rest.coordinates[0] in ("rate", "output")
     # without it both can be told by the rate, and only the rate's own is a rest of it
+    alone = rest_with(dip)
     of_rate = instead_of(problem, Filtered(), fitted_to(problem, wave + dip, 0, 0.0, 0.0), rest)
     of_temp = instead_of(problem, Filtered(), fitted_to(problem, 0.3 * np.sin(problem.time_s), 0, 0.0, 0.0), rest)
-    assert of_rate > rest.gain
+    assert of_rate > 0.8 * alone.gain  # all that the dip brings the rate brings in its stead
     assert of_temp < 0.1 * rest.gain
+
+
+def test_what_is_left_beside_a_finding_anyway_does_not_take_its_place() -> None:
+    """A drift over the time is right, though much that depends on the rate is left with it as without."""
+    problem = lab()
+    rate, time_s = problem.coordinates["rate"], problem.time_s
+    wave, drift = 0.3 * np.sin(rate / 9.0), 0.3 * (time_s / time_s[-1] - 0.5)
+    rest = rest_with(wave)
+    alone = rest_with(drift)
+    assert alone.gain < rest.gain
+    instead = instead_of(problem, Filtered(), fitted_to(problem, wave + drift, 0, 0.0, 0.0), rest)
+    assert instead < 0.4 * alone.gain
+    assert withdrawn({"bias_drift": alone.gain}, rest, {"bias_drift": instead}) == ()
+
+
+def test_only_what_is_left_along_the_motion_is_a_lack_of_fit_of_the_motion() -> None:
+    problem = lab()
+    of_motion = rest_with(0.3 * np.sin(problem.coordinates["rate"] / 9.0))
+    assert lack_of_fit(of_motion) == pytest.approx(of_motion.gain / of_motion.dof)
+    assert lack_of_fit(of_motion) > 10.0
+    assert lack_of_fit(rest_with(0.0)) == 1.0
+    assert of_the_motion("angle*rate", "output")
+    assert not of_the_motion("rate*time")
 
 
 def test_another_line_than_its_own_does_not_take_the_place_of_a_finding() -> None:

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.search.scan_mains import mains_places
+from benchctl.diagnosis.search.scan_mains import mains_places, swing_hz
 from tests.benchctl.diagnosis.pulled import FloatArray, pulled
 
 INTERVAL_S = 0.01
@@ -36,6 +36,21 @@ def test_a_line_above_half_the_sampling_rate_is_reported_at_its_alias() -> None:
     pull = pulled(np.random.default_rng(3).standard_normal(time_s.size) + 0.3 * np.sin(2 * np.pi * 60.2 * time_s))
     best = mains_places(pull, time_s, INTERVAL_S, np.zeros(time_s.size, np.int64), 0.1, 1)[0]
     assert best.value == pytest.approx(39.8, abs=1e-3)
+
+
+def test_a_multiple_of_the_one_frequency_at_which_a_table_swings_is_the_motion_s_own() -> None:
+    time_s = _clock(4000)
+    rate_dps = 110.0 * np.sin(2 * np.pi * 7.03 * time_s)
+    swinging_hz = swing_hz(rate_dps, time_s, INTERVAL_S)
+    assert swinging_hz == pytest.approx(7.03, abs=0.5 / time_s[-1])
+    noise = np.random.default_rng(7).standard_normal(time_s.size)
+    pull = pulled(noise + sum(0.5 * np.sin(2 * np.pi * hz * time_s) for hz in (4.0 * 7.03, 31.0)))
+    one_kind = np.zeros(time_s.size, np.int64)
+    values = [one.value for one in mains_places(pull, time_s, INTERVAL_S, one_kind, 0.1, 3, swinging_hz)]
+    assert values[0] == pytest.approx(31.0, abs=0.01)
+    assert all(abs(value - 4.0 * 7.03) > 0.02 for value in values)
+    two_sines = rate_dps + 110.0 * np.sin(2 * np.pi * 3.1 * time_s)
+    assert swing_hz(two_sines, time_s, INTERVAL_S) == 0.0
 
 
 def test_a_line_of_one_kind_of_motion_is_the_motion_s_own() -> None:
