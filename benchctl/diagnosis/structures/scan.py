@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.optimize
 import scipy.signal
 from scipy.signal import oaconvolve
 
@@ -22,6 +23,7 @@ from benchctl.diagnosis.search.pull import Pull, peaks
 from benchctl.diagnosis.signals.bins import bin_of
 from benchctl.diagnosis.signals.threads import shared_out
 from benchctl_instruments.arrays import FloatArray
+from benchctl_instruments.physics.effects.thermal_hysteresis import play
 from benchctl_instruments.physics.structure_places import CHAMBER_C, OVER, Span, StructureStage, last_sign
 from benchctl_instruments.physics.structures import Structure, structure
 
@@ -59,13 +61,30 @@ _ALONG = (
     "spline6",
     "spline12",
 )
-_REMEMBERED = ("abs_rate", "rate", "gyro_temp", "gyro_temp_rate", "setpoint")
+_REMEMBERED = ("abs_rate", "rate", "rate_sign", "gyro_temp", "gyro_temp_rate", "setpoint")
+_BACKLASHES = np.geomspace(0.005, 0.4, 14)
+_Place = tuple[StructureStage, str, str]
+_FACTORS: Mapping[StructureStage, tuple[str, ...]] = {
+    "scale": ("abs_rate", "gyro_temp_rate"),
+    "bias": ("abs_rate", "rate_sign", "last_sign"),
+}
+_PRODUCTS: tuple[_Place, ...] = tuple(
+    (stage, over, times)
+    for stage, factors in _FACTORS.items()
+    for over in ("gyro_temp", "angle", "time")
+    for times in factors
+)
+"""Two coordinates together: a function of the first in proportion to the second, which has a zero of its own."""
+_CLEARLY_MORE = 1.1
+"""A function of two coordinates must promise so many times what the best function of one does."""
 _OF_STAGE: Mapping[StructureStage, tuple[str, ...]] = {
     "scale": ("gyro_temp", "gyro_temp_rate", "time", "angle", "chamber_temp", "setpoint", "abs_rate", "last_sign"),
     "bias": tuple(OVER),
     "sampling": ("gyro_temp", "gyro_temp_rate", "time", "abs_rate"),
 }
 """Over which coordinates structures of a stage are looked for."""
+_MOVED, _NUDGED = 2.0, 0.2
+"""A place is refined in steps of a twentieth of these at first: of its logarithm, of the range."""
 _MOST_JUMPS = 6
 _LEAST_JUMP = 60.0
 _STANDS_OUT = 4.0
@@ -74,11 +93,19 @@ _STANDS_OUT = 4.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Begun:
-    """The best place of a shape: the structure there, what it promises to gain, and out of how many places it is."""
+    """The best place of a shape: the structure there, what it promises to gain, and out of how many places it is.
+
+    `along` are the sums over its coordinate; None of what is no function of the present alone.
+    """
 
     effect: Structure
     gain: float
     places: int
+    along: _Along | None = None
+
+    def refined(self) -> Begun:
+        """The best place near it, between those that were looked at."""
+        return self if self.along is None else self.along.refined(self)
 
 
 def begun_everywhere(problem: GyroProblem, pull: Pull, in_time: Pull) -> list[Begun]:
@@ -91,16 +118,26 @@ def begun_everywhere(problem: GyroProblem, pull: Pull, in_time: Pull) -> list[Be
         over_time: (one, [one.of_known(i) for i in range(len(one.fitted.numbers))], factors_of(problem, one.fitted))
         for over_time, one in ((False, pull), (True, in_time))
     }
-    places = [(stage, over) for stage, all_of_it in _OF_STAGE.items() for over in all_of_it if over in coordinates]
-    if problem.band is not None:
-        places = [(stage, over) for stage, over in places if not structure(stage, over, "line").momentary]
+    places = [(stage, over, "") for stage, all_of_it in _OF_STAGE.items() for over in all_of_it]
 
-    def begun(place: tuple[StructureStage, str]) -> list[Begun]:
-        stage, over = place
+    def begun(place: _Place) -> list[Begun]:
+        stage, over, times = place
         pulling, known, factors = seen[over == "time"]
-        return list(_places_along(problem, pulling, known, stage, over, coordinates[over], factors[stage]))
+        factor = factors[stage] * coordinates[times] if times else factors[stage]
+        return list(_places_along(problem, pulling, known, place, coordinates[over], factor))
 
-    return list(itertools.chain.from_iterable(shared_out(begun, places)))
+    def best_of(places: Sequence[_Place]) -> list[Begun]:
+        known = [
+            one
+            for one in places
+            if {*one[1:]} - {""} <= coordinates.keys()
+            and (problem.band is None or not structure(one[0], one[1], "line", times=one[2]).momentary)
+        ]
+        return list(itertools.chain.from_iterable(shared_out(begun, known)))
+
+    alone = best_of(places)
+    most = max((one.gain for one in alone), default=0.0)
+    return [*alone, *(one for one in best_of(_PRODUCTS) if one.gain > _CLEARLY_MORE * most)]
 
 
 def coordinates_of(problem: GyroProblem) -> dict[str, FloatArray]:
@@ -134,32 +171,29 @@ def factors_of(problem: GyroProblem, fitted: Fit) -> Mapping[StructureStage, Flo
 
 
 def _places_along(
-    problem: GyroProblem,
-    pull: Pull,
-    known: list[FloatArray],
-    stage: StructureStage,
-    over: str,
-    values: FloatArray,
-    factor: FloatArray,
+    problem: GyroProblem, pull: Pull, known: list[FloatArray], place: _Place, values: FloatArray, factor: FloatArray
 ) -> Iterator[Begun]:
     """The best place of each shape over a coordinate."""
     rows = pull.rows
     span = float(values[rows].min()), float(values[rows].max())
     if not span[0] < span[1]:
         return
-    along = _Along.of(pull, known, values, factor, span)
+    stage, over, times = place
+    along = _Along.of(pull, known, values, factor, span, place)
     if OVER[over].ways is not None:
         for shape in _SIGNS:
-            yield from along.best(stage, over, shape, iter([{}]))
+            yield from along.best(shape, iter([{}]))
     else:
         for shape in (*_ALONG, *(("exponential",) if over == "time" else ())):
-            yield from along.best(stage, over, shape, _grid(over, shape, span))
+            yield from along.best(shape, _grid(over, shape, span))
+    if times:
+        return
     if over in ("time", "gyro_temp"):
-        yield from along.two_steps(stage, over)
+        yield from along.two_steps()
     if over == "time":
-        yield from along.bursts(stage, over)
+        yield from along.bursts()
     if over in _REMEMBERED and stage != "sampling":
-        yield from _remembered(problem, pull, known, stage, over, values, factor)
+        yield from _remembered(problem, pull, known, place, values, factor, span)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,9 +209,12 @@ class _Along:
     known: FloatArray
     covariance: FloatArray
     span: Span
+    place: _Place
 
     @classmethod
-    def of(cls, pull: Pull, known: list[FloatArray], values: FloatArray, factor: FloatArray, span: Span) -> _Along:
+    def of(
+        cls, pull: Pull, known: list[FloatArray], values: FloatArray, factor: FloatArray, span: Span, place: _Place
+    ) -> _Along:
         edges = np.linspace(*span, _BINS + 1)
         bins = bin_of(np.clip(values, *span), edges)
 
@@ -191,13 +228,16 @@ class _Along:
             known=np.stack([summed(one * factor) for one in known], axis=1),
             covariance=pull.fitted.inverse_information,
             span=span,
+            place=place,
         )
 
-    def best(
-        self, stage: StructureStage, over: str, shape: str, grid: Iterator[Mapping[str, float]]
-    ) -> Iterator[Begun]:
+    def _kind(self, shape: str) -> type[Structure]:
+        stage, over, times = self.place
+        return structure(stage, over, shape, self.span, times)
+
+    def best(self, shape: str, grid: Iterator[Mapping[str, float]]) -> Iterator[Begun]:
         """The best of some places of a shape, where it promises anything."""
-        kind = structure(stage, over, shape, self.span)
+        kind = self._kind(shape)
         sizes = [name for name, parameter in kind.parameters.items() if parameter.role == "size"]
         places = list(grid)
         if not places:
@@ -212,7 +252,45 @@ class _Along:
         first = int(np.argmax(gain))
         if gain[first] > 0.0:
             values = {**unit, **places[first], **dict(zip(sizes, weights[first].tolist(), strict=True))}
-            yield Begun(effect=kind.make(values), gain=float(gain[first]), places=len(places))
+            yield Begun(effect=kind.make(values), gain=float(gain[first]), places=len(places), along=self)
+
+    def refined(self, begun: Begun) -> Begun:
+        """The same shape at the place that promises most near where it begins."""
+        kind, started = type(begun.effect), begun.effect.values
+        shaped = {name: one for name, one in kind.parameters.items() if one.role == "shape"}
+        sizes = [name for name, one in kind.parameters.items() if one.role == "size"]
+        if not shaped:
+            return begun
+        nothing = {**started, **dict.fromkeys(sizes, 0.0)}
+        wide = self.span[1] - self.span[0]
+
+        def there(moves: FloatArray) -> dict[str, float]:
+            values = {}
+            for (name, one), move in zip(shaped.items(), moves.tolist(), strict=True):
+                by = move - 1.0  # which a search begins by 0.05
+                was = started[name]
+                value = was * math.exp(min(_MOVED * by, 9.0)) if one.logarithmic else was + _NUDGED * wide * by
+                values[name] = min(max(value, one.low), one.high)
+            return values
+
+        def promised(moves: FloatArray) -> tuple[float, FloatArray]:
+            at = {**nothing, **there(moves)}
+            columns = np.array([[kind.make({**at, name: 1.0}).value_at(self.middle) for name in sizes]])
+            gain, weights = self.gains(columns)
+            return float(gain[0]), weights[0]
+
+        def cost(moves: FloatArray) -> float:
+            return -promised(moves)[0]
+
+        start = np.ones(len(shaped))
+        found = scipy.optimize.minimize(
+            cost, start, method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 0.1, "maxfev": 150}
+        )
+        gain, weights = promised(found.x)
+        if gain <= begun.gain:
+            return begun
+        values = {**nothing, **there(found.x), **dict(zip(sizes, weights.tolist(), strict=True))}
+        return replace(begun, effect=kind.make(values), gain=gain)
 
     def gains(self, columns: FloatArray) -> tuple[FloatArray, FloatArray]:
         """What functions of the coordinate (m, k, b) promise together at each place, and how much of each is best."""
@@ -231,7 +309,7 @@ class _Along:
             weights[seen, 0] = score[seen, 0] / own[seen, 0, 0]
         return np.einsum("mk,mk->m", weights, score), weights
 
-    def two_steps(self, stage: StructureStage, over: str) -> Iterator[Begun]:
+    def two_steps(self) -> Iterator[Begun]:
         """The two places at which steps explain most together."""
         low, wide = self.span[0], self.span[1] - self.span[0]
         ats = low + wide * np.linspace(0.0, 1.0, _STEPS + 2)[1:-1]
@@ -251,21 +329,22 @@ class _Along:
             changes = np.linalg.solve(own[np.ix_(both, both)], score[both]).tolist()
             places = dict(zip(("at", "at_2"), ats[both].tolist(), strict=True))
             values = {"change": changes[0], "change_2": changes[1], **places, "width": 0.5 * wide / _STEPS}
-            kind = structure(stage, over, "steps", self.span)
-            yield Begun(effect=kind.make(values), gain=float(gain[first, then]), places=_STEPS**2 // 2)
+            kind = self._kind("steps")
+            found = float(gain[first, then])
+            yield Begun(effect=kind.make(values), gain=found, places=_STEPS**2 // 2, along=self)
 
-    def bursts(self, stage: StructureStage, over: str) -> Iterator[Begun]:
+    def bursts(self) -> Iterator[Begun]:
         """Bursts of one length that come again and again: of each period its bins are folded."""
         wide = self.span[1] - self.span[0]
         often = np.linspace(_FEWEST_BURSTS / wide, _BINS / (20.0 * wide), _BURST_PERIODS)
         best = max((self._folded(1.0 / one) for one in often.tolist()), key=lambda one: one[0])
         near = 1.0 / best[1]["period"] + (often[1] - often[0]) * np.linspace(-1.0, 1.0, _NEAR)
         best = max((self._folded(1.0 / one) for one in near.tolist()), key=lambda one: one[0])
-        kind = structure(stage, over, "bursts", self.span)
+        kind = self._kind("bursts")
         gain, weights = self.gains(kind.make({**best[1], "change": 1.0}).value_at(self.middle)[None, None])
         if gain[0] > 0.0:
             effect = kind.make({**best[1], "change": float(weights[0, 0])})
-            yield Begun(effect=effect, gain=float(gain[0]), places=_BURST_PERIODS * _PHASES)
+            yield Begun(effect=effect, gain=float(gain[0]), places=_BURST_PERIODS * _PHASES, along=self)
 
     def _folded(self, period: float) -> tuple[float, dict[str, float]]:
         """What bursts of a period promise beside a constant, and when the best of them begin and how long they are."""
@@ -293,30 +372,41 @@ def _remembered(
     problem: GyroProblem,
     pull: Pull,
     known: list[FloatArray],
-    stage: StructureStage,
-    over: str,
+    place: _Place,
     values: FloatArray,
     factor: FloatArray,
+    span: Span,
 ) -> Iterator[Begun]:
-    """What follows a coordinate through a first-order lag, with the best time constant."""
-    kind = structure(stage, over, "memory")
-    best: tuple[float, float, float] | None = None
-    longest = float(np.ptp(problem.time_s))
+    """What follows a coordinate through a first-order lag, or a temperature with a backlash, at the best place."""
+    stage, over, _ = place
+    longest, wide = float(np.ptp(problem.time_s)), span[1] - span[0]
     taus = [tau for tau in _MEMORIES_S.tolist() if tau < 0.5 * longest]
-    for tau in taus:
-        share = -math.expm1(-problem.interval_s / tau)
-        column = np.asarray(
-            scipy.signal.lfilter([share], [1.0, share - 1.0], values, zi=[(1.0 - share) * values[0]])[0]
-        )
-        column = column * factor
-        score = float(column @ pull.pull)
-        power = float(np.sum(column**2 * pull.information))
-        crossed = np.array([float(column @ one) for one in known])
-        own = power - float(crossed @ pull.fitted.inverse_information @ crossed)
-        if own > _UNSEEN * power > 0.0 and (best is None or score**2 / own > best[0]):
-            best = score**2 / own, score / own, tau
-    if best is not None:
-        yield Begun(effect=kind.make({"c1": best[1], "tau": best[2]}), gain=best[0], places=len(taus))
+    looked: list[tuple[str, str, list[float]]] = [("memory", "tau", taus)]
+    if over == "gyro_temp" and not problem.recorded.any():
+        looked.append(("hysteresis", "width", (wide * _BACKLASHES).tolist()))
+    for shape, name, lengths in looked:
+        kind = structure(stage, over, shape, span)
+        best: tuple[float, float, float] | None = None
+        for length in lengths:
+            column = factor * (_lag(values, problem.interval_s, length) if shape == "memory" else _held(values, length))
+            score = float(column @ pull.pull)
+            power = float(np.sum(column**2 * pull.information))
+            crossed = np.array([float(column @ one) for one in known])
+            own = power - float(crossed @ pull.fitted.inverse_information @ crossed)
+            if own > _UNSEEN * power > 0.0 and (best is None or score**2 / own > best[0]):
+                best = score**2 / own, score / own, length
+        if best is not None:
+            yield Begun(effect=kind.make({"c1": best[1], name: best[2]}), gain=best[0], places=len(lengths))
+
+
+def _lag(values: FloatArray, interval_s: float, tau_s: float) -> FloatArray:
+    share = -math.expm1(-interval_s / tau_s)
+    y, _ = scipy.signal.lfilter([share], [1.0, share - 1.0], values, zi=[(1.0 - share) * values[0]])
+    return np.asarray(y)
+
+
+def _held(values: FloatArray, half_width: float) -> FloatArray:
+    return play(values, half_width, float(values[0])) - values
 
 
 def _grid(over: str, shape: str, span: Span) -> Iterator[dict[str, float]]:

@@ -30,9 +30,9 @@ from benchctl_instruments.physics.structures import Structure, unmoved
 
 _NEAR_THE_BEST = 0.4
 """Share of the best promise below which a shape is not fitted."""
-_FITTED, _OF_ONE_PLACE, _MOST_PLACES = 8, 3, 4
-"""So many shapes are fitted, of one coordinate at one stage so many, over so many of these."""
-_SIZED = 3
+_REFINED, _FITTED, _OF_ONE_PLACE, _MOST_PLACES = 30, 6, 3, 4
+"""Of so many shapes the place is refined; so many are fitted, at one place so many, at so many of these."""
+_SIZED = 2
 _SHARPER = (0.2, 0.2)
 _NOTHING = 1e-3
 """A loss on held-out steps in which a structure does not show."""
@@ -133,7 +133,8 @@ def _simplest(best: _Candidate, candidates: Sequence[_Candidate]) -> _Candidate:
 
 def _alike(one: _Candidate, other: _Candidate) -> bool:
     """Whether two act at one stage over one coordinate."""
-    return (one.structure.acts_on, one.structure.over) == (other.structure.acts_on, other.structure.over)
+    mine, its = one.structure, other.structure
+    return (mine.acts_on, mine.over, mine.times) == (its.acts_on, its.over, its.times)
 
 
 def _sharpened(problem: GyroProblem, chosen: Selection, best: _Candidate) -> _Candidate:
@@ -220,20 +221,30 @@ def _candidates(problem: GyroProblem, chosen: Selection, taken: set[str], smooth
     begun = [one for one in begun if _kind(one.effect.over) not in taken and one.effect.is_smooth <= smooth]
     looked = 2.0 * math.log(max(sum(one.places for one in begun), 1.0))
     price = math.log(chosen.after.rows)
-    ranked = sorted(begun, key=lambda one: -(one.gain - len(one.effect.parameters) * price))
+
+    def worth(one: Begun) -> float:
+        return one.gain - len(one.effect.parameters) * price
+
+    best = sorted(begun, key=worth, reverse=True)[:_REFINED]
+    ranked = sorted((one.refined() for one in best), key=worth, reverse=True)
     fitted = (_fitted(problem, chosen, one.effect, looked) for one in _few_of_each(ranked))
     return [one for one in fitted if one is not None]
 
 
 def _few_of_each(ranked: Sequence[Begun]) -> Iterator[Begun]:
-    """The most promising, of one coordinate at one stage only some; none that promises far less than the best."""
+    """The most promising, at one place only some, of smooth curves one; none that promises far less than the best."""
     counts: Counter[tuple[str, str]] = Counter()
+    curves: set[tuple[str, str]] = set()
     for one in ranked:
-        place = one.effect.acts_on, one.effect.over
+        place = one.effect.acts_on, f"{one.effect.over}*{one.effect.times}"
         if one.gain < _NEAR_THE_BEST * ranked[0].gain or counts.total() == _FITTED:
             return
         if counts[place] == _OF_ONE_PLACE or (place not in counts and len(counts) == _MOST_PLACES):
             continue
+        if one.effect.is_smooth:
+            if place in curves:
+                continue
+            curves.add(place)
         counts[place] += 1
         yield one
 

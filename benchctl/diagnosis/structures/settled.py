@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 
 from benchctl.diagnosis.fitting.fit import Point, fit, gain_of
+from benchctl.diagnosis.fitting.noisy import Noisy
 from benchctl.diagnosis.fitting.wandering import PROCESSES
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of
@@ -14,7 +16,9 @@ from benchctl.diagnosis.rest.rest import rest_of
 from benchctl.diagnosis.search.select import reduced, without
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.structures.search import Modelled, modelled
+from benchctl_instruments.physics.effects.effect import PhysicalEffect
 from benchctl_instruments.physics.effects.kinds import ClockEffect, FilterEffect
+from benchctl_instruments.physics.structure_places import ACTS
 from benchctl_instruments.physics.structures import Structure, freed
 
 _CLEARLY = 20.0
@@ -26,6 +30,8 @@ _OF_THE_RATE = {"output": "rate", "abs_rate": "rate"}
 _STEPS, _BEGUN = 3, 0.3
 """So many structures may take the place of a process, where the first of them gains such a share of what it does."""
 
+_SEVERAL = 2
+"""So many structures over one coordinate at one stage are one curve, where one fits."""
 _NEARLY_ALL = 0.98
 """A process follows anything slow: a structure that explains nearly as much takes its place."""
 
@@ -54,8 +60,9 @@ def settled(problem: GyroProblem, chosen: Selection) -> Selection:
 
 def _needless(problem: GyroProblem, chosen: Selection) -> str | None:
     effects = chosen.after.point.effects
+    delayed = any(isinstance(one, Structure) and one.acts_on == "sampling" for one in effects)
     for key, effect in zip(keys_of(effects), effects, strict=True):
-        if isinstance(effect, Structure | ClockEffect | FilterEffect):
+        if isinstance(effect, Structure) or (isinstance(effect, ClockEffect | FilterEffect) and not delayed):
             continue
         if gain_of(chosen.after, without(problem, chosen, key)) < chosen.least:
             return key
@@ -73,22 +80,98 @@ def instead_of_names(
     """
     for keys, parameters, gain in _replaceable(problem, chosen, 1 if left else 2):
         less = reduced(problem, chosen, keys)
+        if keys[0] in PROCESSES:
+            found = _instead_of_process(problem, less, gain, seed)
+            if found is not None:
+                return less, found
+            continue
         rest = rest_of(problem, less.whitener, less.after, seed=seed)
-        process = keys[0] in PROCESSES
-        found = modelled(problem, less, rest, most=_STEPS if process else 1, worth=_BEGUN * gain, seed=seed)
+        found = modelled(problem, less, rest, most=1, worth=_BEGUN * gain, seed=seed)
         if found is None:
             continue
-        numbers = sum(len(one.parameters) for one in found.structures)
-        fewer = parameters - numbers
+        fewer = parameters - sum(len(one.parameters) for one in found.structures)
         gained = gain_of(found.chosen.after, less.after)
-        if process:
-            if gained - numbers * math.log(less.after.rows) > _NEARLY_ALL * gain:
-                return less, found
-        elif gained - gain + fewer * math.log(chosen.after.rows) > _CLEARLY and (
+        if gained - gain + fewer * math.log(chosen.after.rows) > _CLEARLY and (
             fewer > 0 if len(keys) > 1 else not found.left.significant
         ):
             return less, found
     return None
+
+
+def _instead_of_process(problem: GyroProblem, less: Selection, gain: float, seed: int) -> Modelled | None:
+    """Structures that explain more than a process which gains so much, by themselves or beside a smaller one.
+
+    A process follows anything slow, structures follow a process: so they are added one by one, and each with the
+    process that is left beside it must gain more than the last. None where the process alone does as well.
+    """
+    best: tuple[float, Modelled] | None = None
+    chosen, rest = less, rest_of(problem, less.whitener, less.after, seed=seed)
+    structures: tuple[Structure, ...] = ()
+    for _ in range(_STEPS):
+        worth = 0.0 if structures else _BEGUN * gain
+        found = modelled(problem, chosen, rest, most=1, worth=worth, seed=seed) if rest.significant else None
+        if found is None:
+            break
+        chosen, rest, structures = found.chosen, found.left, (*structures, *found.structures)
+        numbers = sum(len(one.parameters) for one in structures)
+        gained = gain_of(chosen.after, less.after) - numbers * math.log(less.after.rows)
+        beside = chosen.noise.wandering(problem, chosen.after, chosen.least)
+        found = replace(found, structures=structures)
+        if gained > _NEARLY_ALL * gain and (beside is None or beside.gain < (1.0 - _NEARLY_ALL) * gained):
+            return found
+        total = gained + (0.0 if beside is None else beside.gain)
+        if total < gain + _CLEARLY or (best is not None and total < best[0]):
+            continue
+        best = total, found if beside is None else _beside(problem, found, beside, seed)
+    return None if best is None else best[1]
+
+
+def _beside(problem: GyroProblem, found: Modelled, process: Noisy, seed: int) -> Modelled:
+    """Structures with a process beside them, all refitted."""
+    noise = found.chosen.noise.with_(process)
+    after, whole = (
+        fit(problem, noise.whitener, one.point, one.fitted) for one in (found.chosen.after, found.chosen.whole)
+    )
+    chosen = replace(found.chosen, noise=noise, after=after, whole=whole)
+    return replace(found, chosen=chosen, left=rest_of(problem, noise.whitener, after, seed=seed))
+
+
+def as_one_curve(problem: GyroProblem, found: Modelled, seed: int) -> Modelled:
+    """One smooth curve in the place of several structures over one coordinate, and of names along it, that make it up.
+
+    Beside it no more may be left than beside them: several shapes are no simpler than a curve.
+    """
+    effects = dict(zip(keys_of(found.chosen.after.point.effects), found.chosen.after.point.effects, strict=True))
+    structures = {key: one for key, one in effects.items() if isinstance(one, Structure) and one.pointwise}
+    places = Counter((one.acts_on, _same(one.over)) for one in structures.values() if not one.times)
+    for (stage, over), count in places.items():
+        if count < _SEVERAL or stage == "encoder":
+            continue
+        shapes = [key for key, one in structures.items() if (one.acts_on, _same(one.over)) == (stage, over)]
+        names = [
+            key
+            for key, one in effects.items()
+            if isinstance(one, PhysicalEffect) and not isinstance(one, Structure) and _same(one.coordinate) == over
+            # a bias that is odd in the rate is a scale factor that is even in it
+            if over == "rate" or one.stage == ACTS[stage].chain
+        ]
+        less = reduced(problem, found.chosen, {*shapes, *names})
+        rest = rest_of(problem, less.whitener, less.after, seed=seed)
+        curve = modelled(problem, less, rest, most=1, smooth=True, seed=seed)
+        if curve is None or (curve.structures[0].acts_on, _same(curve.structures[0].over)) != (stage, over):
+            continue
+        if curve.left.significant and not (found.left.significant and curve.left.power < found.left.power):
+            continue
+        kept = {effects[key].identifier for key in structures.keys() - {*shapes}}
+        others = tuple(one for one in found.structures if one.identifier in kept)
+        return replace(curve, structures=(*curve.structures, *others))
+    return found
+
+
+def _same(coordinate: str) -> str:
+    """The coordinate itself, or the one that it is nearly; what a scale factor's is in proportion to apart."""
+    words = [word for word in coordinate.split("*") if word != "rate"] or ["rate"]
+    return "*".join(_OF_THE_RATE.get(word, word) for word in words)
 
 
 def _replaceable(problem: GyroProblem, chosen: Selection, fewest: int) -> Iterator[tuple[tuple[str, ...], int, float]]:

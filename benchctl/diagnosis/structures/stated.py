@@ -18,7 +18,8 @@ from benchctl.diagnosis.structures.curve import curve_of
 from benchctl.diagnosis.structures.noise import NoiseFound, noise_structure, with_noise
 from benchctl.diagnosis.structures.scan import clock_s
 from benchctl.diagnosis.structures.search import Modelled, modelled, with_jumps
-from benchctl.diagnosis.structures.settled import instead_of_names, settled
+from benchctl.diagnosis.structures.settled import as_one_curve, instead_of_names, settled
+from benchctl_instruments.physics.effects.registry import effects
 from benchctl_instruments.physics.structure_places import ACTS, PHRASES
 from benchctl_instruments.physics.structure_shapes import SHAPES
 from benchctl_instruments.physics.structures import Structure
@@ -41,6 +42,8 @@ _HINTS: Mapping[tuple[str, str], tuple[str, ...]] = {
 }
 _MOST_OF_IT = 0.8
 """A model that explains less of what is left, in power, is none."""
+_CLEARLY_LESS = 0.5
+"""Smooth curves take the place of simple shapes that leave something, where they leave so much less, in power."""
 _OF_STAGE: Mapping[str, tuple[str, ...]] = {
     "encoder": ("a slipping coupling", "lost counts", "a new index of the encoder"),
     "noise": ("a connection that is about to fail", "a source that loses light", "interference"),
@@ -101,8 +104,12 @@ def _of_prediction(
         by_shapes = Modelled(chosen=chosen, structures=(), ties=(), left=rest)
     else:
         bare, by_shapes, owed = (found[0] if not jumps else bare), found[1], ()
-    if fallen or by_shapes.left.significant:
+    instead = chosen.noise.found.keys() - by_shapes.chosen.noise.found.keys()  # of a process that names may follow, too
+    by_shapes = as_one_curve(problem, by_shapes, seed)
+    if instead or by_shapes.left.significant:
         by_shapes = _named_again(problem, by_shapes, seed)
+    elif fallen:
+        by_shapes = _named_again(_knowing(problem, fallen, by_shapes.chosen), by_shapes, seed)
     by_shapes = replace(
         by_shapes, chosen=settled(problem, by_shapes.chosen), structures=(*jumps, *by_shapes.structures)
     )
@@ -123,11 +130,22 @@ def _modelled(
     rest = rest_of(problem, chosen.whitener, chosen.after, seed=seed)
     findings = () if unexplained.significant else chosen.after.point.effects
     named = tuple(one for one in findings if not isinstance(one, Structure))
+    best: Modelled | None = None
     for smooth in (False, True):
         found = modelled(problem, chosen, rest, apart_from=named, smooth=smooth, seed=seed)
-        if found is not None and _explained(rest, found.left) >= _MOST_OF_IT:
+        if found is None:
+            continue
+        if not found.left.significant:
             return chosen, found
-    return None
+        if best is None or found.left.power < _CLEARLY_LESS * best.left.power:
+            best = found
+    return None if best is None or _explained(rest, best.left) < _MOST_OF_IT else (chosen, best)
+
+
+def _knowing(problem: GyroProblem, names: Collection[str], chosen: Selection) -> GyroProblem:
+    """The problem with hypotheses of some names only, and of what was chosen."""
+    known = {*names, *chosen.noise.found, *(one.identifier for one in chosen.after.point.effects)}
+    return replace(problem, without=problem.without | (effects().keys() - known))
 
 
 def _named_again(problem: GyroProblem, found: Modelled, seed: int) -> Modelled:
