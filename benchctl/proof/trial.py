@@ -98,7 +98,7 @@ def _answer(kept: dict[str, Any] | None) -> Any:
             }
         )
     seconds = math.nan if kept["seconds"] is None else kept["seconds"]
-    texts = {name: tuple(kept[name]) for name in ("stated", "coordinates", "models")}
+    texts = {name: tuple(kept.get(name, ())) for name in ("stated", "coordinates", "models")}
     return Answer(**{**kept, **texts, "score": score, "seconds": seconds})
 
 

@@ -84,9 +84,9 @@ def named(
 def _too_small(problem: Problem, chosen: Selection, rest: Rest, agreed: set[str]) -> tuple[str, ...]:
     """The key of the finding along the motion that gains least, where chance does as much beside what is left there.
 
-    What is compared beside the rows counts in full: nothing of what is left is in it; so does what several recordings
-    have `agreed` on. An error of the encoder that is
-    smaller than its steps is their rounding, which repeats itself with the motion.
+    What is compared beside the rows counts in full, as nothing of what is left is in it; so does what several
+    recordings have `agreed` on. An error of the encoder that is smaller than its steps is their rounding, which repeats
+    itself with the motion.
     """
     ratio = lack_of_fit(rest)
     gains: dict[str, float] = {}
