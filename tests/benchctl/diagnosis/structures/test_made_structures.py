@@ -15,7 +15,7 @@ from benchctl.proof.truth import Effects, Truth
 from benchctl.proof.unit import draw_unit
 from benchctl.recordings.reader import open_recording
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
 
 def diagnosed(folder: Path, seed: int, effects: Effects) -> Diagnosis:

@@ -17,7 +17,7 @@ from benchctl.recordings.reader import open_recording
 from benchctl.reports.diagnosis_page import diagnosis_page
 from tests.shared import SHARED, needs_shared
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
 
 def diagnosed(name: str, folder: Path) -> Diagnosis:
