@@ -20,7 +20,8 @@ _MOVED_SHARE = 1e-4
 def baseline_of(problem: Problem, chosen: Selection) -> dict[str, Estimate]:
     """The parameters of the lab's model, refitted; `was` where a lab believed in other values.
 
-    An interval ends where what is plausible does; of what the recording does not show at all it has no other ends.
+    An interval ends where what is plausible does. Of what the recording does not show at all it has no other ends, and
+    none where a lab's model states the parameter.
     """
     errors = (Z95 * np.sqrt(np.diag(chosen.whole.robust_covariance(problem.step)))).tolist()
     errors = [error if error > 0.0 else math.inf for error in errors]
@@ -35,7 +36,8 @@ def baseline_of(problem: Problem, chosen: Selection) -> dict[str, Estimate]:
     )
     estimates = {}
     for name, unit, value, error, was in columns:
-        least, most = bounds.get(name, (-math.inf, math.inf))
+        shown = math.isfinite(error) or not problem.believed
+        least, most = bounds.get(name, (-math.inf, math.inf)) if shown else (-math.inf, math.inf)
         estimates[name] = Estimate(
             value=value,
             low=max(value - error, min(least, value)),
