@@ -96,7 +96,9 @@ def _outside(names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
 def _chosen(rng: np.random.Generator, kind: ClassName, wanted: TrialClass) -> list[str]:
     """The names of what is concealed."""
     names = [str(rng.choice(WANDERING))] if wanted.wandering else []
-    names += drawn_structures(rng, predicted=wanted.share is None or wanted.wandering) if wanted.structure else []
+    if wanted.structure:  # of a faint one there is one: two would be worth more
+        structures = drawn_structures(rng, predicted=wanted.share is None or wanted.wandering)
+        names += structures[:1] if wanted.share is None else structures
     pool, so_many = _pool(kind, wanted), len(names) + wanted.effects
     while len(names) < so_many:
         name = pool[int(rng.integers(len(pool)))]

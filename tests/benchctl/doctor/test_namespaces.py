@@ -54,13 +54,13 @@ def _doctor(folder: Path, network: str, host: str) -> dict[str, str]:
 
 
 def test_without_a_route_there_is_no_way(tmp_path: Path) -> None:
-    found = _doctor(tmp_path, "ip link set lo up", "10.97.0.7")
+    found = _doctor(tmp_path, "ip link set lo up", "10.99.0.7")
     assert "this machine has no route to it (in no subnet of this machine)" in found["says"]
     assert "an address in the instrument's subnet" in found["do"]
 
 
 def test_an_address_that_nobody_has_is_told_from_one_behind_a_firewall(tmp_path: Path) -> None:
-    found = _doctor(tmp_path, CABLE, "10.96.0.7")
+    found = _doctor(tmp_path, CABLE, "10.96.0.9")
     assert "no device in the subnet has that address" in found["says"]
     assert "plug in its cable" in found["do"]
 
@@ -77,6 +77,6 @@ def test_an_address_behind_a_gateway_that_forwards_nothing_names_the_gateway(tmp
 
 
 def test_a_route_that_forbids_it_is_this_machines_own(tmp_path: Path) -> None:
-    found = _doctor(tmp_path, "ip link set lo up\nip route add prohibit 10.97.0.0/24", "10.97.0.7")
+    found = _doctor(tmp_path, "ip link set lo up\nip route add prohibit 10.98.0.0/24", "10.98.0.7")
     assert "a firewall or route of this machine does not let it out" in found["says"]
     assert "nft list ruleset" in found["do"]
