@@ -82,11 +82,11 @@ def named(
 
 
 def _too_small(problem: Problem, chosen: Selection, rest: Rest, agreed: set[str]) -> tuple[str, ...]:
-    """The key of the finding along the motion that gains least, where chance does as much beside what is left there.
+    """The key of the weakest finding along the motion, if chance beside that residual may gain as much; none otherwise.
 
-    What is compared beside the rows counts in full, as nothing of what is left is in it; so does what several
-    recordings have `agreed` on. An error of the encoder that is smaller than its steps is their rounding, which repeats
-    itself with the motion.
+    The gain of quantities that are compared beside the rows counts in full, because the residual is not in them. So
+    does a finding on which several recordings have `agreed`. An encoder error smaller than one step of the encoder is
+    rounding, which repeats with the motion.
     """
     ratio = lack_of_fit(rest)
     gains: dict[str, float] = {}
@@ -110,7 +110,7 @@ def _is_rounding(problem: Problem, effect: EncoderEffect) -> bool:
 
 
 def _as_uncertain(chosen: Selection, rest: Rest) -> Selection:
-    """The selection with rivals that are compared by no more than what is left along the motion lets them be."""
+    """The selection, the losses of its rivals divided by the lack of fit along the motion."""
     share = 1.0 / lack_of_fit(rest)
     evidence = {
         key: replace(one, rivals={name: share * loss for name, loss in one.rivals.items()})

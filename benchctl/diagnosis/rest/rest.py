@@ -226,10 +226,10 @@ def withdrawn(gains: Mapping[str, float], rest: Rest, instead: Mapping[str, floa
 
 
 def lack_of_fit(rest: Rest) -> float:
-    """By how much what is left along the motion exceeds pure error, a number of it on the average; at least 1.
+    """The ratio of the lack of fit along the motion to pure error, per degree of freedom; at least 1.
 
-    Chance scatters by one; where the best function of the motion gains more than that by each of its numbers, so may a
-    finding along the motion that is none, and so may the difference of two of them.
+    Pure error gains 1 per degree of freedom. If the best function of the motion gains more, a false finding along the
+    motion, or the difference of two findings, may gain as much more.
     """
     of_motion = (one for one in rest.looked if one.log_p < rest.threshold and of_the_motion(*one.words))
     best = next(of_motion, None)  # they come in order

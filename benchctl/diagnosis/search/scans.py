@@ -71,9 +71,9 @@ def _places(problem: Problem, pull: Pull, name: str) -> Iterator[tuple[Mapping[s
     if name == "mains_pickup":
         kinds = np.unique(problem.step_kinds, return_inverse=True)[1][problem.step]
         lowest = parameters["frequency_hz"].low
-        clock_s, rate = _clock_s(problem), problem.coordinates.get("rate")
-        swinging_hz = 0.0 if rate is None else swing_hz(rate, clock_s, problem.interval_s)
-        for place in mains_places(pull, clock_s, problem.interval_s, kinds, lowest, _COUNT, swinging_hz):
+        clock, rate = clock_s(problem), problem.coordinates.get("rate")
+        swinging_hz = 0.0 if rate is None else swing_hz(rate, clock, problem.interval_s)
+        for place in mains_places(pull, clock, problem.interval_s, kinds, lowest, _COUNT, swinging_hz):
             yield {"frequency_hz": place.value}, place.places, 0.0
     elif name == "adc_nonlinearity":
         for place in converter_places(pull, pull.fitted.predicted, parameters["period_v"].low, _COUNT):
@@ -99,7 +99,7 @@ def _places(problem: Problem, pull: Pull, name: str) -> Iterator[tuple[Mapping[s
             yield {"lines_per_rev": place.value}, place.places, 0.0
 
 
-def _clock_s(problem: Problem) -> FloatArray:
+def clock_s(problem: Problem) -> FloatArray:
     """Time as the effects count it: from the beginning of the recording that a stretch belongs to, shape (n,)."""
     if not isinstance(problem, GyroProblem):
         return problem.time_s

@@ -20,6 +20,7 @@ from scipy.signal import oaconvolve
 from benchctl.diagnosis.fitting.fit import Fit, inverse
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.search.pull import Pull, peaks
+from benchctl.diagnosis.search.scans import clock_s
 from benchctl.diagnosis.signals.bins import bin_of
 from benchctl.diagnosis.signals.threads import shared_out
 from benchctl_instruments.arrays import FloatArray
@@ -150,14 +151,6 @@ def coordinates_of(problem: GyroProblem) -> dict[str, FloatArray]:
     values |= {name: one if band is None else one[band.rows] for name, one in made.items()}
     rows = problem.usable
     return {name: one for name, one in values.items() if np.isfinite(one[rows]).all() and np.ptp(one[rows]) > 0.0}
-
-
-def clock_s(problem: GyroProblem) -> FloatArray:
-    """Time as effects count it: from the beginning of the recording that a stretch belongs to, shape (n,)."""
-    clock = problem.time_s.copy()
-    for part, origin_s in zip(problem.stretches, problem.frame.origins_s, strict=True):
-        clock[part] -= origin_s
-    return clock
 
 
 def factors_of(problem: GyroProblem, fitted: Fit) -> Mapping[StructureStage, FloatArray]:

@@ -21,10 +21,11 @@ from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.rest.rest import Rest, rest_of
 from benchctl.diagnosis.search.held_out import least_gain
 from benchctl.diagnosis.search.pull import pull_of
+from benchctl.diagnosis.search.scans import clock_s
 from benchctl.diagnosis.search.scatter import scatter
 from benchctl.diagnosis.search.selection import Evidence, Selection
 from benchctl.diagnosis.signals.blocks import block_starts
-from benchctl.diagnosis.structures.scan import Begun, begun_everywhere, clock_s, encoder_jumps
+from benchctl.diagnosis.structures.scan import Begun, begun_everywhere, encoder_jumps
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 from benchctl_instruments.physics.structures import Structure, unmoved
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from benchctl.diagnosis.fitting.fit import Point, fit, gain_of
+from benchctl.diagnosis.fitting.noise_model import NoiseModel
 from benchctl.diagnosis.fitting.noisy import Noisy
 from benchctl.diagnosis.fitting.wandering import PROCESSES
 from benchctl.diagnosis.gyro.problem import GyroProblem
@@ -45,8 +46,7 @@ def settled(problem: GyroProblem, chosen: Selection) -> Selection:
         chosen = reduced(problem, chosen, {needless})
     if chosen.noise.found:
         noise = chosen.noise.measured(problem, chosen.after, least_gain=chosen.least)
-        after, whole = (fit(problem, noise.whitener, one.point, one.fitted) for one in (chosen.after, chosen.whole))
-        chosen = replace(chosen, noise=noise, after=after, whole=whole)
+        chosen = _under(problem, chosen, noise)
     held = chosen.whole.point.effects
     free = tuple(freed(one) if isinstance(one, Structure) else one for one in held)
     if [*map(type, free)] != [*map(type, held)]:
@@ -128,12 +128,14 @@ def _instead_of_process(problem: GyroProblem, less: Selection, gain: float, seed
 
 def _beside(problem: GyroProblem, found: Modelled, process: Noisy, seed: int) -> Modelled:
     """Structures with a process beside them, all refitted."""
-    noise = found.chosen.noise.with_(process)
-    after, whole = (
-        fit(problem, noise.whitener, one.point, one.fitted) for one in (found.chosen.after, found.chosen.whole)
-    )
-    chosen = replace(found.chosen, noise=noise, after=after, whole=whole)
-    return replace(found, chosen=chosen, left=rest_of(problem, noise.whitener, after, seed=seed))
+    chosen = _under(problem, found.chosen, found.chosen.noise.with_(process))
+    return replace(found, chosen=chosen, left=rest_of(problem, chosen.whitener, chosen.after, seed=seed))
+
+
+def _under(problem: GyroProblem, chosen: Selection, noise: NoiseModel) -> Selection:
+    """A selection refitted with another model of the noise."""
+    after, whole = (fit(problem, noise.whitener, one.point, one.fitted) for one in (chosen.after, chosen.whole))
+    return replace(chosen, noise=noise, after=after, whole=whole)
 
 
 def as_one_curve(problem: GyroProblem, found: Modelled, seed: int) -> Modelled:

@@ -12,11 +12,11 @@ from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.rest.rest import Rest, rest_of
 from benchctl.diagnosis.result import Estimate, StructureModel, Unexplained
 from benchctl.diagnosis.search.scan_mains import swing_hz
+from benchctl.diagnosis.search.scans import clock_s
 from benchctl.diagnosis.search.select import select
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.structures.curve import curve_of
 from benchctl.diagnosis.structures.noise import NoiseFound, noise_structure, with_noise
-from benchctl.diagnosis.structures.scan import clock_s
 from benchctl.diagnosis.structures.search import Modelled, modelled, with_jumps
 from benchctl.diagnosis.structures.settled import as_one_curve, instead_of_names, settled
 from benchctl_instruments.physics.effects.registry import effects
