@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchctl.diagnosis.chamber.problem import ChamberProblem
+from benchctl.diagnosis.drive.problem import DriveProblem
 from benchctl.diagnosis.faults import Fault, faults_in, rail_of, spikes_in
 from benchctl.diagnosis.findings.located import where_of
 from benchctl.diagnosis.fitting.fit import Point, fit
@@ -27,10 +28,10 @@ def cleaned(problem: Problem) -> tuple[Problem, tuple[Fault, ...]]:
     """The problem without its spoilt rows, and the faults that spoilt them.
 
     Those of a gyro are found where its samples are compared one by one, else its rails alone; an overload in its static
-    points, those of a chamber when its readings are laid out. What is withheld from a diagnosis is neither stated nor
-    taken out.
+    points, those of a chamber or a drive when its readings are laid out. What is withheld from a diagnosis is neither
+    stated nor taken out.
     """
-    if isinstance(problem, ChamberProblem):
+    if isinstance(problem, ChamberProblem | DriveProblem):
         return problem, problem.faults
     if isinstance(problem, PointsProblem):
         return without_overload(problem)
@@ -87,14 +88,13 @@ def _hasty(acceleration_dps2: FloatArray) -> BoolArray:
 def fault_findings(problem: Problem, faults: tuple[Fault, ...]) -> Iterator[Finding]:
     """Faults as findings."""
     for one in faults:
-        coordinate = effect(one.effect).coordinate
         spoilt = one.rows.astype(np.float32)
-        where = one.where or (where_of(problem, spoilt, coordinate) if one.rows.any() else Where(coordinate=coordinate))
+        seen = where_of(problem, spoilt, one.coordinate) if one.rows.any() else Where(coordinate=one.coordinate)
         yield Finding(
             effect=one.effect,
             probability=1.0,
             parameters=one.parameters,
-            where=where,
+            where=one.where or seen,
             explains=float(one.rows.mean()),
             gain=one.gain,
             gain_heldout=0.0,

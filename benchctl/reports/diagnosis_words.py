@@ -166,7 +166,7 @@ WANDERING = ("bias_random_walk", "flicker_noise")
 GROWING = "noise_rate_dependent"
 
 _KINDS: Mapping[str, Kind] = {
-    **dict.fromkeys(("outliers", "dropouts", "adc_coarse", "saturation", "two_rails"), "data"),
+    **dict.fromkeys(("outliers", "dropouts", "adc_coarse", "saturation", "two_rails", "counter_wrap"), "data"),
     **dict.fromkeys((*WANDERING, GROWING), "noise"),
 }
 _VERDICTS: Mapping[Verdict, str] = {

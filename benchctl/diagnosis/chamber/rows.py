@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchctl.diagnosis.chamber.spoilt import open_in, spikes_in
+from benchctl.diagnosis.chamber.spoilt import open_in, spikes_in, wrapped_in
+from benchctl.diagnosis.chamber.standing import rail_in
 from benchctl.diagnosis.faults.fault import Fault
 from benchctl.diagnosis.signals.series import Pieces, Series, block_mean, channels_of, consecutive, cut, series_of
 from benchctl.recordings.reader import Recording
@@ -67,11 +68,8 @@ def chamber_rows_of(recording: Recording) -> ChamberRows:
     Raises `UsageError` where the air or what drives it is missing, does not change, or the recording is too short.
     """
     series, channel = _series(recording)
-    read_c, flags = series.columns[_AIR], series.columns[_OPEN]
-    step_c = _step_of(read_c)
-    opened, open_rows = open_in(flags)
-    spikes, spike_rows = spikes_in(read_c, open_rows | ~np.isfinite(read_c), step_c, series.runs)
-    spoilt = open_rows | spike_rows | ~np.isfinite(read_c)
+    step_c = _step_of(series.columns[_AIR])
+    shown, spoilt = _spoilt_in(series, channel, step_c)
     factor = max(1, -(-series.time_s.size // _MOST_SAMPLES))
     laid = [_grid(series, run, channel, factor, spoilt) for run in series.runs if run.stop - run.start > 2 * factor]
     grids = [grid for grid in laid if grid is not None]
@@ -87,12 +85,6 @@ def chamber_rows_of(recording: Recording) -> ChamberRows:
         )
     block = -(-sum(grid.time_s.size for grid in grids) // _MOST_ROWS)
     sizes = [grid.time_s.size // block * block for grid in grids]
-    rows = sum(sizes) // block
-    if rows < _FEWEST_ROWS:
-        raise UsageError(
-            f"{recording.path}: {rows} readings of the chamber's air; a diagnosis of a chamber needs {_FEWEST_ROWS}"
-            " or more"
-        )
     time_s, step, bad, of_row = (
         np.concatenate([one[:size] for one, size in zip(ones, sizes, strict=True)])
         for ones in (
@@ -113,9 +105,14 @@ def chamber_rows_of(recording: Recording) -> ChamberRows:
     def in_rows(samples: BoolArray) -> BoolArray:
         return np.asarray(samples.reshape(-1, block).any(axis=1))
 
+    usable = ~in_rows(bad > 0.0)
+    if int(usable.sum()) < _FEWEST_ROWS:
+        raise UsageError(
+            f"{recording.path}: {int(usable.sum())} readings of the chamber's air; a diagnosis of a chamber needs"
+            f" {_FEWEST_ROWS} or more"
+        )
     interval_s = factor * series.interval_s
     row_s = block_mean(time_s, block)
-    shown = [(opened, open_rows), (spikes, spike_rows)]
     return ChamberRows(
         infos_of_rows=cut(series.infos, step[::block].astype(np.int64), row_s),
         kind="setpoint" if channel == _SETPOINT else "power",
@@ -131,10 +128,10 @@ def chamber_rows_of(recording: Recording) -> ChamberRows:
         stretches=consecutive([size // block for size in sizes]),
         time_s=row_s,
         temperature_c=block_mean(samples[0], block),
-        usable=~in_rows(bad > 0.0),
+        usable=usable,
         step_c=step_c,
         faults=tuple(
-            one.on_rows(in_rows(spoilt_rows[of_row.astype(np.int64)])) for one, spoilt_rows in shown if one is not None
+            one.on_rows(in_rows(its_rows[of_row.astype(np.int64)])) for one, its_rows in shown if one is not None
         ),
     )
 
@@ -150,6 +147,22 @@ def _series(recording: Recording) -> tuple[Series, str]:
         f"{recording.path}: a chamber needs {_AIR} together with one of {', '.join(DRIVES)} or {_SETPOINT};"
         f" it has {channels_of(recording)}; an import names them in its map"
     )
+
+
+def _spoilt_in(series: Series, channel: str, step_c: float) -> tuple[list[tuple[Fault | None, BoolArray]], BoolArray]:
+    """Faults of the thermometer with their rows (n,), and all rows (n,) that are spoilt or missing.
+
+    Each is looked for in what the ones before have left.
+    """
+    read_c = series.columns[_AIR]
+    opened = open_in(series.columns[_OPEN])
+    spoilt = opened[1] | ~np.isfinite(read_c)
+    wrapped = wrapped_in(read_c, spoilt, step_c)
+    spoilt |= wrapped[1]
+    spikes = spikes_in(read_c, spoilt, step_c, series.runs)
+    spoilt |= spikes[1]
+    rail = rail_in(read_c, spoilt, series.columns[channel], step_c, series.runs, asked=channel == _SETPOINT)
+    return [opened, wrapped, spikes, rail], spoilt | rail[1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Readings of a chamber's thermometer that are none: flagged as open, or spikes."""
+"""Readings of a chamber's thermometer that are none: flagged as open, beyond a counter's range, or spikes."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from benchctl.diagnosis.faults.fault import Fault, bounded_gain
+from benchctl.diagnosis.faults.wrapping import EFFECT, wraps_in
 from benchctl.diagnosis.result import Estimate
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
@@ -38,6 +39,32 @@ def open_in(flags: FloatArray) -> tuple[Fault | None, BoolArray]:
                 f"The thermometer is flagged open in {count} of {rows.size} readings ({100.0 * share:.2g} %): these are"
                 " left out."
             ),
+        ),
+        rows,
+    )
+
+
+def wrapped_in(read_c: FloatArray, known: BoolArray, step_c: float) -> tuple[Fault | None, BoolArray]:
+    """Readings [°C], (n,), that have left the range of a counter in which the first one is: the fault, and its rows.
+
+    Those that are `known` to be spoilt are left out.
+    """
+    rows = np.zeros(read_c.size, np.bool_)
+    wraps = wraps_in(read_c[~known], (slice(0, int((~known).sum())),), step_c)
+    if wraps is None:
+        return None, rows
+    rows[~known] = wraps.turns != 0
+    return (
+        Fault(
+            effect=EFFECT,
+            parameters={"modulus_k": wraps.estimate("K")},
+            rows=rows,
+            gain=wraps.gain,
+            says=(
+                f"The thermometer wraps like a counter, {wraps.count} times, by {wraps.modulus:.6g} K, while the air"
+                f" goes on: {int(rows.sum())} of {rows.size} readings are left out."
+            ),
+            coordinate="chamber_temp",
         ),
         rows,
     )

@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from benchctl.diagnosis.drive.rows import BLOCK, THIRD_DIFFERENCE, DriveRows, drive_rows_of
+from benchctl.diagnosis.drive.rows import BLOCK, DriveRows, drive_rows_of
+from benchctl.diagnosis.faults.fault import Fault
 from benchctl.diagnosis.keys import tables_of
+from benchctl.diagnosis.signals.white import white_noise_of
 from benchctl.diagnosis.stepped import MadeOfRows, MadeRows
 from benchctl.part_models import EFFECTS, numbers_of
 from benchctl.recordings.reader import Recording
@@ -76,6 +78,11 @@ class DriveProblem(MadeOfRows):
     def made(self) -> MadeRows:
         """The rows."""
         return self.rows
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """Samples that are none."""
+        return self.rows.faults
 
     @property
     def measured(self) -> FloatArray:
@@ -229,7 +236,7 @@ def drive_problem(
         believed=believed,
         torque_constant_nm_per_a=constant,
         full_scale=full_scale,
-        noise=float(np.median(np.abs(np.diff(rows.torque_nm, 3)))) / THIRD_DIFFERENCE,
+        noise=white_noise_of(rows.torque_nm),
         coordinates={
             "time": rows.time_s,
             "rate": np.degrees(rate),

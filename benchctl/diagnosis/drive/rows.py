@@ -8,13 +8,16 @@ difference of two rates, so that no content beyond the band of the motion is ask
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from benchctl.diagnosis.drive.spoilt import TURN_DEG, MovingRows, angle_period_of, put_right
+from benchctl.diagnosis.faults.fault import Fault
 from benchctl.diagnosis.signals.band_limited import half_of
 from benchctl.diagnosis.signals.motion import motion_of
 from benchctl.diagnosis.signals.series import Pieces, Series, block_mean, consecutive, cut, series_of
+from benchctl.diagnosis.signals.white import white_noise_of
 from benchctl.recordings.reader import Recording
 from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.errors import UsageError
@@ -29,9 +32,6 @@ _FEWEST_ROWS = 60
 _RESTING_DEVIATIONS = 5.0
 _RESTING_SHARE = 0.002
 """A rate below so many deviations of its noise, or below this share of the largest, is rest: the table may stick."""
-THIRD_DIFFERENCE = 0.6745 * math.sqrt(20.0)
-"""Median of the absolute third difference of white noise, in its standard deviations."""
-
 _ROUNDING = 1e-9
 """Share of the angle's range below which a difference of two angles is the arithmetic's."""
 
@@ -49,7 +49,8 @@ class DriveRows:
 
     `time_s` is that of the rows, `run_s` that of the samples since their run began. `torque_nm` (m,) is measured, in
     `unit`. `moving` are rows in which the table turns, within whole windows of angles. At rest friction takes up any
-    torque that it can hold: `rests` are rows without motion, several in a row.
+    torque that it can hold: `rests` are rows without motion, several in a row. Neither holds rows that `faults` of the
+    data have spoilt; rows of these are (m,).
     """
 
     infos_of_rows: Pieces
@@ -65,6 +66,7 @@ class DriveRows:
     unit: str
     moving: BoolArray
     rests: tuple[slice, ...]
+    faults: tuple[Fault, ...]
 
     def means(self, samples: FloatArray) -> FloatArray:
         """Values of the samples (n,) as rows (m,)."""
@@ -89,36 +91,55 @@ def drive_rows_of(recording: Recording, torque_constant_nm_per_a: float | None =
             f"{recording.path}: no {shortest} samples in a row: too short to tell an acceleration from noise; "
             "record longer, without gaps"
         )
-    angles = [block_mean(_angle(series, run), factor) for run in runs]
+    period_deg, wrap = TURN_DEG, None
+    if "encoder_deg" in series.columns:
+        period_deg, wrap = angle_period_of(series.columns["encoder_deg"], series.runs)
+    angles = [block_mean(_angle(series, run, period_deg), factor) for run in runs]
     angles = [angle[: angle.size // BLOCK * BLOCK] for angle in angles]
     motions = [motion_of(angle, 1.0 / interval_s) for angle in angles]
     source = next(name for name in TORQUES if name in series.columns)
     constant = float(torque_constant_nm_per_a or 0.0) if source == "current_a" else 1.0
     units = recording.meta.extra.get("channel_units", {})
     whole = factor * BLOCK
-    rate = np.concatenate([np.radians(motion.rate_dps) for motion in motions])
+
+    def rows_of(samples: FloatArray) -> FloatArray:
+        return np.concatenate([block_mean(samples[run], whole) for run in runs])
+
     turning = np.concatenate(
         [_turning(angle, motion.rate_dps, interval_s) for angle, motion in zip(angles, motions, strict=True)]
     )
     half = half_of(1.0 / interval_s)
     whole_windows = np.concatenate([_inner(angle.size, half) for angle in angles])
-    samples = consecutive([angle.size for angle in angles])
-    time_s = np.concatenate([block_mean(series.time_s[run], whole) for run in runs])
+    time_s = rows_of(series.time_s)
     step = np.concatenate([series.step[run][: (run.stop - run.start) // whole * whole : whole] for run in runs])
     rows = DriveRows(
         infos_of_rows=cut(series.infos, step, time_s),
         sample_interval_s=interval_s,
-        runs=samples,
+        runs=consecutive([angle.size for angle in angles]),
         run_s=np.concatenate([np.arange(angle.size) * interval_s for angle in angles]),
         angle_deg=np.concatenate([motion.angle_deg for motion in motions]),
-        rate_rad_s=rate,
+        rate_rad_s=np.concatenate([np.radians(motion.rate_dps) for motion in motions]),
         acceleration_rad_s2=np.concatenate([np.radians(motion.acceleration_dps2) for motion in motions]),
         stretches=consecutive([angle.size // BLOCK for angle in angles]),
         time_s=time_s,
-        torque_nm=constant * np.concatenate([block_mean(series.columns[source][run], whole) for run in runs]),
+        torque_nm=constant * rows_of(series.columns[source]),
         unit=str(units.get(source, "1")) if source == "drive_load" else "N m",
         moving=(turning & whole_windows).reshape(-1, BLOCK).all(axis=1),
-        rests=_rests((~turning & whole_windows).reshape(-1, BLOCK).all(axis=1)),
+        rests=(),
+        faults=(),
+    )
+    torque = put_right(
+        constant * series.columns[source],
+        series.runs,
+        MovingRows(columns=_columns(rows), moving=rows.moving, means=rows_of),
+    )
+    still = (~turning & whole_windows).reshape(-1, BLOCK).all(axis=1)
+    rows = replace(
+        rows,
+        torque_nm=torque.rows_nm,
+        moving=rows.moving & ~torque.spoilt,
+        rests=_rests(still & ~torque.spoilt),
+        faults=torque.faults if wrap is None else (wrap.on_rows(np.zeros(time_s.size, np.bool_)), *torque.faults),
     )
     if int(rows.moving.sum()) < _FEWEST_ROWS:
         raise UsageError(
@@ -142,14 +163,21 @@ def _series(recording: Recording, torque_constant_nm_per_a: float | None) -> Ser
     return series
 
 
-def _angle(series: Series, run: slice) -> FloatArray:
+def _angle(series: Series, run: slice, period_deg: float) -> FloatArray:
     """The unwrapped angle [deg] of a run, shape (n,)."""
     if "encoder_deg" in series.columns:
-        return np.asarray(np.unwrap(series.columns["encoder_deg"][run], period=360.0))
+        return np.asarray(np.unwrap(series.columns["encoder_deg"][run], period=period_deg))
     name = next(name for name in ANGLES if name in series.columns)
     rate = series.columns[name][run] * (1.0 if name == "table_rate_dps" else math.degrees(1.0))
     turned = np.cumsum((rate[1:] + rate[:-1]) / 2) * series.interval_s
     return np.concatenate([[0.0], turned])
+
+
+def _columns(rows: DriveRows) -> FloatArray:
+    """What a torque is mostly made of, in proportion, shape (m, 6): inertia, friction, an offset, a weight."""
+    rate, angle = rows.means(rows.rate_rad_s), np.radians(rows.means(rows.angle_deg))
+    acceleration = rows.means(rows.acceleration_rad_s2)
+    return np.stack([acceleration, rate, np.sign(rate), np.ones(rate.size), np.sin(angle), np.cos(angle)], axis=1)
 
 
 def _turning(angle_deg: FloatArray, rate_dps: FloatArray, interval_s: float) -> BoolArray:
@@ -159,7 +187,7 @@ def _turning(angle_deg: FloatArray, rate_dps: FloatArray, interval_s: float) -> 
     counts = steps[steps > _ROUNDING * float(np.ptp(angle))]
     # an encoder that stands still shows no noise, but the motion within one of its counts is not known either
     resolution = float(counts.min()) / math.sqrt(12.0) if counts.size else 0.0
-    noise = max(float(np.median(np.abs(np.diff(angle, 3)))) / THIRD_DIFFERENCE, resolution)
+    noise = max(white_noise_of(angle), resolution)
     band_hz = 0.1 / interval_s
     floor = noise * 2 * math.pi * band_hz * math.sqrt(2.0 * band_hz * interval_s / 3.0)
     slowest = max(_RESTING_DEVIATIONS * floor, _RESTING_SHARE * float(np.abs(rate_rad_s).max()))

@@ -36,7 +36,7 @@ _ALIKE = 2.0
 _BESIDE, _OFTEN, _MEETINGS = 10, 10.0, 30
 """A rail is met so often, and so many times as often as any of so many values beside it."""
 
-_NEAR = 8
+NEAR = 8
 """Rows on either side of one at the rail that do not count: noise is cut there on one side only."""
 
 
@@ -61,38 +61,61 @@ def rail_in(output: Output, runs: Runs) -> tuple[Fault | None, BoolArray]:
         Fault(
             effect=effect.identifier,
             parameters=parameters,
-            rows=np.asarray(binary_dilation(clipped, iterations=_NEAR)),
+            rows=np.asarray(binary_dilation(clipped, iterations=NEAR)),
             gain=bounded_gain(float(runs.evidence[at_rail].sum())),
             says=effect.says(),
+            coordinate=effect.coordinate,
         ),
         at_rail,
     )
 
 
 def rail_of(volts: FloatArray) -> Fault | None:
-    """The rail at which an output (n,) that shakes stands for a sample or two, again and again; None where it does not.
-
-    Its largest value is then met far more often than any of those beside it.
-    """
-    values, counts = np.unique(volts[np.isfinite(volts)], return_counts=True)
-    if values.size <= 2 * _BESIDE:
-        return None
-    limits = [
-        float(values[end])
-        for end, beside in ((-1, slice(-1 - _BESIDE, -1)), (0, slice(1, 1 + _BESIDE)))
-        if counts[end] >= _OFTEN * counts[beside].max() and counts[end] >= _MEETINGS
-    ]
+    """The rail at which an output (n,) that shakes stands for a sample or two, again and again; else None."""
+    limits = limits_of(volts)
     if not limits:
         return None
+    values = np.unique(volts[np.isfinite(volts)])
     effect, parameters = _effect_of(limits, float(min(values[-1] - values[-2], values[1] - values[0])))
     rows = np.isin(volts, limits)
     return Fault(
         effect=effect.identifier,
         parameters=parameters,
         rows=rows,
-        gain=bounded_gain(float(rows.sum()) * math.log(_OFTEN)),
+        gain=gain_of(rows),
         says=effect.says(),
+        coordinate=effect.coordinate,
     )
+
+
+def limits_of(readings: FloatArray) -> list[float]:
+    """The largest and the smallest of readings (n,), each where it is met far more often than those beside it."""
+    values, counts = np.unique(readings[np.isfinite(readings)], return_counts=True)
+    if values.size <= 2 * _BESIDE:
+        return []
+    return [
+        float(values[end])
+        for end, beside in ((-1, slice(-1 - _BESIDE, -1)), (0, slice(1, 1 + _BESIDE)))
+        if counts[end] >= _OFTEN * counts[beside].max() and counts[end] >= _MEETINGS
+    ]
+
+
+def gain_of(rows: BoolArray) -> float:
+    """The evidence for a limit that is met in these rows (n,)."""
+    return bounded_gain(float(rows.sum()) * math.log(_OFTEN))
+
+
+def stated_limits(limits: list[float], step: float, ending: str, unit: str) -> tuple[str, dict[str, Estimate]]:
+    """The effect and its parameters of limits that are not an output's; their names have this `ending`.
+
+    `step` is that of the readings. A single limit has its sign.
+    """
+    half = _PRINTED * step / 2.0
+    effect, names = (Saturation, ("limit",)) if len(limits) == 1 else (TwoRails, ("lower", "upper"))
+    return effect.identifier, {
+        f"{name}_{ending}": Estimate(value=value, low=value - half, high=value + half, unit=unit)
+        for name, value in zip(names, sorted(limits), strict=True)
+    }
 
 
 def _effect_of(limits: list[float], step_v: float) -> tuple[PhysicalEffect, dict[str, Estimate]]:

@@ -51,6 +51,7 @@ def coarse_in(output: Output, grid: Grid, adc_step_v: float, stairs: BoolArray) 
         rows=stairs,
         gain=bounded_gain(grid.evidence),
         says=effect.says(),
+        coordinate=effect.coordinate,
     )
 
 

@@ -21,7 +21,7 @@ class Fault:
     """A data fault in the words of the vocabulary of effects (`effect` and the names of `parameters`).
 
     `rows` (n,) are spoilt and must not count. `gain` is the evidence in twice the log likelihood, `says` the finding in
-    one sentence; `where` it is, where that is known better than by the rows.
+    one sentence; it is seen along `coordinate`, and at `where`, where that is known better than by the rows.
     """
 
     effect: str
@@ -29,6 +29,7 @@ class Fault:
     rows: BoolArray
     gain: float
     says: str
+    coordinate: str = "time"
     where: Where | None = None
 
     def on_rows(self, rows: BoolArray) -> Fault:

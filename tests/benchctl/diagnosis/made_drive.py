@@ -31,12 +31,15 @@ class Truth:
     delay_s: float = 0.0
     swing: float = 0.25
     steady: float = 0.0
+    most: float = math.inf
+    """The largest torque that the motor makes, and that its amplifier asks of it."""
 
 
 def _asked(truth: Truth, t: float) -> float:
     """The motor's torque: two slow swings and a square one on top."""
     edge = 0.3 * math.tanh(8.0 * math.sin(0.55 * t + 0.4))
-    return truth.swing * (math.sin(0.21 * t) + math.sin(1.3 * t + 1.0) + edge) + truth.steady
+    asked = truth.swing * (math.sin(0.21 * t) + math.sin(1.3 * t + 1.0) + edge) + truth.steady
+    return min(max(asked, -truth.most), truth.most)
 
 
 def _resisting(truth: Truth, t: float, angle: float, rate: float) -> float:
@@ -60,5 +63,6 @@ def drive_channels(
     draws = np.random.default_rng(seed)
     torque = np.array([_asked(truth, t - truth.delay_s) for t in time_s])
     torque += truth.offset + truth.drift_per_hour * time_s / 3600.0 + draws.normal(0.0, noise_nm, time_s.size)
+    torque = np.clip(torque, -truth.most, truth.most)
     angle = np.degrees(solved.y[0]) + draws.normal(0.0, 0.5 / 3600.0, time_s.size)
     return {"time_s": time_s, "encoder_deg": np.mod(angle, 360.0), "torque_nm": torque}
