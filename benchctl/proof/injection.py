@@ -1,9 +1,10 @@
 """An effect drawn for a real recording, and the recording with it: the motion, noise and stamps stay what they were.
 
 An effect is drawn from the vocabulary of the recording's part, without those that the untouched recording already shows
-and without their look-alikes. Its fair size is a share of what the diagnosis of the untouched recording leaves: so much
-rms of it that no change of the parameters found there takes up. Where what is left wanders, as a chamber's air does,
-both are measured as innovations: what wanders slowly hides what is slow.
+and without those that one run cannot hold apart from them. Its fair size is a share of what the diagnosis of the
+untouched recording leaves: so much rms of it that no change of the parameters found there takes up. Where what is left
+wanders, as a chamber's air does, both are measured as innovations: what wanders slowly hides what is slow. What this
+recording does not tell from another single effect, fitted in its place, is not drawn: no diagnosis could name it.
 """
 
 from __future__ import annotations
@@ -19,13 +20,16 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
+from benchctl.diagnosis.fitting.closest import Known, distance
 from benchctl.diagnosis.fitting.disturbance import disturbance_of
 from benchctl.diagnosis.fitting.noise import Whitener
+from benchctl.diagnosis.fitting.point import Free, Point
 from benchctl.diagnosis.gyro.laid import laid_out
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.parts import problem_of
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Part
+from benchctl.diagnosis.search.probes import probes_of
 from benchctl.proof.draw import alike
 from benchctl.recordings.model import Step, axis_of
 from benchctl.recordings.reader import Recording
@@ -45,6 +49,13 @@ _CHANNELS: Mapping[Part, tuple[str, ...]] = {
 _TRIES = 60
 _RANGE = 1e8
 _NUDGE = 1e-4
+_LEFT_OVER = 0.5
+"""An effect of which another leaves less than this share of the rms is not told from that."""
+_LIKE = 0.2
+"""Share of an effect's power that another takes up where a search for it begins, if it takes up most at its best."""
+_SINGULAR, _SMALL = 1e-12, 1e-2
+_STATED = 0.05
+"""Probability from which on an alternative counts as stated."""
 _ROUNDING, _OF_A_STEP = 1e-9, 0.02
 """Share of the values that is the arithmetic's, and of a converter's step by which multiples of it may be off."""
 
@@ -72,9 +83,9 @@ class Untouched:
         self._part: Part = said["part"]
 
     @property
-    def found(self) -> frozenset[str]:
-        """The effects that it shows by itself."""
-        return frozenset(one["effect"] for one in self._said["findings"])
+    def found(self) -> tuple[frozenset[str], ...]:
+        """The effects that it shows by itself: of each finding its name, and those that were stated as alternatives."""
+        return tuple(stated_of(one) for one in self._said["findings"])
 
     @cached_property
     def _problem(self) -> Problem:
@@ -100,15 +111,21 @@ class Untouched:
         """
         rng = np.random.default_rng([seed, index])
         nonce = np.random.default_rng([seed, index, 1]).bytes(16).hex()
-        names = [one for one in self._problem.effects if not alike(one, self.found)]
+        found = frozenset[str]().union(*self.found)
+        names = [one for one in self._problem.effects if not alike(one, found)]
         for name in rng.permutation(names * _TRIES)[:_TRIES].tolist() if names else ():
             wanted = math.exp(rng.uniform(math.log(FAIR[0]), math.log(FAIR[1])))
             values = self._of_size(name, _shaped(self._problem.effects[name], rng), wanted * self._left)
-            if values is not None:
-                return Injection(index=index, effect=name, parameters=values, share=_rounded(wanted), nonce=nonce)
+            if values is None:
+                continue
+            one = self._made(name, values)
+            share = _rounded(self._shown(one) / self._left)  # a limit may meet a rate that is turned at, or not
+            if FAIR[0] <= share <= FAIR[1] and self._stands_apart(one):
+                return Injection(index=index, effect=name, parameters=values, share=share, nonce=nonce)
         raise UsageError(
             f"{self._recording.path}: none of {', '.join(names) or 'the effects'} shows in this recording as much as"
-            " what its diagnosis leaves; take one with more motion, or of a wider range of temperatures"
+            " what its diagnosis leaves, and unlike any other; take one with more motion, or of a wider range of"
+            " temperatures"
         )
 
     def with_it(self, injection: Injection) -> Iterator[Step]:
@@ -174,9 +191,69 @@ class Untouched:
         change = self._change(self._problem, one)
         if not np.isfinite(change[rows]).all():
             return 0.0
-        added = self._whitened(change)[rows]
-        left = added - self._absorbing[rows] @ np.linalg.lstsq(self._absorbing[rows], added, rcond=None)[0]
+        left = self._unexplained(self._whitened(change)[rows])
         return math.sqrt(float(left @ left) / max(left.size, 1))
+
+    def _stands_apart(self, one: DescribedEffect) -> bool:
+        """Whether no other single effect, fitted in its place, takes up most of what an effect shows."""
+        problem, rows = self._problem, self._problem.usable
+        here = problem.predict(self._baseline, self._own)
+        target = here + self._change(problem, one)
+        added = self._unexplained(self._whitened(target - here)[rows])
+        least = _LEFT_OVER**2 * float(added @ added) / self._left**2
+
+        def whiten(values: FloatArray) -> FloatArray:
+            return np.where(rows, self._whitened(values) / self._left, 0.0)
+
+        for kind in problem.effects.values():
+            if kind.identifier == one.identifier or kind.identifier in {own.identifier for own in self._own}:
+                continue
+            rival = self._likest(kind, added)
+            if rival is None:
+                continue
+            point = Point(baseline=self._baseline, effects=(*self._own, rival))
+            numbers = tuple(point.free(problem.baseline_names, problem.baseline_bounds))
+            values = np.array([point.value(number, place) for place, number in enumerate(numbers)])
+            scale = np.array([_scale_of(number, value) for number, value in zip(numbers, values.tolist(), strict=True)])
+            free = Known(
+                point=point,
+                numbers=numbers,
+                values=values,
+                information=np.zeros((scale.size, scale.size)),
+                covariance=np.diag(scale**2),
+            )
+            if distance(target, free, problem.predict, whiten) < least:
+                return False
+        return True
+
+    def _likest(self, kind: type[DescribedEffect], added: FloatArray) -> DescribedEffect | None:
+        """An effect where a search for it begins, as like as it is there to what was added, shape (n,); None if unlike.
+
+        `added` is whitened, and without what the parameters found take up.
+        """
+        rows, here = self._problem.usable, self._problem.predict(self._baseline, self._own)
+        best, most = None, _LIKE * float(added @ added)
+        for probe in probes_of(self._problem, kind):
+            changes = [self._problem.predict(self._baseline, (*self._own, one)) - here for one in probe.columns]
+            if not np.isfinite(changes).all():
+                continue
+            columns = np.stack([self._unexplained(self._whitened(one)[rows]) for one in changes], axis=1)
+            weights = np.linalg.lstsq(columns, added, rcond=None)[0]
+            explained = float(added @ added) - float(np.sum((added - columns @ weights) ** 2))
+            if explained > most:
+                best, most = probe.start(np.asarray(weights, np.float64)), explained
+        return best
+
+    def _unexplained(self, added: FloatArray) -> FloatArray:
+        """What of whitened values of the usable rows, shape (n,), no change of the parameters found takes up."""
+        own = self._directions
+        return np.asarray(added - own @ (own.T @ added))
+
+    @cached_property
+    def _directions(self) -> FloatArray:
+        """Orthonormal columns (n, p) that span what the parameters found take up in the usable rows."""
+        left, sizes, _ = np.linalg.svd(self._absorbing[self._problem.usable], full_matrices=False)
+        return np.asarray(left[:, sizes > _SINGULAR * sizes.max()])
 
     @cached_property
     def _left(self) -> float:
@@ -219,6 +296,20 @@ class Untouched:
                 columns.append(self._problem.predict(self._baseline, own) - here)
         table = np.stack([self._whitened(column) for column in columns], axis=1)
         return np.asarray(table / np.maximum(np.sqrt(np.mean(table**2, axis=0)), 1e-300))
+
+
+def _scale_of(number: Free, value: float) -> float:
+    """How far a number of a model is moved, to see what that does; `value` in the scale in which it is moved."""
+    parameter = number.parameter
+    if parameter is None:
+        return _SMALL * (abs(value) or 1.0)
+    return _SMALL if parameter.logarithmic else _SMALL * max(abs(value), abs(parameter.scan[0]))
+
+
+def stated_of(finding: Mapping[str, Any]) -> frozenset[str]:
+    """The effect that a finding, given as its JSON, names, and those that it states as alternatives."""
+    others = (one["effect"] for one in finding["alternatives"] if one["probability"] >= _STATED)
+    return frozenset((finding["effect"], *others))
 
 
 def _in_steps_of(measured: FloatArray, changed: FloatArray) -> FloatArray:

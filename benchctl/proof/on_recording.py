@@ -17,7 +17,7 @@ from benchctl.atomic import whole_file
 from benchctl.campaign.stop import StopRequest
 from benchctl.diagnosis.result import Part
 from benchctl.documents import read_json
-from benchctl.proof.injection import Injection, Untouched
+from benchctl.proof.injection import Injection, Untouched, stated_of
 from benchctl.proof.processes import ProcessFailedError, run_module
 from benchctl.proof.running import Told, as_finished, claim, path_of
 from benchctl.recordings.reader import open_recording
@@ -26,8 +26,6 @@ from benchctl_instruments.errors import UsageError
 UNTOUCHED = "untouched.json"
 
 _LONGEST_S = 3600.0
-_STATED = 0.05
-"""Probability from which on an alternative counts as stated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,31 +127,30 @@ class _Run:
         return run_module(f"benchctl.proof.{module}", *words, stop=self.stop, longest_s=_LONGEST_S)
 
 
-def _scored(injection: Injection, digest: str, own: frozenset[str], found: Mapping[str, Any]) -> InjectedTrial:
+def _scored(
+    injection: Injection, digest: str, own: Sequence[frozenset[str]], found: Mapping[str, Any]
+) -> InjectedTrial:
     """Held against the truth; of two effects that a recording does not separate a diagnosis states both.
 
-    The one that is an alternative of the other's finding is then named as well, and the finding is not made up.
+    The one that is an alternative of the other's finding is then named as well, and the finding is not made up. What
+    the untouched recording shows is there as long as one of the effects stated for it is stated.
     """
     named = {one["effect"]: one for one in found["said"]["findings"]}
-    either = {name: {name, *_rivals(one)} for name, one in named.items()}
-    stated = set().union(*either.values())
-    there = {*own, injection.effect}
+    either = {name: stated_of(one) for name, one in named.items()}
+    stated = frozenset[str]().union(*either.values())
+    there = {injection.effect}.union(*own)
     mine = named.get(injection.effect)
     instead = next((name for name, names in either.items() if injection.effect in names), "")
     return _unsealed(
         injection,
         digest,
         named=injection.effect in stated,
-        lost=sorted(own - stated),
+        lost=sorted(" or ".join(sorted(names)) for names in own if names.isdisjoint(stated)),
         made_up=sorted(name for name, names in either.items() if there.isdisjoint(names)),
         instead="" if mine else instead,
         stated=None if mine is None else {name: value["value"] for name, value in mine["parameters"].items()},
         seconds=found["seconds"],
     )
-
-
-def _rivals(finding: Mapping[str, Any]) -> set[str]:
-    return {one["effect"] for one in finding["alternatives"] if one["probability"] >= _STATED}
 
 
 def _unsealed(injection: Injection, digest: str, **found: Any) -> InjectedTrial:
