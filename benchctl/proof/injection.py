@@ -20,10 +20,10 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from benchctl.diagnosis.fitting.closest import Known, distance
+from benchctl.diagnosis.fitting.closest import distance, nothing_known
 from benchctl.diagnosis.fitting.disturbance import disturbance_of
 from benchctl.diagnosis.fitting.noise import Whitener
-from benchctl.diagnosis.fitting.point import Free, Point
+from benchctl.diagnosis.fitting.point import Point
 from benchctl.diagnosis.gyro.laid import laid_out
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.parts import problem_of
@@ -50,10 +50,11 @@ _TRIES = 60
 _RANGE = 1e8
 _NUDGE = 1e-4
 _LEFT_OVER = 0.5
-"""An effect of which another leaves less than this share of the rms is not told from that."""
+"""Where another effect leaves less than this share of an effect's rms, the recording does not tell the two apart."""
 _LIKE = 0.2
-"""Share of an effect's power that another takes up where a search for it begins, if it takes up most at its best."""
-_SINGULAR, _SMALL = 1e-12, 1e-2
+"""Share of an effect's power that another must take up where a search for it begins: with less it is not fitted."""
+_SINGULAR = 1e-12
+"""Share of the largest singular value below which a direction is another one's rounding."""
 _STATED = 0.05
 """Probability from which on an alternative counts as stated."""
 _ROUNDING, _OF_A_STEP = 1e-9, 0.02
@@ -154,7 +155,8 @@ class Untouched:
             output_v = np.zeros(signals.time_s.size)
             output_v[samples] = problem.frame.volts
             return problem.slow(one.apply(replace(signals, output_v=output_v)).output_v[samples] - problem.frame.volts)
-        return problem.predict(self._baseline, (*self._own, one)) - problem.predict(self._baseline, self._own)
+        here = self._predicted if problem is self._problem else problem.predict(self._baseline, self._own)
+        return problem.predict(self._baseline, (*self._own, one)) - here
 
     def _of_size(self, name: str, shaped: dict[str, float], rms: float) -> dict[str, float] | None:
         """The parameters with which an effect shows so much; None where it cannot within its bounds."""
@@ -197,31 +199,20 @@ class Untouched:
     def _stands_apart(self, one: DescribedEffect) -> bool:
         """Whether no other single effect, fitted in its place, takes up most of what an effect shows."""
         problem, rows = self._problem, self._problem.usable
-        here = problem.predict(self._baseline, self._own)
-        target = here + self._change(problem, one)
-        added = self._unexplained(self._whitened(target - here)[rows])
+        target = self._predicted + self._change(problem, one)
+        added = self._unexplained(self._whitened(target - self._predicted)[rows])
+        there = {one.identifier, *(own.identifier for own in self._own)}
         least = _LEFT_OVER**2 * float(added @ added) / self._left**2
 
         def whiten(values: FloatArray) -> FloatArray:
             return np.where(rows, self._whitened(values) / self._left, 0.0)
 
         for kind in problem.effects.values():
-            if kind.identifier == one.identifier or kind.identifier in {own.identifier for own in self._own}:
-                continue
-            rival = self._likest(kind, added)
+            rival = None if kind.identifier in there else self._likest(kind, added)
             if rival is None:
                 continue
             point = Point(baseline=self._baseline, effects=(*self._own, rival))
-            numbers = tuple(point.free(problem.baseline_names, problem.baseline_bounds))
-            values = np.array([point.value(number, place) for place, number in enumerate(numbers)])
-            scale = np.array([_scale_of(number, value) for number, value in zip(numbers, values.tolist(), strict=True)])
-            free = Known(
-                point=point,
-                numbers=numbers,
-                values=values,
-                information=np.zeros((scale.size, scale.size)),
-                covariance=np.diag(scale**2),
-            )
+            free = nothing_known(point, tuple(point.free(problem.baseline_names, problem.baseline_bounds)))
             if distance(target, free, problem.predict, whiten) < least:
                 return False
         return True
@@ -231,13 +222,14 @@ class Untouched:
 
         `added` is whitened, and without what the parameters found take up.
         """
-        rows, here = self._problem.usable, self._problem.predict(self._baseline, self._own)
+        rows = self._problem.usable
         best, most = None, _LIKE * float(added @ added)
         for probe in probes_of(self._problem, kind):
-            changes = [self._problem.predict(self._baseline, (*self._own, one)) - here for one in probe.columns]
-            if not np.isfinite(changes).all():
+            predicted = [self._problem.predict(self._baseline, (*self._own, one)) for one in probe.columns]
+            if not np.isfinite(predicted).all():
                 continue
-            columns = np.stack([self._unexplained(self._whitened(one)[rows]) for one in changes], axis=1)
+            changes = [self._whitened(one - self._predicted)[rows] for one in predicted]
+            columns = np.stack([self._unexplained(one) for one in changes], axis=1)
             weights = np.linalg.lstsq(columns, added, rcond=None)[0]
             explained = float(added @ added) - float(np.sum((added - columns @ weights) ** 2))
             if explained > most:
@@ -265,7 +257,12 @@ class Untouched:
 
     @cached_property
     def _residual(self) -> FloatArray:
-        return self._problem.measured - self._problem.predict(self._baseline, self._own)
+        return self._problem.measured - self._predicted
+
+    @cached_property
+    def _predicted(self) -> FloatArray:
+        """What the untouched recording's model predicts, shape (n,)."""
+        return self._problem.predict(self._baseline, self._own)
 
     @cached_property
     def _whitened(self) -> Callable[[FloatArray], FloatArray]:
@@ -280,12 +277,11 @@ class Untouched:
     @cached_property
     def _absorbing(self) -> FloatArray:
         """Derivatives of the prediction by all parameters that are found again, each of unit rms, shape (n, p)."""
-        here = self._problem.predict(self._baseline, self._own)
         columns = []
         for place, value in enumerate(self._baseline.tolist()):
             moved = self._baseline.copy()
             moved[place] += _NUDGE * (abs(value) or 1.0)
-            columns.append(self._problem.predict(moved, self._own) - here)
+            columns.append(self._problem.predict(moved, self._own) - self._predicted)
         for place, one in enumerate(self._own):
             for name, parameter in one.parameters.items():
                 if parameter.role == "choice":
@@ -293,17 +289,9 @@ class Untouched:
                 value = one.values[name]
                 own = list(self._own)
                 own[place] = self._made(one.identifier, {**one.values, name: value + _NUDGE * (value or 1.0)})
-                columns.append(self._problem.predict(self._baseline, own) - here)
+                columns.append(self._problem.predict(self._baseline, own) - self._predicted)
         table = np.stack([self._whitened(column) for column in columns], axis=1)
         return np.asarray(table / np.maximum(np.sqrt(np.mean(table**2, axis=0)), 1e-300))
-
-
-def _scale_of(number: Free, value: float) -> float:
-    """How far a number of a model is moved, to see what that does; `value` in the scale in which it is moved."""
-    parameter = number.parameter
-    if parameter is None:
-        return _SMALL * (abs(value) or 1.0)
-    return _SMALL if parameter.logarithmic else _SMALL * max(abs(value), abs(parameter.scan[0]))
 
 
 def stated_of(finding: Mapping[str, Any]) -> frozenset[str]:

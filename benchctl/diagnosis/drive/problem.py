@@ -12,7 +12,7 @@ import numpy as np
 from benchctl.diagnosis.drive.rows import BLOCK, DriveRows, drive_rows_of
 from benchctl.diagnosis.faults.fault import Fault
 from benchctl.diagnosis.keys import tables_of
-from benchctl.diagnosis.signals.white import white_noise_of
+from benchctl.diagnosis.signals.normal import white_noise_of
 from benchctl.diagnosis.stepped import MadeOfRows, MadeRows
 from benchctl.part_models import EFFECTS, numbers_of
 from benchctl.recordings.reader import Recording

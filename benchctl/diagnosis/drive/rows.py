@@ -16,8 +16,8 @@ from benchctl.diagnosis.drive.spoilt import TURN_DEG, MovingRows, angle_period_o
 from benchctl.diagnosis.faults.fault import Fault
 from benchctl.diagnosis.signals.band_limited import half_of
 from benchctl.diagnosis.signals.motion import motion_of
+from benchctl.diagnosis.signals.normal import white_noise_of
 from benchctl.diagnosis.signals.series import Pieces, Series, block_mean, consecutive, cut, series_of
-from benchctl.diagnosis.signals.white import white_noise_of
 from benchctl.recordings.reader import Recording
 from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.errors import UsageError

@@ -88,11 +88,12 @@ def put_right(read_nm: FloatArray, runs: tuple[slice, ...], rows: MovingRows) ->
     shown = spikes_in(residual=torque_nm, usable=~lost & ~near, step_v=step_nm, sudden=())
     good = ~shown.masked
     torque_nm = np.interp(np.arange(torque_nm.size), np.flatnonzero(good), torque_nm[good])
-    unread = rows.holding(lost)
-    rail = _rail(torque_nm, limits, step_nm, replace(rows, moving=rows.moving & ~unread))
+    rows_nm, unread = rows.means(torque_nm), rows.holding(lost)
+    known = replace(rows, moving=rows.moving & ~unread)
+    rail = _rail(torque_nm, rows_nm, limits, step_nm, known) if limits else None
     spikes = [_spikes(one, read_nm[shown.masked], rows.holding(shown.masked)) for one in shown.found]
     return Torque(
-        rows_nm=rows.means(torque_nm),
+        rows_nm=rows_nm,
         spoilt=unread if rail is None else unread | rail.rows,
         faults=tuple(one for one in (wrap, rail, *spikes) if one is not None),
     )
@@ -137,9 +138,10 @@ def _limits(torque_nm: FloatArray) -> list[float]:
     return limits_of(torque_nm[(torque_nm >= smooth.min()) & (torque_nm <= smooth.max())])
 
 
-def _rail(torque_nm: FloatArray, limits: list[float], step_nm: float, rows: MovingRows) -> Fault | None:
-    """The limits of a torque (n,) beyond which the motion takes more."""
-    rows_nm = rows.means(torque_nm)
+def _rail(
+    torque_nm: FloatArray, rows_nm: FloatArray, limits: list[float], step_nm: float, rows: MovingRows
+) -> Fault | None:
+    """The limits of a torque, samples (n,) and rows (m,), beyond which the motion takes more."""
     law = _Law.of(rows, rows_nm, ~rows.holding(np.isin(torque_nm, limits)))
     middle = float(np.median(torque_nm))
     kept = [

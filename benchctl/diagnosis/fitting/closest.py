@@ -20,6 +20,8 @@ _CLOSE = 0.1
 """Rounds end when twice the log likelihood is expected to change by less."""
 _NUDGE = 0.1
 """How far a number is moved for its derivative, in its own standard errors."""
+_SMALL = 1e-2
+"""The standard error taken, for its derivative, of a number of which nothing is known: this share of its size."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +49,27 @@ def known_from(fitted: Fit, *, anew: str = "") -> Known:
         information=information,
         covariance=fitted.covariance,
     )
+
+
+def nothing_known(point: Point, numbers: tuple[Free, ...]) -> Known:
+    """A model whose numbers are free: none of them is paid for."""
+    values = np.array([point.value(number, i) for i, number in enumerate(numbers)])
+    errors = np.array([_SMALL * _size(number, value) for number, value in zip(numbers, values.tolist(), strict=True)])
+    return Known(
+        point=point,
+        numbers=numbers,
+        values=values,
+        information=np.zeros((values.size, values.size)),
+        covariance=np.diag(errors**2),
+    )
+
+
+def _size(number: Free, value: float) -> float:
+    """How large a number is, by its value in the scale in which it is moved."""
+    parameter = number.parameter
+    if parameter is None:
+        return abs(value) or 1.0
+    return 1.0 if parameter.logarithmic else max(abs(value), abs(parameter.scan[0]))
 
 
 def distance(target: FloatArray, known: Known, predict: Predict, whiten: Column) -> float:
