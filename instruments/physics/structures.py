@@ -119,6 +119,11 @@ class Structure(PhysicalEffect):
         inside = all(one.low < self.values[name] < one.high for name, one in self.parameters.items() if name != "width")
         return self.is_stepped and width is not None and self.values["width"] < width.high and inside
 
+    @property
+    def is_open(self) -> bool:
+        """Whether it is a plateau that ends beyond the coordinate's range, which is a step."""
+        return self.shape == "plateau" and self.values["at"] + self.values["length"] >= self.parameters["at"].high
+
     def apply(self, signals: Signals) -> Signals:
         """The signals with the structure."""
         change, signals = self.function_of(signals)
