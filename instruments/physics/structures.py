@@ -120,9 +120,9 @@ class Structure(PhysicalEffect):
         return self.is_stepped and width is not None and self.values["width"] < width.high and inside
 
     @property
-    def is_open(self) -> bool:
-        """Whether it is a plateau that ends beyond the coordinate's range, which is a step."""
-        return self.shape == "plateau" and self.values["at"] + self.values["length"] >= self.parameters["at"].high
+    def plausible(self) -> bool:
+        """Whether a plateau ends within the coordinate's range: one that does not is a step."""
+        return self.shape != "plateau" or self.values["at"] + self.values["length"] < self.parameters["at"].high
 
     def apply(self, signals: Signals) -> Signals:
         """The signals with the structure."""

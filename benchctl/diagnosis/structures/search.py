@@ -267,7 +267,7 @@ def _fitted(problem: GyroProblem, chosen: Selection, begun: Structure, looked: f
     if instant:
         then = replace(start, effects=(*start.effects[:-1], unmoved(added, ("shape",))))
         one = fit(problem, chosen.whitener, then, present.fitted)
-    if added.is_open or (at_bound(added) and not added.is_sharp):
+    if at_bound(added) and not added.is_sharp:
         return None
     gain = gain_of(one, present)
     evidence = gain - len(begun.parameters) * math.log(one.rows) - looked
