@@ -27,6 +27,7 @@ from benchctl.diagnosis.result import Diagnosis, Part
 from benchctl.diagnosis.rounded import unrounded, without_the_steps_own
 from benchctl.diagnosis.search.select import select, select_between, without_nothing
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.diagnosis.search.subsets import select_subset
 from benchctl.diagnosis.structures.stated import with_structures
 from benchctl.diagnosis.unstated import other_answer, plainly_better
 from benchctl.recordings.reader import Recording
@@ -72,7 +73,10 @@ def _diagnosis(
     step_v = coarse_step_of(problem, faults)
     rounding_v2 = step_v**2 / 12.0
     stated = problem
-    problem, chosen = select_between(problem, plainly_better, seed=seed, progress=told, rounding_v2=rounding_v2)
+    if problem.disturbed:
+        chosen = select_subset(problem, seed=seed, progress=told)
+    else:
+        problem, chosen = select_between(problem, plainly_better, seed=seed, progress=told, rounding_v2=rounding_v2)
     settled = problem is not stated
     for _ in range(_MOST_UNROUNDED):
         smooth = unrounded(problem, chosen, step_v)

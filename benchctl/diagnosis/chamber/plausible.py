@@ -20,6 +20,10 @@ _HEAT = 2.0
 """The gain may be by so much larger than heats the air by its span at the longest time constant."""
 _FASTEST_DRIFT = 60.0
 """K/h; what changes faster stores heat, and does not drift."""
+_MOST_LOSS = 19.0
+"""A door that closes or a fan that stops leaves no less than a twentieth of the loss."""
+_EDGE = 1.0 / 40.0
+"""Share of a run; a loss that changes nearer to its ends is not told from the air's start, or hardly shows."""
 _OFFSET_SHARE, _LEAST_OFFSET_K = 0.5, 10.0
 _START_K, _START_STEPS = 2.0, 10.0
 
@@ -63,6 +67,8 @@ def bounded_kinds(rows: ChamberRows, kinds: Mapping[str, type[ChamberEffect]]) -
         ("heat_store", "tau_s"): (2.0 * rows.interval_s, lasts_s),
         ("exchange", "rate_per_s"): (0.0, 1.0 / rows.interval_s),
         ("ambient_drift", "c_per_hour"): (-_FASTEST_DRIFT, _FASTEST_DRIFT),
+        ("loss_step", "fraction"): (-1.0, _MOST_LOSS),
+        ("loss_step", "moment"): (_EDGE, 1.0 - _EDGE),
     }
 
     return {
@@ -77,11 +83,13 @@ def fair_sizes(rows: ChamberRows) -> Mapping[str, tuple[Mapping[str, float], ...
     What a small effect does to a model that misses much says little of what one of its true size would do.
     """
     lasts_s = lasting_s(rows)
+    fair_drift = min(0.1 * float(np.ptp(rows.temperature_c[rows.usable])) * 3600.0 / lasts_s, 0.5 * _FASTEST_DRIFT)
     return {
         "second_lag": ({"tau_s": 0.03 * lasts_s},),
         "dead_time": ({"delay_s": 0.02 * lasts_s},),
         "heat_store": ({"capacity": 0.3, "tau_s": 0.1 * lasts_s}, {"capacity": 1.0, "tau_s": 0.3 * lasts_s}),
         "exchange": ({"rate_per_s": 10.0 / lasts_s},),
+        "ambient_drift": ({"c_per_hour": fair_drift}, {"c_per_hour": -fair_drift}),
         "radiation": ({"share": 0.5},),
         "heater_nonlinearity": ({"curvature": 0.3},),
         "loss_step": tuple(

@@ -28,6 +28,8 @@ _SIZES = tuple(np.geomspace(1e-4, 1e4, 7).tolist())
 _DRAWS = 400
 _REFITTED, _ALTERNATED, _SETTLED = 4, 5, 0.5
 """Rounds of a fit beside a disturbance, and how often each follows the other until the likelihood hardly gains."""
+_ALL_BUT, _HALVED = 0.95, 5
+"""Share of disturbances that lead a fit less far astray; how often the way to a likelier model is halved."""
 _UNSEEN = 1e-8
 """Share of a derivative that others do not follow, beneath which it is one of them."""
 _REFUTED = 3.84
@@ -46,15 +48,13 @@ _SHORTEST = 2.0
 class Disturbance:
     """The process beside white noise, with the deviation of the white noise.
 
-    `deviance` is minus twice the log likelihood of the residuals, `restricted` that of what their fit cannot follow;
-    `place` the longest memory [rows] and the size that a process has.
+    `deviance` is minus twice the log likelihood of the residuals, `restricted` that of what their fit cannot follow.
     """
 
     slow: tuple[Slow, ...]
     deviance: float
     restricted: float
     white: float
-    place: tuple[float, float] | None = None
 
 
 def disturbance_of(problem: Problem, residual: FloatArray, baseline: FloatArray, effects: Sequence[Any]) -> Disturbance:
@@ -77,25 +77,67 @@ def disturbance_beside(problem: Problem, fitted: Fit) -> Disturbance:
     return _residuals_of(problem, fitted).own(_pushed(problem, fitted))
 
 
-def deviance_beside(problem: Problem, fitted: Fit) -> float:
-    """Minus twice the log likelihood of a fitted model beside its likeliest disturbance, refitted beside that.
+def deviance_near(problem: Problem, nearest: Fit) -> float:
+    """Minus twice the log likelihood of a model beside its disturbance, of the likeliest numbers near those of a fit.
 
-    Models that differ in what they predict are compared by the whole likelihood: the restricted one has lost what their
-    numbers follow, of which each has another share.
+    They may miss the measured quantity by so much more as the right ones would, of which the disturbance leads a fit
+    astray, in all but one of twenty draws: where weighing the rows moves them farther, something is missing, and what
+    changes fast would be followed at the cost of all else. It is the whole likelihood of what is really left: the
+    restricted one has lost what the numbers follow, of which every model has another share.
     """
-    best = _likeliest(problem, fitted)
+    found = _likeliest(problem, nearest)
+    astray = _drawn(problem, nearest, found)
+    more = np.einsum("ij,jk,ik->i", astray, nearest.inverse_information, astray)
+    most = nearest.squares + float(np.quantile(more, _ALL_BUT))
+    moved = nearest
     for _ in range(_ALTERNATED):
-        fitted = fit(problem, fitted.whitener.beside(best.slow), fitted, fitted.fitted, rounds=_REFITTED)
-        again = _likeliest(problem, fitted, best.place)
-        if again.deviance > best.deviance - _SETTLED:
-            return min(again.deviance, best.deviance)
-        best = again
-    return best.deviance
+        moved = fit(problem, nearest.whitener.beside(found.slow), moved, moved.fitted, rounds=_REFITTED)
+        inside = _towards(problem, nearest, moved, most)
+        again = _likeliest(problem, inside)
+        if again.deviance > found.deviance - _SETTLED or inside.point is not moved.point:
+            return min(again.deviance, found.deviance)
+        found = again
+    return found.deviance
 
 
-def _likeliest(problem: Problem, fitted: Fit, first: tuple[float, float] | None = None) -> Disturbance:
+def _towards(problem: Problem, nearest: Fit, moved: Fit, most: float) -> Fit:
+    """The model on the way from the nearest to a moved one, as far as its sum of squares is at most so large."""
+    there = fit(problem, nearest.whitener, moved, nearest.fitted, rounds=0)
+    if there.squares <= most:
+        return there
+    numbers = nearest.numbers
+    begin, end = (
+        np.array([one.point.value(number, i) for i, number in enumerate(numbers)]) for one in (nearest, moved)
+    )
+
+    def at(share: float) -> Fit:
+        point = nearest.point.moved(numbers, begin + share * (end - begin))
+        return fit(problem, nearest.whitener, point, nearest.fitted, rounds=0)
+
+    low, high = 0.0, 1.0
+    for _ in range(_HALVED):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if at(middle).squares <= most else (low, middle)
+    return at(low)
+
+
+def _drawn(problem: Problem, fitted: Fit, found: Disturbance) -> FloatArray:
+    """Products of drawn disturbances with the derivatives of a fit, shape (draws, p)."""
+    draws = np.random.default_rng(0)
+    noise = draws.standard_normal((_DRAWS, fitted.residual.size))
+    paused = np.flatnonzero(np.diff(problem.time_s) > _PAUSE * problem.interval_s) + 1
+    for process in found.slow:
+        pushes = math.sqrt(process.drive) * draws.standard_normal(noise.shape)
+        for run in np.split(np.arange(noise.shape[1]), paused):  # each begins with the air as it is
+            noise[:, run] += scipy.signal.lfilter([1.0], [1.0, -process.remembers], pushes[:, run], axis=1)
+    white = fitted.whitener(found.white * noise) * (fitted.fitted[problem.step] & problem.usable)
+    return np.asarray(white @ fitted.derivatives)
+
+
+def _likeliest(problem: Problem, fitted: Fit) -> Disturbance:
     slowest = max(_pushed(problem, fitted), key=lambda one: one.remembers)
-    return _residuals_of(problem, fitted).likeliest((slowest,), _deviance, first)
+    left = _Residuals(problem, fitted.residual[None, :], fitted.fitted[problem.step])
+    return left.likeliest((slowest,), _deviance)
 
 
 def _deviance(one: Disturbance) -> float:
@@ -158,15 +200,11 @@ class _Residuals:
         self,
         pushed: tuple[Slow, ...],
         key: Callable[[Disturbance], float],
-        first: tuple[float, float] | None = None,
     ) -> Disturbance:
-        """That with the least `key`: none, or what comes of the `pushed` processes, forgotten as soon or sooner.
-
-        It is looked for from a `first` memory [rows] and size on, or from the likeliest of many.
-        """
+        """That with the least `key`: none, or what comes of the `pushed` processes, forgotten as soon or sooner."""
         most = self._longest(pushed)
         memories = np.geomspace(_SHORTEST, most, _MEMORIES).tolist()
-        first = first or min(itertools.product(memories, _SIZES), key=lambda one: key(self._of(pushed, *one)))
+        first = min(itertools.product(memories, _SIZES), key=lambda one: key(self._of(pushed, *one)))
 
         def at(place: FloatArray) -> Disturbance:
             memory, size = np.exp(np.clip(place, *np.log([[_SHORTEST, _SIZES[0]], [most, _SIZES[-1]]]))).tolist()
@@ -209,7 +247,7 @@ class _Residuals:
                 drives[remembers] = drives.get(remembers, 0.0) + size * one.drive
         whole = sum(one.drive for one in pushed)
         slow = tuple(Slow(remembers=key, drive=drive / whole) for key, drive in drives.items())
-        return replace(self.beside(slow), place=(memory, size))
+        return self.beside(slow)
 
 
 def with_disturbance(problem: Problem, fitted: Fit) -> Fit:
@@ -219,15 +257,5 @@ def with_disturbance(problem: Problem, fitted: Fit) -> Fit:
     """
     if not problem.disturbed:
         return fitted
-    found = disturbance_beside(problem, fitted)
-    draws = np.random.default_rng(0)
-    noise = draws.standard_normal((_DRAWS, fitted.residual.size))
-    paused = np.flatnonzero(np.diff(problem.time_s) > _PAUSE * problem.interval_s) + 1
-    for process in found.slow:
-        pushes = math.sqrt(process.drive) * draws.standard_normal(noise.shape)
-        for run in np.split(np.arange(noise.shape[1]), paused):  # each begins with the air as it is
-            noise[:, run] += scipy.signal.lfilter([1.0], [1.0, -process.remembers], pushes[:, run], axis=1)
-    counted = fitted.fitted[problem.step] & problem.usable
-    white = fitted.whitener(found.white * noise) * counted
-    moved = white @ fitted.derivatives @ fitted.inverse_information
+    moved = _drawn(problem, fitted, disturbance_beside(problem, fitted)) @ fitted.inverse_information
     return replace(fitted, disturbed_covariance=np.atleast_2d(moved.T @ moved / _DRAWS))

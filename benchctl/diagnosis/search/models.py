@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchctl.diagnosis.fitting.disturbance import deviance_beside
 from benchctl.diagnosis.fitting.fit import Fit, Point, fit, gain_alone, gain_kept, gain_of
 from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.fitting.noise_model import NoiseModel
@@ -45,9 +44,8 @@ _ROUNDED = 0.01
 class Tried:
     """A model with one effect more: its fit, and what it promises after what chance adds to the gain.
 
-    `evidence` is the gain less what the effect's freedom has cost: by it effects are compared. Beside a disturbance it
-    is that of the fit itself, and what is promised that beside the disturbance. Both are −∞ where the effect stands at
-    a bound of what is plausible, or one of several recordings contradicts it.
+    `evidence` is the gain less what the effect's freedom has cost: by it effects are compared. Both are −∞ where the
+    effect stands at a bound of what is plausible, or one of several recordings contradicts it.
     """
 
     fit: Fit
@@ -78,7 +76,6 @@ class Models:
         self._bare: tuple[Whitener, Fit] | None = None
         self._rivals: dict[Place, tuple[str, ...]] = {}
         self._refused: set[Place] = set()
-        self._deviances: dict[int, tuple[Fit, float]] = {}
 
     def _screened(self, present: Fit, shares: tuple[float, float], kinds: frozenset[str] | None = None) -> Screening:
         """The probes' promise beside a model; meanwhile the share that is done goes from one to the other."""
@@ -119,16 +116,6 @@ class Models:
         rounded = _ROUNDED * beside.rows * self._rounding_v2 / beside.deviation**2
         return (self._threshold or 0.0) + _IMPERFECT**2 * explained + rounded
 
-    def _still(self, present: Fit, less: Fit) -> float:
-        """What an effect that was added must gain beside those that came later.
-
-        Beside a disturbance that follows anything slow little is left of many a gain: the criterion is Schwarz's then,
-        and what chance brings anywhere was asked for when the effect was added.
-        """
-        if not self._problem.disturbed:
-            return self._least(less)
-        return (len(present.numbers) - len(less.numbers)) * math.log(present.rows)
-
     def _with(self, present: Fit, scored: Scored) -> Tried:
         more: DescribedEffect = scored.probe.start(scored.weights)
         start = replace(present.point, effects=(*present.point.effects, more))
@@ -139,9 +126,6 @@ class Models:
         added = fitted.point.effects[-1]
         if at_bound(added) or self._driven_to_bound(fitted, present) or not self._agreed(fitted, present):
             return Tried(fit=fitted, promise=-math.inf, evidence=-math.inf)
-        if self._problem.disturbed:  # no chance was drawn beside a disturbance that is fitted at each of the places
-            shapes = [one.scan for one in added.parameters.values() if one.role == "shape"]
-            look_elsewhere += 2.0 * math.log(math.prod(len(scan) for scan in shapes))
         return Tried(
             fit=fitted,
             promise=self._beyond_chance(fitted, present) - look_elsewhere,
@@ -149,12 +133,9 @@ class Models:
         )
 
     def _driven_to_bound(self, fitted: Fit, present: Fit) -> bool:
-        """Whether a parameter of the baseline stands at the bound of what is plausible, and did not before.
-
-        Beside a disturbance a note says so.
-        """
+        """Whether a parameter of the baseline stands at the bound of what is plausible, and did not before."""
         values = zip(fitted.numbers, fitted.point.baseline.tolist(), present.point.baseline.tolist(), strict=False)
-        return not self._problem.disturbed and any(
+        return any(
             stands_at(there, number.low, number.high) and not stands_at(before, number.low, number.high)
             for number, there, before in values
         )
@@ -166,22 +147,9 @@ class Models:
             gain_alone(better, worse, recorded == one) > -self._least(worse) for one in np.unique(recorded)
         )
 
-    def _gain(self, better: Fit, worse: Fit) -> float:
-        """By how much twice the log likelihood is larger, each beside the disturbance that it needs where one is."""
-        if not self._problem.disturbed:
-            return gain_of(better, worse)
-        return self._deviance(worse) - self._deviance(better)
-
-    def _deviance(self, fitted: Fit) -> float:
-        known = self._deviances.get(id(fitted))
-        if known is None or known[0] is not fitted:
-            known = self._deviances[id(fitted)] = fitted, deviance_beside(self._problem, fitted)
-        return known[1]
-
     def _beyond_chance(self, better: Fit, worse: Fit) -> float:
         """The gain, less where chance scatters by more than white noise would."""
-        gain = self._gain(better, worse)
-        return gain if self._problem.disturbed else gain / self._scatter(better, worse)
+        return gain_of(better, worse) / self._scatter(better, worse)
 
     def _scatter(self, better: Fit, worse: Fit) -> float:
         return self._scatter_over(block_starts(better.white.size), better, worse)
@@ -226,7 +194,7 @@ class Models:
                 names[tried.added.identifier] = None
             if tried.evidence == -math.inf or (best is not None and tried.evidence <= best.evidence + ALIKE):
                 continue
-            if tried.promise > self._least(present) and self._keeps(tried.fit, present):
+            if tried.promise > self._least(present) and gain_kept(tried.fit, present, self._folds) > 0.0:
                 best = tried
         if best is not None:
             self._rivals[place_of(best.added)] = tuple(names)
@@ -235,40 +203,13 @@ class Models:
     def _tried(self, present: Fit, screening: Screening, kinds: Collection[str] | None = None) -> Iterator[Tried]:
         """The model with each effect that is worth a fit; and from the places where the problem has effects begin."""
         for scored in self._promising(present, screening):
-            tried = self._with(present, scored)
-            if self._possible(tried.fit):
-                yield tried
+            yield self._with(present, scored)
         for start in self._starts(present.point):
             if kinds is None or start.effects[-1].identifier in kinds:
-                tried = self._begun_with(present, start, 0.0)
-                if self._possible(tried.fit):
-                    yield tried
+                yield self._begun_with(present, start, 0.0)
 
     def _starts(self, known: Point) -> Iterator[Point]:
         """Where the problem itself has one effect more begin, of those that were not refused."""
         for baseline, effect in self._problem.starts(known.baseline, known.effects):
             if place_of(effect) not in self._refused:
                 yield Point(baseline=baseline, effects=(*known.effects, effect))
-
-    def _keeps(self, better: Fit, worse: Fit) -> bool:
-        """Whether the gain holds on steps that a model was not fitted to.
-
-        Beside a disturbance each step is missed by a level of its own, which its neighbours foretell: there the steps
-        that were held out from all decide, in the end.
-        """
-        return self._problem.disturbed or gain_kept(better, worse, self._folds) > 0.0
-
-    def _possible(self, fitted: Fit) -> bool:
-        """Whether no effect of a fit stands at a bound, where an effect at its bound is none."""
-        return not self._problem.disturbed or not any(at_bound(effect) for effect in fitted.point.effects)
-
-    def _improves_held_out(self, present: Fit, less: Fit) -> bool:
-        """Whether a model does no worse than one with less on steps that neither was fitted to.
-
-        Where rows are weighed by a disturbance, that is by what they miss of the measured quantity itself.
-        """
-        if not self._problem.disturbed or not self._held.any():
-            return True
-        rows = self._held[self._problem.step] & self._problem.usable
-        better, worse = (float(np.sum(one.residual[rows] ** 2)) for one in (present, less))
-        return better <= worse

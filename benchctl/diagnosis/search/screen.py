@@ -161,8 +161,7 @@ class _Beside:
     What is compared beside the problem's rows (`spectral_residual`) comes behind them, as if it were more of them.
     Columns, the residual and the noise's `weight` are 0 on rows of steps that it was not fitted to (`rows`), so that
     their products with the derivatives are those of the others. `covariance` (p, p) is that of its numbers for noise of
-    one; `count` is how many rows are free; where the air, say, is `disturbed` a gain is weighed against that after a
-    fit only.
+    one; `count` is how many rows are free.
     """
 
     white: FloatArray
@@ -171,7 +170,6 @@ class _Beside:
     count: float
     rows: BoolArray
     weight: FloatArray
-    disturbed: bool
 
     @classmethod
     def of(cls, problem: Problem, whitener: Whitener, fitted: Fit) -> Self:
@@ -186,7 +184,6 @@ class _Beside:
             count=max(float((whitener.weight[rows] > 0.0).sum()) - len(fitted.numbers), 1.0),
             rows=every,
             weight=whitener.weight * rows,
-            disturbed=problem.disturbed,
         )
 
     @cached_property
@@ -257,7 +254,7 @@ class _Beside:
             drop = min(max(float(weights @ product), 0.0), self.total * (1 - 1e-12))
             gain = -self.count * math.log1p(-drop / self.total)
             odd = 1.0
-            if gain > _WORTH and not self.disturbed:
+            if gain > _WORTH:
                 odd = self._scatter(columns[some], weights, of_known @ weights)
             scored.append(
                 Scored(

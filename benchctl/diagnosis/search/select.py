@@ -135,7 +135,7 @@ def without_nothing(problem: Problem, chosen: Selection) -> Selection:
 
     def findings() -> list[int]:
         effects = chosen.whole.point.effects
-        return [place for place in _may_be_nothing(problem, chosen.whole) if not isinstance(effects[place], Structure)]
+        return [place for place in may_be_nothing(problem, chosen.whole) if not isinstance(effects[place], Structure)]
 
     while places := findings():
         chosen = reduced(problem, chosen, {list(chosen.evidence)[min(places)]})
@@ -153,7 +153,7 @@ def _places(present: Fit) -> list[Place]:
 
 def _not_to_state(problem: Problem, present: Fit, evidence: Mapping[str, Evidence]) -> DescribedEffect | None:
     """The effect that makes held-out steps worst, stands at a bound, or may be as small as nothing; None if none is."""
-    nothing = _may_be_nothing(problem, with_disturbance(problem, present))
+    nothing = may_be_nothing(problem, with_disturbance(problem, present))
     worse = [
         (it.heldout, place)
         for place, (one, it) in enumerate(zip(present.point.effects, evidence.values(), strict=True))
@@ -162,7 +162,7 @@ def _not_to_state(problem: Problem, present: Fit, evidence: Mapping[str, Evidenc
     return present.point.effects[min(worse)[1]] if worse else None
 
 
-def _may_be_nothing(problem: Problem, fitted: Fit) -> set[int]:
+def may_be_nothing(problem: Problem, fitted: Fit) -> set[int]:
     """The places of the effects of which everything that may be zero has zero within its 95 % interval.
 
     A dead time beside a disturbance, which a lag may leave by chance, within that of Schwarz's criterion.
@@ -242,7 +242,7 @@ class _Search(Models):
         plain = self._noise.plain
         before = fit(self._problem, plain, untouched, self._fitted)
         return Selection(
-            before=before if self._problem.disturbed else before.light,
+            before=before.light,
             after=present,
             whole=with_disturbance(self._problem, self._whole(present)),
             noise=self._noise,
@@ -422,7 +422,7 @@ class _Search(Models):
         """Without those of its effects that are no longer needed."""
         for effect in effects:
             less = self._without(present, effect)
-            if self._beyond_chance(present, less) < self._still(present, less):
+            if self._beyond_chance(present, less) < self._least(less):
                 present = less
         return present
 
@@ -430,14 +430,10 @@ class _Search(Models):
         """Every effect against none and against its rivals, with all others in place, until none gives way."""
         for _ in range(_MOST_SWAPS + len(present.point.effects)):
             evidence: dict[str, Evidence] = {}
-            dispensable = self._dispensable(present) if self._problem.disturbed else None
-            if dispensable is not None:
-                present = dispensable
-                continue
             for key, effect in zip(keys_of(present.point.effects), present.point.effects, strict=True):
                 less = self._without(present, effect)
                 own = self._evidence(present, less)
-                if self._earned(own) / own.scatter < self._still(present, less) or at_bound(effect):
+                if self._earned(own) / own.scatter < self._least(less) or at_bound(effect):
                     present = less
                     break
                 rivals, nearest, better = self._rivalled(present, less, effect)
@@ -456,33 +452,11 @@ class _Search(Models):
             for key, one in zip(keys_of(present.point.effects), present.point.effects, strict=True)
         }
 
-    def _as_likely(self, tried: Tried, present: Fit) -> bool:
-        """Whether a model with another effect in one's place is no less likely beside the disturbance of each."""
-        return not self._problem.disturbed or self._gain(tried.fit, present) > 0.0
-
-    def _dispensable(self, present: Fit) -> Fit | None:
-        """The model without the weakest of the effects that are not needed, None where all are.
-
-        An effect is not needed where it gains too little, stands at a bound, or steps that neither model was fitted to
-        are missed by less without it.
-        """
-        weakest: tuple[float, Fit] | None = None
-        for effect in present.point.effects:
-            less = self._without(present, effect)
-            gain = self._gain(present, less)
-            needed = gain >= self._still(present, less) and self._improves_held_out(present, less)
-            if (not needed or at_bound(effect)) and (weakest is None or gain < weakest[0]):
-                weakest = gain, less
-        return None if weakest is None else weakest[1]
-
     def _earned(self, own: Evidence) -> float:
         """What counts for an effect: what it gains where it was fitted, and where held-out steps bear witness.
 
-        Of a gyro they bear witness against it alone, as what a coarse converter rounds off is alike in all steps;
-        beside a disturbance they are compared otherwise.
+        Of a gyro they bear witness against it alone, as what a coarse converter rounds off is alike in all steps.
         """
-        if self._problem.disturbed:
-            return own.gain
         return own.gain + (min(own.heldout, 0.0) if isinstance(self._problem, GyroProblem) else own.heldout)
 
     def _one_for_two(self, present: Fit) -> Fit | None:
@@ -512,11 +486,11 @@ class _Search(Models):
         held = self._held[self._problem.step]
         by_steps = self._scatter_over(step_starts(self._problem.step), present, less)
         return Evidence(
-            gain=self._gain(present, less),
+            gain=gain_of(present, less),
             heldout=gain_of(present, less, self._held),
-            scatter=1.0 if self._problem.disturbed else max(self._scatter(present, less), by_steps),
+            scatter=max(self._scatter(present, less), by_steps),
             excess=(judged(self._problem, less) ** 2 - judged(self._problem, present) ** 2).astype(np.float32),
-            heldout_least=-math.inf if self._problem.disturbed else least_gain(present.white[held], less.white[held]),
+            heldout_least=least_gain(present.white[held], less.white[held]),
         )
 
     def _rivalled(
@@ -540,13 +514,11 @@ class _Search(Models):
             if tried.added.identifier == effect.identifier:
                 continue
             loss = mine - tried.evidence
-            if self._problem.disturbed:  # whose rows are worth fewer, by as much as they are for the effect itself
-                loss *= min(self._gain(present, less) / max(gain_of(present, less), 1.0), 1.0)
             rivals[tried.added.identifier] = min(loss, rivals.get(tried.added.identifier, math.inf))
             if nearest is None or tried.evidence > nearest.evidence:
                 nearest = tried
         return (
             rivals,
             None if nearest is None else nearest.fit.point,
-            best if best is not None and best.evidence > mine + ALIKE and self._as_likely(best, present) else None,
+            best if best is not None and best.evidence > mine + ALIKE else None,
         )

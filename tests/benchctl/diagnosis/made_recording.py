@@ -12,6 +12,7 @@ import numpy.typing as npt
 from benchctl.diagnosis.fitting.fit import Point
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.select import select
+from benchctl.diagnosis.search.subsets import select_subset
 from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo, Unit
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.stored import StoredStep, stored_of
@@ -67,4 +68,5 @@ def found_in(problem: Problem) -> dict[str, DescribedEffect]:
 
 def model_found(problem: Problem) -> Point:
     """The model that the engine's selection ends with."""
-    return select(problem, seed=0, progress=lambda _name, _share: None).after.point
+    search = select_subset if problem.disturbed else select
+    return search(problem, seed=0, progress=lambda _name, _share: None).after.point

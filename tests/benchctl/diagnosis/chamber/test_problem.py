@@ -13,7 +13,8 @@ from benchctl.diagnosis.chamber.problem import ChamberProblem, chamber_problem
 from benchctl.diagnosis.fitting.disturbance import with_disturbance
 from benchctl.diagnosis.fitting.fit import Point
 from benchctl.diagnosis.parts import problem_of
-from benchctl.diagnosis.search.select import reduced, select
+from benchctl.diagnosis.search.select import reduced
+from benchctl.diagnosis.search.subsets import select_subset
 from benchctl.recordings.importing import import_recording
 from benchctl.recordings.reader import Recording, open_recording
 from benchctl_instruments.errors import UsageError
@@ -67,7 +68,7 @@ def test_two_effects_at_once_are_both_found() -> None:
 @pytest.mark.slow
 def test_without_one_finding_the_others_keep_the_errors_that_the_draughts_give_them() -> None:
     problem = chamber_problem(recording_of(chamber_channels(Truth(second_lag_s=30.0, radiation=0.5), 1)))
-    chosen = select(problem, seed=0, progress=lambda _name, _share: None)
+    chosen = select_subset(problem, seed=0, progress=lambda _name, _share: None)
     rest = reduced(problem, chosen, {"radiation"}).whole
     beside = with_disturbance(problem, replace(rest, disturbed_covariance=None))
     np.testing.assert_allclose(rest.robust_covariance(problem.step), beside.robust_covariance(problem.step))

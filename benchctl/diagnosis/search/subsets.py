@@ -1,0 +1,205 @@
+"""Every small set of effects, fitted and compared: what a chamber's data demand beside what disturbs its air.
+
+A disturbance is felt for long, so a model that grows effect by effect follows its first mistake: half of what is
+missing looks like a drift, and the next effect mends that. Sets of up to three are few enough to fit them all. Each is
+fitted to the measured quantity itself, and judged by the likelihood of what it leaves, beside the disturbance that it
+needs. Every effect must gain more than chance brings to its numbers (Wilks, Annals of Mathematical Statistics 9, 1938)
+from among all effects and places.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import chdtri
+
+from benchctl.diagnosis.fitting.disturbance import deviance_near, with_disturbance
+from benchctl.diagnosis.fitting.fit import Fit, Point, fit, gain_of, judged
+from benchctl.diagnosis.fitting.noise_model import NoiseModel
+from benchctl.diagnosis.fitting.point import at_bound
+from benchctl.diagnosis.problem import Problem
+from benchctl.diagnosis.search.held_out import held_out_steps
+from benchctl.diagnosis.search.probes import probes_of
+from benchctl.diagnosis.search.screen import screen
+from benchctl.diagnosis.search.select import may_be_nothing
+from benchctl.diagnosis.search.selection import Evidence, Selection
+from benchctl.diagnosis.signals.threads import shared_out
+from benchctl_instruments.physics.effects.effect import DescribedEffect
+
+_MOST = 3
+"""Sets of up to so many effects are fitted."""
+_LOOKED, _PLACES = 2, 3
+"""Beside fewer effects than so many a look says where another one begins, at so many places."""
+_FIRST_ROUNDS, _ROUNDS, _FOLLOWED = 4, 30, 2
+_CHANCE = 0.001
+"""How often chance may bring what an effect must gain: one in a thousand, as a disturbance is never quite as taken."""
+_SEARCHED = 0.9
+"""Share of a diagnosis that is this search."""
+
+_Names = tuple[str, ...]
+"""Identifiers of the effects of a set, in the order of their names."""
+
+
+def select_subset(problem: Problem, *, seed: int, progress: Callable[[str, float], None]) -> Selection:
+    """Find what a `disturbed` problem's data demand: the likeliest of all small sets of which everything is needed."""
+    return _Subsets(problem, progress).selection(seed)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Tried:
+    """A set, fitted; `score` is minus twice its log likelihood and what it pays."""
+
+    fit: Fit
+    score: float
+
+
+class _Subsets:
+    """The sets of effects that were tried, by their names."""
+
+    def __init__(self, problem: Problem, progress: Callable[[str, float], None]) -> None:
+        self._problem = problem
+        self._held = held_out_steps(problem)
+        self._untouched = Point(baseline=problem.baseline_start)
+        noise = NoiseModel.of(problem)
+        self._noise = noise.levelled(problem, fit(problem, noise.whitener, self._untouched, ~self._held))
+        self._tried: dict[_Names, _Tried] = {(): self._judged(self._fit(self._untouched))}
+        self._probes = [probe for kind in problem.effects.values() for probe in probes_of(problem, kind)]
+        kinds = sorted(problem.effects)
+        for size in range(1, _MOST + 1):
+            sets = list(itertools.combinations(kinds, size))
+            self._try(sets, progress, (_SEARCHED * (size - 1) / _MOST, _SEARCHED * size / _MOST))
+
+    def selection(self, seed: int) -> Selection:
+        """The best set of which everything may be stated, and what speaks for each part of it."""
+        problem, names = self._problem, next(self._to_state())
+        after, everything = self._tried[names].fit, np.ones_like(self._held)
+        whole = fit(problem, self._noise.whitener, after, everything) if self._held.any() else after
+        screening = screen(problem, self._noise.whitener, after, self._probes, seed=seed, threshold=self._price())
+        return Selection(
+            before=fit(problem, self._noise.plain, self._untouched, ~self._held),
+            after=after,
+            whole=with_disturbance(problem, whole),
+            noise=self._noise,
+            screening=screening,
+            evidence={one.identifier: self._evidence(names, one) for one in after.point.effects},
+            heldout=self._held,
+            least=self._price(),
+        )
+
+    def _try(self, sets: list[_Names], progress: Callable[[str, float], None], shares: tuple[float, float]) -> None:
+        smaller = {less for names in sets for less in _each_without_one(names)} & self._tried.keys()
+        self._begun = {less: list(self._look(less)) for less in sorted(smaller) if len(less) < _LOOKED}
+        for done, (names, tried) in enumerate(zip(sets, shared_out(self._fitted, sets), strict=True)):
+            progress(" + ".join(names), shares[0] + (shares[1] - shares[0]) * done / len(sets))
+            if tried is not None:
+                self._tried[names] = tried
+
+    def _fitted(self, names: _Names) -> _Tried | None:
+        """A set fitted from all that have one effect less; None where something of it stands at a bound every time.
+
+        The starts from which the first rounds come nearest are followed to their end, till some have come to one.
+        """
+        begun: list[Fit] = []
+        for less in _each_without_one(names):
+            (added,) = set(names) - set(less)
+            starts = self._starts(less, added) if less in self._tried else ()
+            begun.extend(self._fit(start, _FIRST_ROUNDS) for start in starts)
+        inside: list[Fit] = []
+        for one in sorted(begun, key=lambda one: one.squares):
+            ended = self._fit(one, _ROUNDS)
+            if not any(at_bound(effect) for effect in ended.point.effects):
+                inside.append(ended)
+            if len(inside) == _FOLLOWED:
+                break
+        return self._judged(min(inside, key=lambda one: one.squares)) if inside else None
+
+    def _starts(self, less: _Names, added: str) -> Iterator[Point]:
+        """Where a set begins with one effect more; beside several effects as it was beside all but one of them."""
+        if len(less) < _LOOKED:
+            yield from (point for point in self._begun[less] if point.effects[-1].identifier == added)
+            return
+        point = self._tried[less].fit.point
+        for fewer in _each_without_one(less):
+            beside = self._tried.get(tuple(sorted((*fewer, added))))
+            for more in () if beside is None else beside.fit.point.effects:
+                if more.identifier == added:
+                    yield replace(point, effects=(*point.effects, more))
+
+    def _look(self, less: _Names) -> Iterator[Point]:
+        """Where each effect more begins: of a fair size, and at the places that promise most for what is left."""
+        present = self._tried[less].fit
+        point = present.point
+        for baseline, more in self._problem.starts(point.baseline, point.effects):
+            yield Point(baseline=baseline, effects=(*point.effects, more))
+        seen = screen(self._problem, self._noise.whitener, present, self._probes, seed=0, threshold=0.0)
+        taken: Counter[str] = Counter()
+        for one in sorted(seen.scored, key=lambda one: -one.gain):
+            taken[one.probe.identifier] += 1
+            if taken[one.probe.identifier] <= _PLACES:
+                yield replace(point, effects=(*point.effects, one.probe.start(one.weights)))
+
+    def _fit(self, start: Point | Fit, rounds: int = _ROUNDS) -> Fit:
+        return fit(self._problem, self._noise.whitener, start, ~self._held, rounds=rounds)
+
+    def _judged(self, fitted: Fit) -> _Tried:
+        deviance = deviance_near(self._problem, fitted)
+        return _Tried(fit=fitted, score=deviance + sum(self._price(one) for one in fitted.point.effects))
+
+    def _price(self, effect: DescribedEffect | None = None) -> float:
+        """What an effect must gain, in twice the log likelihood; of none at all what the least of one number must."""
+        parameters = () if effect is None else effect.parameters.values()
+        free = sum(one.role not in ("choice", "assumed") for one in parameters)
+        places = math.prod(len(one.scan) for one in parameters if one.role == "shape")
+        return float(chdtri(max(free, 1), _CHANCE / (places * max(len(self._problem.effects), 1))))
+
+    def _to_state(self) -> Iterator[_Names]:
+        """The sets of which every effect earns its price, is more than nothing and at no bound, the best first."""
+        for names in sorted(self._tried, key=lambda names: self._tried[names].score):
+            tried = self._tried[names]
+            earned = all(tried.score < self._tried[less].score for less in self._smaller(names).values())
+            inside = not any(at_bound(effect) for effect in tried.fit.point.effects)
+            if earned and inside and not may_be_nothing(self._problem, with_disturbance(self._problem, tried.fit)):
+                yield names
+
+    def _smaller(self, names: _Names) -> Mapping[str, _Names]:
+        """By each effect of a set the best that was tried of the rest of it."""
+        rests = {one: [other for other in names if other != one] for one in names}
+        return {
+            one: min(
+                (tuple(some) for size in range(len(rest) + 1) for some in itertools.combinations(rest, size)),
+                key=lambda some: self._tried[some].score if some in self._tried else math.inf,
+            )
+            for one, rest in rests.items()
+        }
+
+    def _evidence(self, names: _Names, effect: DescribedEffect) -> Evidence:
+        """Against the best without the effect, and against sets that have another in its place."""
+        tried, name = self._tried[names], effect.identifier
+        less = self._tried[self._smaller(names)[name]]
+        rest = [other for other in names if other != name]
+        others = {
+            other: self._tried[replaced]
+            for other in self._problem.effects
+            if other not in names and (replaced := tuple(sorted((*rest, other)))) in self._tried
+        }
+        rivals = {other: one.score - tried.score for other, one in others.items()}
+        nearest = min(rivals, key=lambda other: rivals[other], default=None)
+        before, after = (judged(self._problem, one.fit) for one in (less, tried))
+        return Evidence(
+            gain=less.score - tried.score + self._price(effect),
+            heldout=gain_of(tried.fit, less.fit, self._held),
+            scatter=1.0,
+            excess=(before**2 - after**2).astype(np.float32),
+            rivals=rivals,
+            nearest=None if nearest is None else others[nearest].fit.point,
+            heldout_least=-math.inf,
+        )
+
+
+def _each_without_one(names: _Names) -> Iterator[_Names]:
+    return itertools.combinations(names, len(names) - 1)
