@@ -66,6 +66,15 @@ def test_two_effects_at_once_are_both_found() -> None:
 
 
 @pytest.mark.slow
+def test_a_lag_of_seconds_beside_a_store_of_heat_is_found_though_it_takes_little_off_the_misses() -> None:
+    truth = Truth(second_lag_s=4.0, store=0.5, store_s=200.0, draught=0.01)
+    found = found_in(chamber_problem(recording_of(chamber_channels(truth, 1))))
+    assert set(found) == {"second_lag", "heat_store"}
+    assert found["second_lag"].values["tau_s"] == pytest.approx(4.0, rel=0.3)
+    assert found["heat_store"].values["tau_s"] == pytest.approx(200.0, rel=0.15)
+
+
+@pytest.mark.slow
 def test_without_one_finding_the_others_keep_the_errors_that_the_draughts_give_them() -> None:
     problem = chamber_problem(recording_of(chamber_channels(Truth(second_lag_s=30.0, radiation=0.5), 1)))
     chosen = select_subset(problem, seed=0, progress=lambda _name, _share: None)
