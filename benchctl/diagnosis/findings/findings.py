@@ -11,6 +11,7 @@ from benchctl.diagnosis.findings.located import where_of
 from benchctl.diagnosis.fitting.fit import judged
 from benchctl.diagnosis.fitting.noise_model import GROWING
 from benchctl.diagnosis.fitting.noisy import Noisy
+from benchctl.diagnosis.fitting.point import FREE, interval_of
 from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Alternative, Estimate, Finding
@@ -20,8 +21,6 @@ from benchctl_instruments.physics.effects.effect import DescribedEffect
 from benchctl_instruments.physics.effects.registry import effect as effect_named
 from benchctl_instruments.physics.structures import Structure
 
-_FREE = 50.0
-"""Of a logarithm: an error beyond which a number is not determined at all."""
 _NEAR = 0.001
 """Alternatives less probable than this are not named."""
 
@@ -72,9 +71,7 @@ def estimates_of(problem: Problem, chosen: Selection) -> Iterator[tuple[str, Des
             # of a number that the recording does not show, a rail that no output reaches, the interval is all it may be
             half = 0.0 if index is None else Z95 * float(errors[index]) or math.inf
             half = math.inf if parameter.role == "assumed" else half
-            low, high = value - half, value + half
-            if parameter.logarithmic and index is not None:
-                low, high = value * math.exp(-min(half, _FREE)), value * math.exp(min(half, _FREE))
+            low, high = interval_of(parameter, value, half)
             if half and parameter.role != "phase":
                 low, high = max(low, min(parameter.low, value)), min(high, max(parameter.high, value))
             estimates[name] = Estimate(value=value, low=low, high=high, unit=parameter.unit)
@@ -124,6 +121,6 @@ def _interval(effect: DescribedEffect, one: Noisy) -> Mapping[str, Estimate]:
     ((name, value),) = effect.values.items()
     # the growth of the variance is factor² − 1: less of its error reaches the factor
     share = one.size / (2.0 * (1.0 + one.size)) if one.effect == GROWING else 1.0
-    wide = math.exp(min(Z95 * one.log_error * share, _FREE))
+    wide = math.exp(min(Z95 * one.log_error * share, FREE))
     unit = effect.parameters[name].unit
     return {name: Estimate(value=value, low=value / wide, high=value * wide, unit=unit)}

@@ -11,6 +11,8 @@ from benchctl_instruments.physics.effects.effect import DescribedEffect, Paramet
 
 _SMALLEST = 1e-300
 """Below it a number that is moved in its logarithm does not go."""
+FREE = 50.0
+"""Of a logarithm: an error beyond which a number is not determined at all."""
 _AT = 1e-3
 """A number so near its bound, as a share of that, stands at it."""
 
@@ -91,6 +93,20 @@ def assumed(point: Point) -> Point:
 def stands_at(value: float, low: float, high: float) -> bool:
     """Whether a number is as near one of its bounds as it can be told; it is never at one that is infinite."""
     return any(math.isfinite(end) and abs(end - value) <= _AT * abs(end) for end in (low, high))
+
+
+def interval_of(parameter: Parameter, value: float, half: float) -> tuple[float, float]:
+    """From where to where a number may be, of which a fit leaves so much to each side in the scale that it moves it in.
+
+    A change of something positive may be large and little known, and the sign of it still be beyond doubt.
+    """
+    if parameter.logarithmic:
+        return value * math.exp(-min(half, FREE)), value * math.exp(min(half, FREE))
+    ratio = 1.0 + value
+    if parameter.relative and ratio > 0.0:
+        share = min(half / ratio, FREE)
+        return ratio * math.exp(-share) - 1.0, ratio * math.exp(share) - 1.0
+    return value - half, value + half
 
 
 def _in_logarithms(number: Free) -> bool:

@@ -14,7 +14,7 @@ from benchctl.diagnosis.fitting.fit import Fit, Point, fit, gain_kept, gain_of, 
 from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.fitting.noisy import Noisy
 from benchctl.diagnosis.fitting.occam import occam
-from benchctl.diagnosis.fitting.point import at_bound
+from benchctl.diagnosis.fitting.point import at_bound, interval_of
 from benchctl.diagnosis.fitting.wandering import PROCESSES
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import Place, keys_of, place_of
@@ -170,14 +170,22 @@ def may_be_nothing(problem: Problem, fitted: Fit) -> set[int]:
     errors = np.sqrt(np.diag(fitted.robust_covariance(problem.step)))
     sizes = [
         [
-            abs(effect.values[one.name])
-            <= error * (Z95 if one.parameter.role == "size" else math.sqrt(math.log(fitted.rows)))
+            _may_be_zero(
+                one.parameter,
+                effect.values[one.name],
+                error * (Z95 if one.parameter.role == "size" else math.sqrt(math.log(fitted.rows))),
+            )
             for one, error in zip(fitted.numbers, errors.tolist(), strict=True)
             if one.effect == place and one.parameter is not None and _vanishes(one.parameter)
         ]
         for place, effect in enumerate(fitted.point.effects)
     ]
     return {place for place, small in enumerate(sizes) if small and all(small)}
+
+
+def _may_be_zero(parameter: Parameter, value: float, half: float) -> bool:
+    low, high = interval_of(parameter, value, half)
+    return low <= 0.0 <= high
 
 
 def _vanishes(parameter: Parameter) -> bool:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -73,6 +73,8 @@ class _Subsets:
         for size in range(1, _MOST + 1):
             sets = list(itertools.combinations(kinds, size))
             self._try(sets, progress, (_SEARCHED * (size - 1) / _MOST, _SEARCHED * size / _MOST))
+        for size in range(_MOST - 1, 0, -1):
+            self._begin_from_larger(itertools.combinations(kinds, size))
 
     def selection(self, seed: int) -> Selection:
         """The best set of which everything may be stated, and what speaks for each part of it."""
@@ -98,6 +100,21 @@ class _Subsets:
             progress(" + ".join(names), shares[0] + (shares[1] - shares[0]) * done / len(sets))
             if tried is not None:
                 self._tried[names] = tried
+
+    def _begin_from_larger(self, sets: Iterable[_Names]) -> None:
+        """Fit each set again from the nearest larger one, less what that has more: it may have ended far away.
+
+        Where what comes of it is no nearer than chance brings (two lags that change places), it stays as it is.
+        """
+        for names in sets:
+            larger = [more for more in self._tried if set(names) < set(more)]
+            if larger:
+                point = self._tried[min(larger, key=lambda more: self._tried[more].fit.squares)].fit.point
+                kept = tuple(effect for effect in point.effects if effect.identifier in names)
+                again, before = self._fit(replace(point, effects=kept)), self._tried.get(names)
+                inside = not any(at_bound(effect) for effect in again.point.effects)
+                if inside and (before is None or gain_of(again, before.fit) > self._price()):
+                    self._tried[names] = self._judged(again)
 
     def _fitted(self, names: _Names) -> _Tried | None:
         """A set fitted from all that have one effect less; None where something of it stands at a bound every time.

@@ -39,6 +39,7 @@ class HeaterNonlinearity(ChamberEffect):
             role="size",
             scan=(1e-4,),
             zero=0.0,
+            relative=True,
         ),
     }
 

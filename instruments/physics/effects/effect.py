@@ -59,6 +59,9 @@ class Parameter:
         The value at which the effect is gone (`math.inf` for a cutoff); None where it does not depend on this one.
     logarithmic
         Whether it is positive and its ratios count.
+    relative
+        Whether it is by how much something positive differs, as a share of it: how well it is known, ratios of one and
+        it tell.
     by_scan
         Whether it has far more places than can be listed, so that a search asks the residual for them; `scan` then only
         names some.
@@ -74,6 +77,7 @@ class Parameter:
     scan: tuple[float, ...]
     zero: float | None = None
     logarithmic: bool = False
+    relative: bool = False
     by_scan: bool = False
     nudge: float = 1e-3
 

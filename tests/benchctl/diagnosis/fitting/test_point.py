@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.fitting.point import Free, Point
+from benchctl.diagnosis.fitting.point import Free, Point, interval_of
+from benchctl_instruments.physics.chamber_effects.heater_nonlinearity import HeaterNonlinearity
 from tests.benchctl.diagnosis.toy_problem import Cubic, Decay, Ripple
 
 NAMES = ("K0_v_per_dps", "U0_v")
@@ -73,3 +74,11 @@ def test_a_model_that_is_moved_leaves_the_one_that_it_came_from() -> None:
 def test_without_effects_only_the_baseline_is_free() -> None:
     assert Point(baseline=np.zeros(2)).free(NAMES) == [Free(name, None, None) for name in NAMES]
     assert Point(baseline=np.zeros(1), effects=(Cubic(size_v=1.0),)).free(["U0_v"])[1].effect == 0
+
+
+def test_of_a_heater_far_from_proportional_the_sign_is_sure_though_its_size_is_not() -> None:
+    curvature = HeaterNonlinearity.parameters["curvature"]
+    low, high = interval_of(curvature, 5.2, 9.0)
+    assert 0.0 < low < 5.2 < high
+    assert (1.0 + low) * (1.0 + high) == pytest.approx(6.2**2)
+    assert interval_of(curvature, 0.01, 0.002) == pytest.approx((0.008, 0.012), abs=1e-5)
