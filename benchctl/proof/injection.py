@@ -46,7 +46,8 @@ _CHANNELS: Mapping[Part, tuple[str, ...]] = {
     "chamber": ("chamber_temp_c", "poll_chamber_temp_c"),
 }
 """What an effect of a part changes: the first of these that a step has."""
-_TRIES = 60
+_TRIES, _ROUNDS = 60, 5
+"""So many effects are drawn for a trial, and so often anew if the recording tells none of them from others."""
 _RANGE = 1e8
 _NUDGE = 1e-4
 _LEFT_OVER = 0.5
@@ -114,7 +115,7 @@ class Untouched:
         nonce = np.random.default_rng([seed, index, 1]).bytes(16).hex()
         found = frozenset[str]().union(*self.found)
         names = [one for one in self._problem.effects if not alike(one, found)]
-        for name in rng.permutation(names * _TRIES)[:_TRIES].tolist() if names else ():
+        for name in self._lots(rng, names):
             wanted = math.exp(rng.uniform(math.log(FAIR[0]), math.log(FAIR[1])))
             values = self._of_size(name, _shaped(self._problem.effects[name], rng), wanted * self._left)
             if values is None:
@@ -128,6 +129,11 @@ class Untouched:
             " what its diagnosis leaves, and unlike any other; take one with more motion, or of a wider range of"
             " temperatures"
         )
+
+    @staticmethod
+    def _lots(rng: np.random.Generator, names: Sequence[str]) -> Iterator[str]:
+        for _ in range(_ROUNDS if names else 0):
+            yield from rng.permutation([*names] * _TRIES)[:_TRIES].tolist()
 
     def with_it(self, injection: Injection) -> Iterator[Step]:
         """The steps of the recording with what was drawn."""

@@ -104,7 +104,10 @@ class _Run:
     def _trial(self, index: int, work: Path) -> InjectedTrial:
         injected, answer = work / "recording.h5", work / "said.json"
         given = {"--said": self.folder / UNTOUCHED, "--seed": self.proof.seed, "--index": index, "--out": injected}
-        sealed = self._run("inject", self.proof.recording, *(word for pair in given.items() for word in pair))
+        try:
+            sealed = self._run("inject", self.proof.recording, *(word for pair in given.items() for word in pair))
+        except ProcessFailedError as err:
+            raise UsageError(f"trial {index}: {err}") from err
         digest = json.loads(sealed)["digest"]
         self.told(index, f"sealed, sha256 {digest}")
         try:

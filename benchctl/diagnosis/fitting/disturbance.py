@@ -86,9 +86,7 @@ def deviance_near(problem: Problem, nearest: Fit) -> float:
     restricted one has lost what the numbers follow, of which every model has another share.
     """
     found = _likeliest(problem, nearest)
-    astray = _drawn(problem, nearest, found)
-    more = np.einsum("ij,jk,ik->i", astray, nearest.inverse_information, astray)
-    most = nearest.squares + float(np.quantile(more, _ALL_BUT))
+    most = nearest.squares + float(np.quantile(_followed(problem, nearest, found), _ALL_BUT))
     moved = nearest
     for _ in range(_ALTERNATED):
         moved = fit(problem, nearest.whitener.beside(found.slow), moved, moved.fitted, rounds=_REFITTED)
@@ -98,6 +96,21 @@ def deviance_near(problem: Problem, nearest: Fit) -> float:
             return min(again.deviance, found.deviance)
         found = again
     return found.deviance
+
+
+def most_followed(problem: Problem, fitted: Fit) -> float:
+    """The most that the numbers of a fit take off the sum of squares of a disturbance, of many that are drawn.
+
+    Each is remembered as long as the air is: what a fit leaves seems to forget sooner.
+    """
+    found = _residuals_of(problem, fitted).remembered(_pushed(problem, fitted))
+    return float(_followed(problem, fitted, found).max())
+
+
+def _followed(problem: Problem, fitted: Fit, found: Disturbance) -> FloatArray:
+    """What the numbers of a fit take off the sum of squares of each drawn disturbance, shape (draws,)."""
+    drawn = _drawn(problem, fitted, found)
+    return np.asarray(np.einsum("ij,jk,ik->i", drawn, fitted.inverse_information, drawn))
 
 
 def _towards(problem: Problem, nearest: Fit, moved: Fit, most: float) -> Fit:
@@ -221,15 +234,19 @@ class _Residuals:
 
     def own(self, pushed: tuple[Slow, ...]) -> Disturbance:
         """By the restricted likelihood what comes of the `pushed` processes, unless another is likelier by far."""
-        likeliest, most = self.likeliest(pushed, _restricted), self._longest(pushed)
+        likeliest, own = self.likeliest(pushed, _restricted), self.remembered(pushed)
+        return own if own.restricted < likeliest.restricted + _REFUTED else likeliest
+
+    def remembered(self, pushed: tuple[Slow, ...]) -> Disturbance:
+        """By the restricted likelihood what comes of the `pushed` processes, of whatever size."""
+        most = self._longest(pushed)
         found = scipy.optimize.minimize_scalar(
             lambda size: self._of(pushed, most, math.exp(size)).restricted,
             bounds=(math.log(_SIZES[0]), math.log(_SIZES[-1])),
             method="bounded",
             options={"xatol": 0.05},
         )
-        own = self._of(pushed, most, math.exp(found.x))
-        return own if own.restricted < likeliest.restricted + _REFUTED else likeliest
+        return self._of(pushed, most, math.exp(found.x))
 
     def _longest(self, pushed: tuple[Slow, ...]) -> float:
         """For how many rows the slowest of the processes is remembered, at most the whole recording."""

@@ -2,8 +2,8 @@
 
 A disturbance is felt for long, so a model that grows effect by effect follows its first mistake: half of what is
 missing looks like a drift, and the next effect mends that. Sets of up to three are few enough to fit them all. Each is
-fitted to the measured quantity itself, and judged by the likelihood of what it leaves, beside the disturbance that it
-needs. Every effect must gain more than chance brings to its numbers (Wilks, Annals of Mathematical Statistics 9, 1938)
+fitted to the measured quantity itself. One that misses it by more than a disturbance would do is out; the others are
+judged by the likelihood of what they leave beside the disturbance that each needs. Every effect must gain more than chance brings to its numbers (Wilks, Annals of Mathematical Statistics 9, 1938)
 from among all effects and places.
 """
 
@@ -11,14 +11,15 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections import Counter, deque
+from collections.abc import Callable, Collection, Iterable, Iterator
+from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from scipy.special import chdtri
 
-from benchctl.diagnosis.fitting.disturbance import deviance_near, with_disturbance
+from benchctl.diagnosis.fitting.disturbance import deviance_near, most_followed, with_disturbance
 from benchctl.diagnosis.fitting.fit import Fit, Point, fit, gain_of, judged
 from benchctl.diagnosis.fitting.noise_model import NoiseModel
 from benchctl.diagnosis.fitting.point import at_bound
@@ -50,14 +51,6 @@ def select_subset(problem: Problem, *, seed: int, progress: Callable[[str, float
     return _Subsets(problem, progress).selection(seed)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Tried:
-    """A set, fitted; `score` is minus twice its log likelihood and what it pays."""
-
-    fit: Fit
-    score: float
-
-
 class _Subsets:
     """The sets of effects that were tried, by their names."""
 
@@ -67,7 +60,8 @@ class _Subsets:
         self._untouched = Point(baseline=problem.baseline_start)
         noise = NoiseModel.of(problem)
         self._noise = noise.levelled(problem, fit(problem, noise.whitener, self._untouched, ~self._held))
-        self._tried: dict[_Names, _Tried] = {(): self._judged(self._fit(self._untouched))}
+        self._tried: dict[_Names, Fit] = {(): self._fit(self._untouched)}
+        self._scores: dict[_Names, float] = {}
         self._probes = [probe for kind in problem.effects.values() for probe in probes_of(problem, kind)]
         kinds = sorted(problem.effects)
         for size in range(1, _MOST + 1):
@@ -78,8 +72,8 @@ class _Subsets:
 
     def selection(self, seed: int) -> Selection:
         """The best set of which everything may be stated, and what speaks for each part of it."""
-        problem, names = self._problem, next(self._to_state())
-        after, everything = self._tried[names].fit, np.ones_like(self._held)
+        problem, names = self._problem, next(self._to_state(), self._nearest)
+        after, everything = self._tried[names], np.ones_like(self._held)
         whole = fit(problem, self._noise.whitener, after, everything) if self._held.any() else after
         screening = screen(problem, self._noise.whitener, after, self._probes, seed=seed, threshold=self._price())
         return Selection(
@@ -109,14 +103,14 @@ class _Subsets:
         for names in sets:
             larger = [more for more in self._tried if set(names) < set(more)]
             if larger:
-                point = self._tried[min(larger, key=lambda more: self._tried[more].fit.squares)].fit.point
+                point = self._tried[min(larger, key=lambda more: self._tried[more].squares)].point
                 kept = tuple(effect for effect in point.effects if effect.identifier in names)
                 again, before = self._fit(replace(point, effects=kept)), self._tried.get(names)
                 inside = not any(at_bound(effect) for effect in again.point.effects)
-                if inside and (before is None or gain_of(again, before.fit) > self._price()):
-                    self._tried[names] = self._judged(again)
+                if inside and (before is None or gain_of(again, before) > self._price()):
+                    self._tried[names] = again
 
-    def _fitted(self, names: _Names) -> _Tried | None:
+    def _fitted(self, names: _Names) -> Fit | None:
         """A set fitted from all that have one effect less; None where something of it stands at a bound every time.
 
         The starts from which the first rounds come nearest are followed to their end, till some have come to one.
@@ -133,23 +127,23 @@ class _Subsets:
                 inside.append(ended)
             if len(inside) == _FOLLOWED:
                 break
-        return self._judged(min(inside, key=lambda one: one.squares)) if inside else None
+        return min(inside, key=lambda one: one.squares, default=None)
 
     def _starts(self, less: _Names, added: str) -> Iterator[Point]:
         """Where a set begins with one effect more; beside several effects as it was beside all but one of them."""
         if len(less) < _LOOKED:
             yield from (point for point in self._begun[less] if point.effects[-1].identifier == added)
             return
-        point = self._tried[less].fit.point
+        point = self._tried[less].point
         for fewer in _each_without_one(less):
             beside = self._tried.get(tuple(sorted((*fewer, added))))
-            for more in () if beside is None else beside.fit.point.effects:
+            for more in () if beside is None else beside.point.effects:
                 if more.identifier == added:
                     yield replace(point, effects=(*point.effects, more))
 
     def _look(self, less: _Names) -> Iterator[Point]:
         """Where each effect more begins: of a fair size, and at the places that promise most for what is left."""
-        present = self._tried[less].fit
+        present = self._tried[less]
         point = present.point
         for baseline, more in self._problem.starts(point.baseline, point.effects):
             yield Point(baseline=baseline, effects=(*point.effects, more))
@@ -163,9 +157,13 @@ class _Subsets:
     def _fit(self, start: Point | Fit, rounds: int = _ROUNDS) -> Fit:
         return fit(self._problem, self._noise.whitener, start, ~self._held, rounds=rounds)
 
-    def _judged(self, fitted: Fit) -> _Tried:
-        deviance = deviance_near(self._problem, fitted)
-        return _Tried(fit=fitted, score=deviance + sum(self._price(one) for one in fitted.point.effects))
+    def _score(self, names: _Names) -> float:
+        """Minus twice the log likelihood of a set beside its disturbance, and what its effects pay."""
+        if names not in self._scores:
+            fitted = self._tried[names]
+            pays = sum(self._price(one) for one in fitted.point.effects)
+            self._scores[names] = deviance_near(self._problem, fitted) + pays
+        return self._scores[names]
 
     def _price(self, effect: DescribedEffect | None = None) -> float:
         """What an effect must gain, in twice the log likelihood; of none at all what the least of one number must."""
@@ -174,48 +172,62 @@ class _Subsets:
         places = math.prod(len(one.scan) for one in parameters if one.role == "shape")
         return float(chdtri(max(free, 1), _CHANCE / (places * max(len(self._problem.effects), 1))))
 
+    @cached_property
+    def _nearest(self) -> _Names:
+        """The set that comes nearest of those of which everything is sure."""
+        return next(filter(self._is_sure, sorted(self._tried, key=lambda names: self._tried[names].squares)))
+
+    @cached_property
+    def _near(self) -> list[_Names]:
+        """The sets that miss no more than a nearest one and what a disturbance may make of it, the likeliest first.
+
+        A disturbance large enough to hide all that is missing would make anything as likely. How large it is, the
+        nearest of all and the nearest that is sure say; either may have followed most of it.
+        """
+        nearest = min(self._tried.values(), key=lambda fitted: fitted.squares), self._tried[self._nearest]
+        most = max(fitted.squares + most_followed(self._problem, fitted) for fitted in nearest)
+        near = [names for names, fitted in self._tried.items() if fitted.squares <= most]
+        deque(shared_out(self._score, near), maxlen=0)
+        return sorted(near, key=self._score)
+
     def _to_state(self) -> Iterator[_Names]:
-        """The sets of which every effect earns its price, is more than nothing and at no bound, the best first."""
-        for names in sorted(self._tried, key=lambda names: self._tried[names].score):
-            tried = self._tried[names]
-            earned = all(tried.score < self._tried[less].score for less in self._smaller(names).values())
-            inside = not any(at_bound(effect) for effect in tried.fit.point.effects)
-            if earned and inside and not may_be_nothing(self._problem, with_disturbance(self._problem, tried.fit)):
+        """Of the sets that are near those of which every effect earns its price and is sure, the likeliest first."""
+        for names in self._near:
+            less = [some for some in self._near if set(some) < set(names)]
+            if all(self._score(names) < self._score(some) for some in less) and self._is_sure(names):
                 yield names
 
-    def _smaller(self, names: _Names) -> Mapping[str, _Names]:
-        """By each effect of a set the best that was tried of the rest of it."""
-        rests = {one: [other for other in names if other != one] for one in names}
-        return {
-            one: min(
-                (tuple(some) for size in range(len(rest) + 1) for some in itertools.combinations(rest, size)),
-                key=lambda some: self._tried[some].score if some in self._tried else math.inf,
-            )
-            for one, rest in rests.items()
-        }
+    def _is_sure(self, names: _Names) -> bool:
+        """Whether every effect of a set is more than nothing, and inside its bounds."""
+        fitted = self._tried[names]
+        inside = not any(at_bound(effect) for effect in fitted.point.effects)
+        return inside and not may_be_nothing(self._problem, with_disturbance(self._problem, fitted))
 
     def _evidence(self, names: _Names, effect: DescribedEffect) -> Evidence:
         """Against the best without the effect, and against sets that have another in its place."""
-        tried, name = self._tried[names], effect.identifier
-        less = self._tried[self._smaller(names)[name]]
+        fitted, name, score = self._tried[names], effect.identifier, self._score(names)
         rest = [other for other in names if other != name]
-        others = {
-            other: self._tried[replaced]
-            for other in self._problem.effects
-            if other not in names and (replaced := tuple(sorted((*rest, other)))) in self._tried
-        }
-        rivals = {other: one.score - tried.score for other, one in others.items()}
+        smaller = [some for some in self._near if set(some) <= set(rest)]
+        less = self._tried[smaller[0] if smaller else self._nearest_of(rest)]
+        others = {other: tuple(sorted((*rest, other))) for other in self._problem.effects if other not in names}
+        others = {other: replaced for other, replaced in others.items() if replaced in self._near}
+        rivals = {other: self._score(replaced) - score for other, replaced in others.items()}
         nearest = min(rivals, key=lambda other: rivals[other], default=None)
-        before, after = (judged(self._problem, one.fit) for one in (less, tried))
+        before, after = (judged(self._problem, one) for one in (less, fitted))
         return Evidence(
-            gain=less.score - tried.score + self._price(effect),
-            heldout=gain_of(tried.fit, less.fit, self._held),
+            gain=self._score(smaller[0]) - score + self._price(effect) if smaller else gain_of(fitted, less),
+            heldout=gain_of(fitted, less, self._held),
             scatter=1.0,
             excess=(before**2 - after**2).astype(np.float32),
             rivals=rivals,
-            nearest=None if nearest is None else others[nearest].fit.point,
+            nearest=None if nearest is None else self._tried[others[nearest]].point,
             heldout_least=-math.inf,
         )
+
+    def _nearest_of(self, rest: Collection[str]) -> _Names:
+        """Of a set's subsets the one that comes nearest."""
+        subsets = [names for names in self._tried if set(names) <= set(rest)]
+        return min(subsets, key=lambda names: self._tried[names].squares)
 
 
 def _each_without_one(names: _Names) -> Iterator[_Names]:
