@@ -3,8 +3,8 @@
 A disturbance is felt for long, so a model that grows effect by effect follows its first mistake: half of what is
 missing looks like a drift, and the next effect mends that. Sets of up to three are few enough to fit them all. Each is
 fitted to the measured quantity itself. One that misses it by more than a disturbance would do is out; the others are
-judged by the likelihood of what they leave beside the disturbance that each needs. Every effect must gain more than chance brings to its numbers (Wilks, Annals of Mathematical Statistics 9, 1938)
-from among all effects and places.
+judged by the likelihood of what they leave beside the disturbance that each needs. Every effect must gain more than
+chance brings to its numbers (Wilks, Annals of Mathematical Statistics 9, 1938) from among all effects and places.
 """
 
 from __future__ import annotations
