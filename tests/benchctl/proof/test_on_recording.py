@@ -133,6 +133,19 @@ def test_what_does_not_go_with_a_recording_is_refused(
     assert not (tmp_path / "p").exists()
 
 
+def test_a_recording_whose_diagnosis_leaves_too_much_for_any_effect_is_refused_in_one_line(
+    plain: Path, said: dict[str, object], tmp_path: Path
+) -> None:
+    proof = tmp_path / "p"
+    proof.mkdir()
+    (proof / "untouched.json").write_text(json.dumps({"said": {**said, "fit": {"after": 1e6}}}))
+    ran = benchctl("prove", "--on", plain, "--trials", "1", "--seed", "3", "--out", proof, timeout_s=120.0)
+    assert ran.returncode == 2
+    assert ran.stderr.count("\n") == 1
+    assert "trial 0: " in ran.stderr
+    assert "take one with more motion" in ran.stderr
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_most_added_effects_are_named_beside_what_is_there(plain: Path, tmp_path: Path) -> None:
