@@ -31,7 +31,7 @@ class QuadraticDrag(DriveEffect):
         "drag_nm_s2": Parameter(
             unit="N m s2 rad-2",
             meaning="torque per square of the rate",
-            low=-1e2,
+            low=0.0,
             high=1e2,
             role="size",
             scan=(1e-9,),

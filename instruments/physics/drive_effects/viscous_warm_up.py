@@ -37,7 +37,7 @@ class ViscousWarmUp(DriveEffect):
         "fraction": Parameter(
             unit="1",
             meaning="change at the end of the run, relative to the friction at its start",
-            low=-10.0,
+            low=-1.0,
             high=10.0,
             role="size",
             scan=(1e-4,),
