@@ -96,9 +96,9 @@ def stands_at(value: float, low: float, high: float) -> bool:
 
 
 def interval_of(parameter: Parameter, value: float, half: float) -> tuple[float, float]:
-    """From where to where a number may be, of which a fit leaves so much to each side in the scale that it moves it in.
+    """The interval of a number whose error is `half` to each side in the scale in which a fit moves it.
 
-    A change of something positive may be large and little known, and the sign of it still be beyond doubt.
+    A `relative` one is told by ratios: a large change may be known badly in size and its sign still be beyond doubt.
     """
     if parameter.logarithmic:
         return value * math.exp(-min(half, FREE)), value * math.exp(min(half, FREE))

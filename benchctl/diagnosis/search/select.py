@@ -153,7 +153,7 @@ def _places(present: Fit) -> list[Place]:
 
 def _not_to_state(problem: Problem, present: Fit, evidence: Mapping[str, Evidence]) -> DescribedEffect | None:
     """The effect that makes held-out steps worst, stands at a bound, or may be as small as nothing; None if none is."""
-    nothing = may_be_nothing(problem, with_disturbance(problem, present))
+    nothing = may_be_nothing(problem, present)
     worse = [
         (it.heldout, place)
         for place, (one, it) in enumerate(zip(present.point.effects, evidence.values(), strict=True))
@@ -252,7 +252,7 @@ class _Search(Models):
         return Selection(
             before=before.light,
             after=present,
-            whole=with_disturbance(self._problem, self._whole(present)),
+            whole=self._whole(present),
             noise=self._noise,
             screening=screening,
             evidence=evidence,
@@ -268,9 +268,7 @@ class _Search(Models):
         while (worse := _not_to_state(self._problem, present, evidence)) is not None:
             self._refused.add(place_of(worse))
             present, evidence = self._settled(self._without(present, worse))
-        return replace(
-            chosen, after=present, whole=with_disturbance(self._problem, self._whole(present)), evidence=evidence
-        )
+        return replace(chosen, after=present, whole=self._whole(present), evidence=evidence)
 
     def _whole(self, present: Fit) -> Fit:
         everything = np.ones_like(self._fitted)

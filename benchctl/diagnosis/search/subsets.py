@@ -72,7 +72,7 @@ class _Subsets:
 
     def selection(self, seed: int) -> Selection:
         """The best set of which everything may be stated, and what speaks for each part of it."""
-        problem, names = self._problem, next(self._to_state(), self._nearest)
+        problem, names = self._problem, self._to_state()
         after, everything = self._tried[names], np.ones_like(self._held)
         whole = fit(problem, self._noise.whitener, after, everything) if self._held.any() else after
         screening = screen(problem, self._noise.whitener, after, self._probes, seed=seed, threshold=self._price())
@@ -106,8 +106,7 @@ class _Subsets:
                 point = self._tried[min(larger, key=lambda more: self._tried[more].squares)].point
                 kept = tuple(effect for effect in point.effects if effect.identifier in names)
                 again, before = self._fit(replace(point, effects=kept)), self._tried.get(names)
-                inside = not any(at_bound(effect) for effect in again.point.effects)
-                if inside and (before is None or gain_of(again, before) > self._price()):
+                if _inside(again) and (before is None or gain_of(again, before) > self._price()):
                     self._tried[names] = again
 
     def _fitted(self, names: _Names) -> Fit | None:
@@ -123,7 +122,7 @@ class _Subsets:
         inside: list[Fit] = []
         for one in sorted(begun, key=lambda one: one.squares):
             ended = self._fit(one, _ROUNDS)
-            if not any(at_bound(effect) for effect in ended.point.effects):
+            if _inside(ended):
                 inside.append(ended)
             if len(inside) == _FOLLOWED:
                 break
@@ -190,18 +189,17 @@ class _Subsets:
         deque(shared_out(self._score, near), maxlen=0)
         return sorted(near, key=self._score)
 
-    def _to_state(self) -> Iterator[_Names]:
-        """Of the sets that are near those of which every effect earns its price and is sure, the likeliest first."""
+    def _to_state(self) -> _Names:
+        """Of the near sets of which every effect earns its price and is sure the likeliest; the nearest if none is."""
         for names in self._near:
             less = [some for some in self._near if set(some) < set(names)]
             if all(self._score(names) < self._score(some) for some in less) and self._is_sure(names):
-                yield names
+                return names
+        return self._nearest
 
     def _is_sure(self, names: _Names) -> bool:
-        """Whether every effect of a set is more than nothing, and inside its bounds."""
-        fitted = self._tried[names]
-        inside = not any(at_bound(effect) for effect in fitted.point.effects)
-        return inside and not may_be_nothing(self._problem, with_disturbance(self._problem, fitted))
+        """Whether every effect of a set is more than nothing."""
+        return not may_be_nothing(self._problem, with_disturbance(self._problem, self._tried[names]))
 
     def _evidence(self, names: _Names, effect: DescribedEffect) -> Evidence:
         """Against the best without the effect, and against sets that have another in its place."""
@@ -228,6 +226,11 @@ class _Subsets:
         """Of a set's subsets the one that comes nearest."""
         subsets = [names for names in self._tried if set(names) <= set(rest)]
         return min(subsets, key=lambda names: self._tried[names].squares)
+
+
+def _inside(fitted: Fit) -> bool:
+    """Whether no effect of a fit stands at a bound; only such sets are kept."""
+    return not any(at_bound(effect) for effect in fitted.point.effects)
 
 
 def _each_without_one(names: _Names) -> Iterator[_Names]:
