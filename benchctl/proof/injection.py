@@ -56,8 +56,11 @@ _LIKE = 0.2
 """Share of an effect's power that another must take up where a search for it begins: with less it is not fitted."""
 _SINGULAR = 1e-12
 """Share of the largest singular value below which a direction is another one's rounding."""
+_MILD = 0.5
+"""Share of the largest output by which an effect may change a sample: one that doubles it would be seen by anyone."""
 _STATED = 0.05
 """Probability from which on an alternative counts as stated."""
+_DIGITS = 12
 _ROUNDING, _OF_A_STEP = 1e-9, 0.02
 """Share of the values that is the arithmetic's, and of a converter's step by which multiples of it may be off."""
 
@@ -122,7 +125,7 @@ class Untouched:
                 continue
             one = self._made(name, values)
             share = _rounded(self._shown(one) / self._left)  # a limit may meet a rate that is turned at, or not
-            if FAIR[0] <= share <= FAIR[1] and self._stands_apart(one):
+            if FAIR[0] <= share <= FAIR[1] and self._is_mild(one) and self._stands_apart(one):
                 return Injection(index=index, effect=name, parameters=values, share=share, nonce=nonce)
         raise UsageError(
             f"{self._recording.path}: none of {', '.join(names) or 'the effects'} shows in this recording as much as"
@@ -137,10 +140,7 @@ class Untouched:
 
     def with_it(self, injection: Injection) -> Iterator[Step]:
         """The steps of the recording with what was drawn."""
-        problem = self._problem
-        if isinstance(problem, GyroProblem):
-            every = np.ones(problem.frame.rows, np.bool_)
-            problem = replace(problem, band=None, usable=every)
+        problem = self._in_every_row
         change = self._change(problem, self._made(injection.effect, injection.parameters))
         for step in self._recording.steps():
             name = next((one for one in _CHANNELS[self._part] if one in step.channels), None)
@@ -149,6 +149,25 @@ class Untouched:
                 continue
             added = np.interp(step[axis_of(name)], problem.time_s, change)
             yield Step(step.info, {**step.channels, name: _in_steps_of(step[name], step[name] + added)})
+
+    @cached_property
+    def _in_every_row(self) -> Problem:
+        """The problem in rows that are those of the recording, whatever a diagnosis compares of them."""
+        problem = self._problem
+        if not isinstance(problem, GyroProblem):
+            return problem
+        return replace(problem, band=None, usable=np.ones(problem.frame.rows, np.bool_))
+
+    def _is_mild(self, one: DescribedEffect) -> bool:
+        """Whether an effect changes no sample of a gyro by more than half of the largest.
+
+        In the slow part of a motion that shakes, where its size is measured, far more of it may not show.
+        """
+        problem = self._in_every_row
+        if not isinstance(problem, GyroProblem):
+            return True
+        most = _MILD * float(np.nanmax(np.abs(problem.frame.volts)))
+        return bool(np.nanmax(np.abs(self._change(problem, one))) <= most)
 
     def _made(self, name: str, values: Mapping[str, float]) -> DescribedEffect:
         return self._problem.effects[name].make(values, self._problem.circumstances)
@@ -312,7 +331,8 @@ def _in_steps_of(measured: FloatArray, changed: FloatArray) -> FloatArray:
     moved = moved[moved > _ROUNDING * np.abs(measured).max()]
     steps = moved / moved.min() if moved.size else moved
     if not moved.size or np.abs(steps - np.round(steps)).max() > _OF_A_STEP:
-        return changed
+        digits = _DIGITS - math.ceil(math.log10(max(float(np.abs(changed).max()), 1e-300)))
+        return np.round(changed, digits)  # what stands at a rail stands there exactly
     step = float(moved.min())
     return np.asarray(measured[0] + np.round((changed - measured[0]) / step) * step)
 

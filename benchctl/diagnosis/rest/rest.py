@@ -194,7 +194,7 @@ def instead_of(problem: Problem, whitener: Whitens, without: Fitted, rest: Rest,
     plain = is_plain(whitener, seed)
     whitened = _weighted(whitener.weight) if plain else _through(whitener)
     words = {word for word in rest.coordinates if "step" not in word.split("*")}
-    groups = [one for one in _smooth_groups(problem, without, slow=not plain) if one.words[0] in words]
+    groups = [one for one in _smooth_groups(problem, without, slow=not plain) if words.issuperset(one.words)]
     if rest.event is not None:
         groups.append(rest.event)
     beside = {(one.words, one.form): max(one.promise, 0.0) for one in rest.looked}

@@ -27,6 +27,7 @@ from benchctl.diagnosis.signals.band_limited import (
     half_of,
 )
 from benchctl.diagnosis.signals.motion import Motion, motion_of
+from benchctl.signals.windows import INDEPENDENT
 from benchctl_instruments.arrays import FloatArray, IntArray
 
 _BEYOND = 0.01
@@ -44,6 +45,8 @@ _PASSING = 0.6
 _ATTENUATION_DB = 80.0
 _RESOLUTION_S = 10.0
 _BIN_HZ = 0.4
+_PIECE = 6
+"""Windows, one behind the other, by which noise is measured: so many do not take the proportion from each other."""
 _FILTER_S = 0.64
 """Length of the filter between encoder and gyro: a longer one tells the lines of the two directions of rotation apart.
 
@@ -163,15 +166,14 @@ def band_of(stretches: tuple[slice, ...], sample_rate_hz: float, rate_dps: Float
     """The band in which what encoder and gyro do not share is as even as noise: from rates and volts of shape (n,).
 
     What is not in proportion to the rate, frequency by frequency, is noise, an error of either, or motion faster than
-    half the sampling rate, folded back into lines. The band ends before the first of these.
+    half the sampling rate, folded back into lines. The band ends before the first of these. How large the noise is, each
+    minute says for itself: a scale factor that changes meanwhile is none.
     """
     longest = max(stretches, key=lambda part: part.stop - part.start)
     rate, output = rate_dps[longest], volts[longest]
     size = min(1 << round(math.log2(_RESOLUTION_S * sample_rate_hz)), rate.size)
-    frequency, of_rate = welch(rate, sample_rate_hz, nperseg=size)
-    of_output = welch(output, sample_rate_hz, nperseg=size)[1]
-    both = csd(rate, output, sample_rate_hz, nperseg=size)[1]
-    left = np.maximum(of_output - np.abs(both) ** 2 / np.maximum(of_rate, 1e-300), 0.0)
+    frequency = np.fft.rfftfreq(size, 1.0 / sample_rate_hz)
+    left = _not_shared(rate, output, sample_rate_hz, size)
     wide = max(1, round(_BIN_HZ / float(frequency[1])))
     inside = (frequency > 0.0) & (frequency <= edges_hz(NARROW, sample_rate_hz)[1])
     bins = left[inside][: inside.sum() // wide * wide].reshape(-1, wide).mean(axis=1)
@@ -179,5 +181,18 @@ def band_of(stretches: tuple[slice, ...], sample_rate_hz: float, rate_dps: Float
     count = max(even.index(False) if False in even else len(even), _FEWEST_BINS)
     stop_hz = count * wide * float(frequency[1])
     passed = (frequency > 0.0) & (frequency <= 0.5 * (1.0 + _PASSING) * stop_hz)
-    noise = math.sqrt(float(left[passed].sum() * frequency[1]))
-    return Band(stretches=stretches, sample_rate_hz=sample_rate_hz, stop_hz=stop_hz, noise=noise)
+    piece = _PIECE * size
+    pieces = [slice(first, first + piece) for first in range(0, rate.size - piece + 1, piece)] or [slice(None)]
+    power = float(np.mean([_not_shared(rate[one], output[one], sample_rate_hz, size)[passed].sum() for one in pieces]))
+    return Band(
+        stretches=stretches, sample_rate_hz=sample_rate_hz, stop_hz=stop_hz, noise=math.sqrt(power * frequency[1])
+    )
+
+
+def _not_shared(rate_dps: FloatArray, volts: FloatArray, sample_rate_hz: float, size: int) -> FloatArray:
+    """The power density of what of volts is not in proportion to a rate, frequency by frequency, without bias."""
+    of_rate = welch(rate_dps, sample_rate_hz, nperseg=size)[1]
+    both = csd(rate_dps, volts, sample_rate_hz, nperseg=size)[1]
+    left = welch(volts, sample_rate_hz, nperseg=size)[1] - np.abs(both) ** 2 / np.maximum(of_rate, 1e-300)
+    averages = INDEPENDENT * (2 * rate_dps.size // size - 1)
+    return np.asarray(np.maximum(left, 0.0) / max(1.0 - 1.0 / averages, INDEPENDENT))
