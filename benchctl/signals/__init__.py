@@ -1,1 +1,1 @@
-"""Signals of a recording: what several parts of the suite compute from evenly sampled channels."""
+"""Signals of a recording: motion from an encoder, temperatures, spectra, and the arithmetic that rows need."""

@@ -14,7 +14,7 @@ from scipy.ndimage import binary_dilation, median_filter
 
 from benchctl.diagnosis.faults.clipping import NEAR, gain_of, limits_of, stated_limits
 from benchctl.diagnosis.faults.fault import Fault
-from benchctl.diagnosis.signals.normal import white_noise_of
+from benchctl.signals.normal import white_noise_of
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
 _ISOLATED = 5

@@ -14,11 +14,12 @@ import numpy as np
 
 from benchctl.diagnosis.drive.spoilt import TURN_DEG, MovingRows, angle_period_of, put_right
 from benchctl.diagnosis.faults.fault import Fault
-from benchctl.diagnosis.signals.band_limited import half_of
-from benchctl.diagnosis.signals.motion import motion_of
-from benchctl.diagnosis.signals.normal import white_noise_of
-from benchctl.diagnosis.signals.series import Pieces, Series, block_mean, consecutive, cut, series_of
+from benchctl.diagnosis.series import Pieces, Series, cut, series_of
 from benchctl.recordings.reader import Recording
+from benchctl.signals.band_limited import half_of
+from benchctl.signals.blocks import block_mean, consecutive
+from benchctl.signals.motion import motion_of
+from benchctl.signals.normal import white_noise_of
 from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.errors import UsageError
 

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from benchctl.diagnosis.gyro.frame import Frame
-from benchctl.diagnosis.signals.motion import Motion
-from benchctl.diagnosis.signals.normal import QUARTILE
+from benchctl.signals.motion import Motion
+from benchctl.signals.normal import QUARTILE
 from benchctl_instruments.arrays import FloatArray
 
 _STEADY_S, _STEADY = 0.5, 9.0

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from benchctl.diagnosis.gyro.taken import AIR, FILLED, NEEDED, THERMISTOR, Taken, taken_of
-from benchctl.diagnosis.signals.free_band import goes_beyond, wide_motion
-from benchctl.diagnosis.signals.motion import Motion, motions_of
-from benchctl.diagnosis.signals.ripple import ripple_of
-from benchctl.diagnosis.signals.setpoint import way_of_setpoint
-from benchctl.diagnosis.signals.temperature import Pause, Readings, Thermistor, thermistor_of
 from benchctl.recordings.model import Step, StepInfo, axis_of
 from benchctl.recordings.reader import Recording
+from benchctl.signals.free_band import goes_beyond, wide_motion
+from benchctl.signals.motion import Motion, motions_of
+from benchctl.signals.ripple import ripple_of
+from benchctl.signals.setpoint import way_of_setpoint
+from benchctl.signals.temperature import Pause, Readings, Thermistor, thermistor_of
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.structure_places import CHAMBER_C, SETPOINT_WAY

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.signals.free_band import Band, band_of, goes_beyond, wide_motion
+from benchctl.signals.free_band import Band, band_of, goes_beyond, wide_motion
 
 RATE_HZ = 100.0
 

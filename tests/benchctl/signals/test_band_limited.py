@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.signals.band_limited import NARROW, differentiator, edges_hz, filtered, filtered_each, half_of
-from tests.benchctl.diagnosis.turning import RATE_HZ
+from benchctl.signals.band_limited import NARROW, differentiator, edges_hz, filtered, filtered_each, half_of
+from tests.benchctl.signals.turning import RATE_HZ
 
 LENGTHS = (1, 2, 40, 700, 3000)
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.signals.band_limited import half_of
-from benchctl.diagnosis.signals.motion import motion_of, motions_of, rates_of
-from tests.benchctl.diagnosis.turning import NOISE_DEG, RATE_HZ, turning
+from benchctl.signals.band_limited import half_of
+from benchctl.signals.motion import motion_of, motions_of, rates_of
+from tests.benchctl.signals.turning import NOISE_DEG, RATE_HZ, turning
 
 
 def test_noise_alone_is_not_taken_for_sudden_motion() -> None:

@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
-from benchctl.diagnosis.signals.band_limited import NARROW, differentiator, edges_hz, filtered
-from benchctl.diagnosis.signals.turns import line_scores
+from benchctl.signals.band_limited import NARROW, differentiator, edges_hz, filtered
+from benchctl.signals.binning import line_scores
 from benchctl_instruments.arrays import FloatArray, IntArray
 
 _MOST_ORDERS = 6

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.signal import csd, firwin, kaiserord, welch
 from scipy.signal.windows import hann
 
-from benchctl.diagnosis.signals.band_limited import (
+from benchctl.signals.band_limited import (
     NARROW,
     WIDE,
     differentiator,
@@ -26,7 +26,7 @@ from benchctl.diagnosis.signals.band_limited import (
     filtered_along,
     half_of,
 )
-from benchctl.diagnosis.signals.motion import Motion, motion_of
+from benchctl.signals.motion import Motion, motion_of
 from benchctl_instruments.arrays import FloatArray, IntArray
 
 _BEYOND = 0.01

@@ -129,18 +129,6 @@ def channels_of(recording: Recording) -> str:
     return ", ".join(sorted(names)) or "none"
 
 
-def block_mean(values: FloatArray, size: int) -> FloatArray:
-    """Means over blocks of so many values, shape (n // size,); what is left at the end is dropped."""
-    count = values.size // size
-    return np.asarray(values[: count * size].reshape(count, size).mean(axis=1))
-
-
-def consecutive(sizes: Sequence[int]) -> tuple[slice, ...]:
-    """Slices of these sizes, one after the other."""
-    bounds = np.concatenate([[0], np.cumsum(sizes)]).tolist()
-    return tuple(slice(first, last) for first, last in itertools.pairwise(bounds))
-
-
 def cut(infos: Sequence[StepInfo], step: IntArray, time_s: FloatArray) -> Pieces:
     """A recording's own steps where there are a dozen; fewer are each cut into up to a dozen pieces of time.
 
