@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -31,6 +30,7 @@ from benchctl.calibration.angle_rate import (
 from benchctl.calibration.thermistor import TemperatureLine
 from benchctl.recordings.mapped import FILLED
 from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo
+from benchctl.recordings.runs import gap_free
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
 Numbers = npt.NDArray[Any]
@@ -358,7 +358,8 @@ class StepReduction:
     def _spans(self, samples: _Samples, last: bool) -> Iterator[_Found]:
         """Unbroken, settled spans."""
         kind, half = self._info.kind, self.smoother.half
-        for start, stop in _unbroken(samples.time_s, self.interval_s):
+        for run in gap_free(samples.time_s, self.interval_s):
+            start, stop = run.start, run.stop
             goes_on, self._goes_on = self._goes_on and start == 0, False
             if stop - start < _SHORTEST and not goes_on:
                 continue
@@ -393,8 +394,8 @@ class StepReduction:
         if self._goes_on:
             done = places_in(found[-1].span, self.smoother, self.delay_s or 0.0)
             return samples.begin_at(found[-1].begin + done.stop - done.start)
-        *_, (start, stop) = _unbroken(samples.time_s, self.interval_s)
-        return samples.begin_at(start) if stop - start < _SHORTEST else None
+        last = gap_free(samples.time_s, self.interval_s)[-1]
+        return samples.begin_at(last.start) if last.stop - last.start < _SHORTEST else None
 
 
 def _smoother_for(first: Step, meta: Meta, interval_s: float) -> Smoother:
@@ -406,12 +407,6 @@ def _smoother_for(first: Step, meta: Meta, interval_s: float) -> Smoother:
         coarse = max(1, int(0.1 * rate_hz))
         rate_rms = float(np.std(turned[coarse:] - turned[:-coarse])) * rate_hz / coarse
     return choose_smoother(rate_hz, _band_hz(info, rate_hz), _angle_noise_deg(meta.bench) / max(rate_rms, 0.1))
-
-
-def _unbroken(time_s: FloatArray, interval_s: float) -> Iterator[tuple[int, int]]:
-    """Spans without a gap."""
-    breaks = np.flatnonzero(np.abs(np.diff(time_s) - interval_s) > 0.5 * interval_s) + 1
-    return pairwise(map(int, [0, *breaks, time_s.size]))
 
 
 def clipped(output: FloatArray, meta: Meta) -> BoolArray:

@@ -16,6 +16,7 @@ from benchctl.diagnosis.drive.spoilt import TURN_DEG, MovingRows, angle_period_o
 from benchctl.diagnosis.faults.fault import Fault
 from benchctl.diagnosis.series import Pieces, Series, cut, series_of
 from benchctl.recordings.reader import Recording
+from benchctl.recordings.runs import holding
 from benchctl.signals.band_limited import half_of
 from benchctl.signals.blocks import block_mean, consecutive
 from benchctl.signals.motion import motion_of
@@ -204,5 +205,4 @@ def _inner(size: int, half: int) -> BoolArray:
 
 def _rests(still: BoolArray) -> tuple[slice, ...]:
     """The parts of rows, shape (m,), in which the table stands still long enough."""
-    edges = np.flatnonzero(np.diff(still.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
-    return tuple(slice(first, last) for first, last in edges.tolist() if last - first >= _FEWEST_AT_REST)
+    return tuple(run for run in holding(still) if run.stop - run.start >= _FEWEST_AT_REST)

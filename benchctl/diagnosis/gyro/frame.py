@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,6 +11,7 @@ import numpy as np
 from benchctl.diagnosis.gyro.taken import AIR, FILLED, NEEDED, THERMISTOR, Taken, taken_of
 from benchctl.recordings.model import Step, StepInfo, axis_of
 from benchctl.recordings.reader import Recording
+from benchctl.recordings.runs import TOLERANCE, gap_free
 from benchctl.signals.free_band import goes_beyond, wide_motion
 from benchctl.signals.motion import Motion, motions_of
 from benchctl.signals.ripple import ripple_of
@@ -22,9 +22,6 @@ from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.structure_places import CHAMBER_C, SETPOINT_WAY
 
 _FEWEST_ROWS = 2000
-_GAP = 1.5
-"""Sample intervals beyond which two rows do not belong to one stretch."""
-
 _LEAST_AIR_C = 1.0
 """Less is noise and control: such air says nothing."""
 
@@ -96,8 +93,8 @@ def frame_of(recording: Recording, *, temperature_c: float | None = None, most: 
         )
     _require_finite(recording, steps)
     interval_s = float(np.median(np.diff(time_s)))
-    stretches = tuple(_stretches(time_s, interval_s))
     _require_even(recording, time_s, interval_s)
+    stretches = tuple(gap_free(time_s, interval_s))
     origins_s = tuple(max(one for one in (0.0, *recording.starts_s) if one <= time_s[part.start]) for part in stretches)
     unwrapped = [np.unwrap(columns["encoder_deg"][part], period=360.0) for part in stretches]
     beyond = goes_beyond(unwrapped, 1.0 / interval_s)
@@ -162,14 +159,6 @@ def _channels_of(recording: Recording) -> str:
     return ", ".join(sorted(names)) or "none"
 
 
-def _stretches(time_s: FloatArray, interval_s: float) -> Iterator[slice]:
-    """Parts without gaps that are long enough for a filter; shorter ones are joined to nothing and kept."""
-    ends = np.flatnonzero(np.diff(time_s) > _GAP * interval_s) + 1
-    bounds = np.concatenate([[0], ends, [time_s.size]])
-    for first, last in itertools.pairwise(bounds.tolist()):
-        yield slice(first, last)
-
-
 def _require_finite(recording: Recording, steps: Sequence[Step]) -> None:
     for step in steps:
         for name in ("encoder_deg", THERMISTOR):
@@ -185,7 +174,7 @@ def _require_finite(recording: Recording, steps: Sequence[Step]) -> None:
 def _require_even(recording: Recording, time_s: FloatArray, interval_s: float) -> None:
     """Raise `UsageError` where the stamps are not those of one clock."""
     apart = np.diff(time_s)
-    inside = apart[apart <= _GAP * interval_s]
+    inside = apart[apart <= (1.0 + TOLERANCE) * interval_s]  # of two rates the faster one counts as uneven
     uneven = float(np.mean(np.abs(inside - interval_s) > _UNEVEN * interval_s)) if interval_s > 0.0 else 1.0
     if uneven > _MOST_UNEVEN:
         raise UsageError(
