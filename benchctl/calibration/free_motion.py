@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from benchctl.calibration.angle_rate import unwrap_deg
 from benchctl.calibration.reduce import clustered_covariance
 from benchctl.calibration.uncertainty import coverage_factor
 from benchctl.recordings.model import Step
 from benchctl.recordings.runs import gaps
+from benchctl.signals.rate import unwrap_deg
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 

@@ -19,11 +19,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from benchctl.calibration.angle_rate import Smoother
 from benchctl.calibration.step_reduction import CHANNELS, QUIET_KINDS, Blocks, StepReduction
 from benchctl.recordings.model import Meta, Step, StepInfo
 from benchctl.recordings.stored import StoredStep, stored_of
 from benchctl.side_by_side import cores, in_order
+from benchctl.signals.rate import Smoother
 from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
 

@@ -18,7 +18,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
-from benchctl.calibration.angle_rate import (
+from benchctl.calibration.thermistor import TemperatureLine
+from benchctl.recordings.mapped import FILLED
+from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo
+from benchctl.recordings.runs import gap_free
+from benchctl.signals.rate import (
     Smoother,
     choose_smoother,
     derivative_of,
@@ -27,10 +31,6 @@ from benchctl.calibration.angle_rate import (
     rates_at,
     unwrap_deg,
 )
-from benchctl.calibration.thermistor import TemperatureLine
-from benchctl.recordings.mapped import FILLED
-from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo
-from benchctl.recordings.runs import gap_free
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
 Numbers = npt.NDArray[Any]

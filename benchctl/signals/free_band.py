@@ -17,7 +17,8 @@ import numpy as np
 from scipy.signal import csd, firwin, kaiserord, welch
 from scipy.signal.windows import hann
 
-from benchctl.signals.band_limited import (
+from benchctl.signals.motion import Motion, motion_of
+from benchctl.signals.rate import (
     NARROW,
     WIDE,
     differentiator,
@@ -26,7 +27,6 @@ from benchctl.signals.band_limited import (
     filtered_along,
     half_of,
 )
-from benchctl.signals.motion import Motion, motion_of
 from benchctl_instruments.arrays import FloatArray, IntArray
 
 _BEYOND = 0.01

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from benchctl.side_by_side import shared_out
-from benchctl.signals.band_limited import NARROW, WIDE, differentiator, edges_hz, filtered_each
+from benchctl.signals.rate import NARROW, WIDE, differentiator, edges_hz, filtered_each
 from benchctl.signals.ripple import NO_RIPPLE, Ripple
 from benchctl_instruments.arrays import FloatArray
 

@@ -19,8 +19,8 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
 from benchctl.recordings.runs import holding
-from benchctl.signals.band_limited import NARROW, differentiator, edges_hz, filtered
 from benchctl.signals.binning import line_scores
+from benchctl.signals.rate import NARROW, differentiator, edges_hz, filtered
 from benchctl_instruments.arrays import FloatArray, IntArray
 
 _MOST_ORDERS = 6

@@ -14,6 +14,7 @@ from benchctl.recordings.reader import Recording
 from benchctl.recordings.runs import TOLERANCE, gap_free
 from benchctl.signals.free_band import goes_beyond, wide_motion
 from benchctl.signals.motion import Motion, motions_of
+from benchctl.signals.rate import unwrap_deg
 from benchctl.signals.ripple import ripple_of
 from benchctl.signals.setpoint import way_of_setpoint
 from benchctl.signals.temperature import Pause, Readings, Thermistor, thermistor_of
@@ -96,7 +97,7 @@ def frame_of(recording: Recording, *, temperature_c: float | None = None, most: 
     _require_even(recording, time_s, interval_s)
     stretches = tuple(gap_free(time_s, interval_s))
     origins_s = tuple(max(one for one in (0.0, *recording.starts_s) if one <= time_s[part.start]) for part in stretches)
-    unwrapped = [np.unwrap(columns["encoder_deg"][part], period=360.0) for part in stretches]
+    unwrapped = [unwrap_deg(columns["encoder_deg"][part]) for part in stretches]
     beyond = goes_beyond(unwrapped, 1.0 / interval_s)
     motion, motions = _end_to_end(_motions(unwrapped, 1.0 / interval_s, beyond), stretches)
     name, thermistors = _thermistors(recording, taken, sorted(set(origins_s)), temperature_c)

@@ -25,9 +25,9 @@ from benchctl.diagnosis.series import cut
 from benchctl.diagnosis.stepped import Stepped
 from benchctl.recordings.model import StepInfo
 from benchctl.recordings.reader import Recording
-from benchctl.signals.band_limited import WIDE, differentiator, edges_hz, filtered_along, half_of
 from benchctl.signals.binning import hats
 from benchctl.signals.free_band import Band, band_of, shared_motion
+from benchctl.signals.rate import WIDE, differentiator, edges_hz, filtered_along, half_of
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.effects.effect import DescribedEffect, PhysicalEffect

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from benchctl.signals.band_limited import half_of
 from benchctl.signals.motion import motion_of, motions_of, rates_of
+from benchctl.signals.rate import half_of
 from tests.benchctl.signals.turning import NOISE_DEG, RATE_HZ, turning
 
 

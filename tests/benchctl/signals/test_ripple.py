@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from benchctl.signals.band_limited import half_of
 from benchctl.signals.motion import motion_of
+from benchctl.signals.rate import half_of
 from benchctl.signals.ripple import NO_RIPPLE, Ripple, ripple_of
 from tests.benchctl.signals.turning import RATE_HZ, turning
 
