@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from benchctl.calibration.reduce import clustered_covariance
+from benchctl.calibration.linear import clustered_covariance
 from benchctl.calibration.uncertainty import coverage_factor
 from benchctl.recordings.model import Step
 from benchctl.recordings.runs import gaps

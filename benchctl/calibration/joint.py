@@ -26,10 +26,11 @@ from benchctl.calibration.noise_model import (
     score_scatter,
     walk_covariance,
 )
-from benchctl.calibration.reduce import ReducedStep, Rows, gather
+from benchctl.calibration.rows import Rows, gather
 from benchctl.calibration.thermistor import ThermalHistory
 from benchctl.calibration.uncertainty import Mixture
 from benchctl.signals.normal import DEVIATION_OF_MEDIAN
+from benchctl.signals.reduce import ReducedStep
 from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchctl.calibration.reduce import reduce_step, reduce_steps
-from benchctl.calibration.step_reduction import clipped
 from benchctl.recordings.model import Step
+from benchctl.signals.reduce import reduce_step, reduce_steps
+from benchctl.signals.segments import clipped
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.calibration.synthetic import Ask, Truth, meta_of, steps
 
