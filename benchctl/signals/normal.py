@@ -15,10 +15,13 @@ QUARTILE = 0.67449
 DEVIATION_OF_MEDIAN = 1.4826
 """A deviation over the median of what is normal, without its sign."""
 
-_THIRD_DIFFERENCE = QUARTILE * math.sqrt(20.0)
-"""Median of the absolute third difference of white noise, in its standard deviations."""
 
+def white_noise_of(*signals: FloatArray, order: int = 3) -> float:
+    """The standard deviation of the white noise in smooth signals, each (n,), from differences of some order.
 
-def white_noise_of(values: FloatArray) -> float:
-    """The standard deviation of the white noise in a smooth signal (n,), from its third differences."""
-    return float(np.median(np.abs(np.diff(values, 3)))) / _THIRD_DIFFERENCE
+    Differences of white noise of variance one have the variance (2·order over order). 0 where no signal is long enough.
+    """
+    differences = [np.abs(np.diff(one, order)) for one in signals if one.size > order]
+    if not differences:
+        return 0.0
+    return float(np.median(np.concatenate(differences))) / (QUARTILE * math.sqrt(math.comb(2 * order, order)))
