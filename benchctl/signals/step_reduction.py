@@ -88,6 +88,8 @@ def delay_of(segment: Segment, smoother: Smoother) -> float:
     angle, integral = segment.angle_deg[few], _integral(segment.output_v[few], smoother.sample_rate_hz)
     output, slope = np.zeros_like(angle), np.zeros_like(angle)
     smooth, where = derivative_of(integral, smoother)
+    if not smooth.size:  # shorter than a window
+        return 0.0
     output[where], slope[where] = smooth, derivative_of(integral, smoother, derivative=2)[0]
     usable = np.zeros(angle.size, dtype=np.bool_)
     usable[where] = np.convolve(segment.bad[few], np.ones(2 * smoother.half + 1), mode="valid") < 0.5
