@@ -12,10 +12,8 @@ from benchctl.diagnosis.gyro.taken import AIR, FILLED, NEEDED, THERMISTOR, Taken
 from benchctl.recordings.model import Step, StepInfo, axis_of
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.runs import TOLERANCE, gap_free
-from benchctl.signals.free_band import goes_beyond, wide_motion
-from benchctl.signals.motion import Motion, motions_of
+from benchctl.signals.motion import Motion, table_motions
 from benchctl.signals.rate import unwrap_deg
-from benchctl.signals.ripple import ripple_of
 from benchctl.signals.setpoint import way_of_setpoint
 from benchctl.signals.temperature import Pause, Readings, Thermistor, thermistor_of
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
@@ -98,8 +96,8 @@ def frame_of(recording: Recording, *, temperature_c: float | None = None, most: 
     stretches = tuple(gap_free(time_s, interval_s))
     origins_s = tuple(max(one for one in (0.0, *recording.starts_s) if one <= time_s[part.start]) for part in stretches)
     unwrapped = [unwrap_deg(columns["encoder_deg"][part]) for part in stretches]
-    beyond = goes_beyond(unwrapped, 1.0 / interval_s)
-    motion, motions = _end_to_end(_motions(unwrapped, 1.0 / interval_s, beyond), stretches)
+    made, beyond = table_motions(unwrapped, 1.0 / interval_s)
+    motion, motions = _end_to_end(made, stretches)
     name, thermistors = _thermistors(recording, taken, sorted(set(origins_s)), temperature_c)
     temperatures = [thermistors[at].at(time_s[part]) for at, part in zip(origins_s, stretches, strict=True)]
     air_c = np.concatenate([_air(step) for step in steps])
@@ -132,13 +130,6 @@ def frame_of(recording: Recording, *, temperature_c: float | None = None, most: 
         beyond=beyond,
         left_out=taken.left_out,
     )
-
-
-def _motions(unwrapped: Sequence[FloatArray], sample_rate_hz: float, beyond: bool) -> tuple[Motion, ...]:
-    if beyond:
-        return tuple(wide_motion(angle, sample_rate_hz) for angle in unwrapped)
-    ripple = ripple_of(unwrapped, sample_rate_hz)
-    return motions_of(unwrapped, sample_rate_hz, ripple)
 
 
 def _end_to_end(
