@@ -12,7 +12,6 @@ from benchctl.calibration.free_motion import FreeMotionFit, fit_free_motion_of
 from benchctl.calibration.joint import THERMAL_LAG
 from benchctl.calibration.laws_fit import fit_laws, law_of, only_free_motion
 from benchctl.calibration.model import earth_rate_dps
-from benchctl.calibration.reduce import ReducedStep, gather, reduce_steps
 from benchctl.calibration.result import (
     BeforeAfter,
     CalibrationOptions,
@@ -26,13 +25,15 @@ from benchctl.calibration.result import (
     StraightLine,
     ValidRange,
 )
+from benchctl.calibration.rows import gather
 from benchctl.calibration.stage_one import StageOne, line_in_motion, mean_points, stage_one, what_it_carries
 from benchctl.calibration.stage_two import Compensator, by_law, by_line, by_stages, mean_rate, stage_two
-from benchctl.calibration.step_reduction import CHANNELS
 from benchctl.calibration.thermistor import ThermalHistory
 from benchctl.recordings.model import Meta, Step
 from benchctl.recordings.stated import stated_of
 from benchctl.recordings.stored import StoredStep, stored_of
+from benchctl.signals.reduce import ReducedStep, reduce_steps
+from benchctl.signals.segments import CHANNELS
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 

@@ -14,10 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from benchctl.calibration.angle_rate import unwrap_deg
-from benchctl.calibration.reduce import clustered_covariance
+from benchctl.calibration.linear import clustered_covariance
 from benchctl.calibration.uncertainty import coverage_factor
 from benchctl.recordings.model import Step
+from benchctl.recordings.runs import gaps
+from benchctl.signals.rate import unwrap_deg
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
@@ -111,7 +112,7 @@ def fit_free_motion_of(step: Step, start_scale: float | None) -> FreeMotionFit:
         raise UsageError(f"free motion: the step has no {', '.join(missing)}, which such a fit needs")
     time, angle, output = step["time_s"], step["encoder_deg"], step["gyro_v"]
     interval = float(np.median(np.diff(time))) if time.size > 1 else 0.0
-    unbroken = interval > 0.0 and not np.any(np.abs(np.diff(time) - interval) > 0.5 * interval)
+    unbroken = interval > 0.0 and not gaps(np.diff(time), interval).any()
     if not (unbroken and np.all(np.isfinite(angle) & np.isfinite(output))):
         raise UsageError("free motion: the samples have gaps, expected an unbroken run")
     return fit_free_motion(unwrap_deg(angle), output, 1.0 / interval, start_scale=start_scale)

@@ -26,9 +26,11 @@ from benchctl.calibration.noise_model import (
     score_scatter,
     walk_covariance,
 )
-from benchctl.calibration.reduce import ReducedStep, Rows, gather
+from benchctl.calibration.rows import Rows, gather
 from benchctl.calibration.thermistor import ThermalHistory
 from benchctl.calibration.uncertainty import Mixture
+from benchctl.signals.normal import DEVIATION_OF_MEDIAN
+from benchctl.signals.reduce import ReducedStep
 from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
 
@@ -339,7 +341,7 @@ def _weights(e: FloatArray, robust: bool) -> tuple[FloatArray, float]:
     """Huber weights beyond four deviations (1 for normal noise), and the variance of what they leave."""
     if not robust:
         return np.ones(e.size), max(float(np.mean(e**2)), 1e-30)
-    deviation = max(1.4826 * float(np.median(np.abs(e))), 1e-15)
+    deviation = max(DEVIATION_OF_MEDIAN * float(np.median(np.abs(e))), 1e-15)
     weight = np.minimum(1.0, _ROBUST_AT * deviation / np.maximum(np.abs(e), 1e-300))
     return weight, max(float(np.mean(weight * e**2)), 1e-30)
 

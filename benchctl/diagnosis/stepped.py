@@ -8,7 +8,7 @@ from typing import Any, Protocol, Self
 
 import numpy as np
 
-from benchctl.diagnosis.signals.series import Pieces
+from benchctl.diagnosis.series import Pieces
 from benchctl.recordings.model import StepInfo
 from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from benchctl.closeness import meant
 from benchctl.limits import shown
 from benchctl.recordings.model import FRAME_CHANNELS, UNITS, StepInfo, axis_of
 from benchctl.recordings.reader import Recording
+from benchctl.recordings.runs import TOLERANCE, gap_free
 from benchctl.recordings.stored import StoredStep
 from benchctl.recordings.text_file import Layout, header_names, read_bytes, read_columns
 from benchctl_instruments.arrays import FloatArray
@@ -23,8 +23,6 @@ _GYRO_OUTPUT, _DIGITAL_RATE = "gyro_v", FRAME_CHANNELS[1]
 _UNITS = {"degree/s": DEG_PER_S, "degree s-1": DEG_PER_S, "degC": "degC", "V": "V", "degree": "deg"}
 _NAMED = {"dps": DEG_PER_S, "deg/s": DEG_PER_S, "v": "V", "c": "degC", "degc": "degC", "deg": "deg"}
 _NAME_UNIT = re.compile(r"(?:_(?P<suffix>[A-Za-z]+)|[\[(](?P<bracket>[^\])]+)[\])])$")
-_UNEVEN = 0.5
-"""Of an interval: where stamps are further apart than one and a half there is a gap."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,7 +152,7 @@ def _interval_without_gaps(step: StoredStep) -> float | None:
         spread_s += [float(steps_s.min()), float(steps_s.max())]
         last_s, begins = float(part["time_s"][-1]), False
     least_s, most_s = np.min(spread_s), np.max(spread_s)  # NaN where a stamp is
-    return (last_s - first_s) / (step.scans - 1) if 0.0 < least_s <= most_s <= (1.0 + _UNEVEN) * least_s else None
+    return (last_s - first_s) / (step.scans - 1) if _even(least_s, most_s) else None
 
 
 def _unbroken(time_s: FloatArray, values: FloatArray, where: str) -> tuple[FloatArray, float, str]:
@@ -162,21 +160,20 @@ def _unbroken(time_s: FloatArray, values: FloatArray, where: str) -> tuple[Float
     steps_s = np.diff(time_s)
     if steps_s.size < 2 or not steps_s.min() > 0.0:
         raise UsageError(f"{where}: expected at least 3 samples, at times that grow; correct its stamps")
-    gaps = _gaps(steps_s)
-    starts, ends = np.concatenate([[0], gaps]), np.concatenate([gaps, [time_s.size]])
-    longest = int(np.argmax(ends - starts))
-    part = slice(int(starts[longest]), int(ends[longest]))
+    if _even(steps_s.min(), steps_s.max()):  # whatever their median is, which takes long to find
+        runs = [slice(0, time_s.size)]
+    else:
+        runs = gap_free(time_s, float(np.median(steps_s)))
+    part = max(runs, key=lambda run: run.stop - run.start)
     if part.stop - part.start < 3:
-        raise UsageError(f"{where}: {gaps.size} gaps leave no 3 samples in a row; record it without gaps")
+        raise UsageError(f"{where}: {len(runs) - 1} gaps leave no 3 samples in a row; record it without gaps")
     even_s = float(time_s[part.stop - 1] - time_s[part.start]) / (part.stop - part.start - 1)
-    return values[part], even_s, f", the longest stretch between {gaps.size} gaps" if gaps.size else ""
+    return values[part], even_s, f", the longest stretch between {len(runs) - 1} gaps" if len(runs) > 1 else ""
 
 
-def _gaps(steps_s: FloatArray) -> npt.NDArray[np.intp]:
-    """Where a stretch begins behind a gap."""
-    if steps_s.max() <= (1.0 + _UNEVEN) * steps_s.min():
-        return np.empty(0, dtype=np.intp)  # whatever their median is, which takes long to find
-    return np.flatnonzero(steps_s > (1.0 + _UNEVEN) * np.median(steps_s)) + 1
+def _even(least_s: float, most_s: float) -> bool:
+    """Whether steps between stamps from the least to the most are surely without a gap."""
+    return 0.0 < least_s <= most_s <= (1.0 + TOLERANCE) * least_s
 
 
 def _named_unit(name: str) -> str:

@@ -13,11 +13,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from benchctl.calibration.reduce import ReducedStep, reduced_steps
-from benchctl.calibration.step_reduction import QUIET_KINDS
 from benchctl.metrology.drift import white_variance
 from benchctl.recordings.model import BenchFacts, StepInfo
 from benchctl.recordings.reader import Recording
+from benchctl.signals.reduce import ReducedStep, reduced_steps
+from benchctl.signals.step_reduction import QUIET_KINDS
 
 BREAKS = ("soak", "thermal_ramp", "power_cycle", "mount", "ask")
 LEAST_V2 = 1e-22

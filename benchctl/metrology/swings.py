@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchctl.calibration.angle_rate import unwrap_deg
 from benchctl.recordings.model import Step
+from benchctl.signals.rate import unwrap_deg
 from benchctl_instruments.arrays import FloatArray
 
 _MOST_HARMONICS, _OF_NYQUIST = 40, 0.8

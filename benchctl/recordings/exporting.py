@@ -14,7 +14,6 @@ known of the table between two stretches: no fit may go on from one step to the 
 from __future__ import annotations
 
 import gzip
-import itertools
 import json
 import math
 import re
@@ -29,6 +28,7 @@ from scipy.io import savemat
 from benchctl.atomic import whole_file, whole_folder
 from benchctl.recordings.model import Axis, Meta, Step, StepInfo, axis_of
 from benchctl.recordings.reader import Recording
+from benchctl.recordings.runs import gap_free
 from benchctl.recordings.schema import unit_of
 from benchctl.recordings.step_writer import file_stem
 from benchctl.recordings.text_file import csv_rows
@@ -126,11 +126,10 @@ def _stretches_of(recording: Recording, rate_hz: float) -> list[_Stretch]:
     row = 0
     for info in sorted((info for info in recording.infos if info.samples), key=lambda info: info.t_start):
         time_s = recording.step(info.index, ["time_s"])["time_s"]
-        cuts = np.flatnonzero(np.abs(np.diff(time_s) * rate_hz - 1) > 0.5) + 1
-        edges = [0, *cuts.tolist(), len(time_s)]
-        for part, (first, last) in enumerate(itertools.pairwise(edges), 1):
-            found.append(_Stretch(info, part, len(edges) - 1, first, last, row, float(time_s[first])))
-            row += last - first
+        runs = gap_free(time_s, 1.0 / rate_hz)
+        for part, run in enumerate(runs, 1):
+            found.append(_Stretch(info, part, len(runs), run.start, run.stop, row, float(time_s[run.start])))
+            row += run.stop - run.start
     return found
 
 

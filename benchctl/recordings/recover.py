@@ -32,6 +32,7 @@ from benchctl.recordings.journal import (
 )
 from benchctl.recordings.model import Meta, Status, Step, StepInfo
 from benchctl.recordings.reader import campaign_files, described, require_campaign
+from benchctl.recordings.runs import gaps
 from benchctl.recordings.schema import (
     CAMPAIGN,
     FINISHED_SUFFIX,
@@ -51,8 +52,6 @@ _FLAGS_AT = 11
 _WRITING, _WRITING_SWMR = 1, 4
 """Bits of a superblock's consistency flags (HDF5 file format, III.A.2): open for writing, and that under SWMR."""
 
-_GAP = 1.5
-"""Sample intervals beyond which two scans have a gap between them."""
 _ROUNDING = 1e-6
 """Relative: what the rounding of stamps may change of a rate, with room."""
 
@@ -164,10 +163,11 @@ def _rate_and_gaps(step: Step) -> tuple[float | None, int]:
     if not asked_hz or "time_s" not in step.channels:
         return asked_hz, 0
     intervals_s = np.diff(step["time_s"])
-    usual_s = intervals_s[intervals_s * asked_hz <= _GAP]
+    missing = gaps(intervals_s, 1.0 / asked_hz)
+    usual_s = intervals_s[~missing]
     rate_hz = usual_s.size / float(usual_s.sum() or np.inf)
     differs = rate_hz > 0.0 and not math.isclose(rate_hz, asked_hz, rel_tol=_ROUNDING)
-    return rate_hz if differs else asked_hz, int(np.count_nonzero(intervals_s * asked_hz > _GAP))
+    return rate_hz if differs else asked_hz, int(np.count_nonzero(missing))
 
 
 def _frames_lost(step: Step) -> int | None:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchctl.limits import HIGHEST_RATE_HZ, LONGEST_TIME_S
+from benchctl.recordings.runs import TOLERANCE
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 
 LONGEST_FILL = 2
@@ -146,7 +147,7 @@ def require_uniform(stamps_s: FloatArray, rate_hz: float, resolution_s: float) -
     require_increase(stamps_s)
     period = 1.0 / rate_hz
     steps = np.diff(stamps_s)
-    gaps = np.flatnonzero(steps > 1.5 * period)
+    gaps = np.flatnonzero(steps > (1.0 + TOLERANCE) * period)
     ideal = stamps_s[0] + np.arange(stamps_s.size) * period
     off = np.abs(stamps_s - ideal)
     allowed = max(1.01 * resolution_s, 1e-3 * period)

@@ -19,10 +19,8 @@ from benchctl.calibration.result import CalibrationResult, JointFit, MeanPoints,
 from benchctl.calibration.uncertainty import coverage_factor
 from benchctl.reports.figures import FAINT, GREY, INK, LEVEL_COLOURS, dots, level_names, new_figure
 from benchctl.reports.reduction import binned, spread, thinned
+from benchctl.signals.normal import Z95
 from benchctl_instruments.arrays import FloatArray
-
-Z95 = 1.959964
-"""Half-width of a 95 % interval in standard uncertainties, normal distribution."""
 
 _NEAR_T0_C = 1.5
 _AT_REST_DPS = 0.05  # the Earth turns by less

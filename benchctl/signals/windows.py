@@ -12,6 +12,7 @@ import numpy as np
 import scipy.fft
 from scipy.signal.windows import hann
 
+from benchctl.recordings.runs import holding
 from benchctl_instruments.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 
 INDEPENDENT = 0.5
@@ -41,16 +42,10 @@ class Windows:
 def windows_of(usable: BoolArray, stretches: Sequence[slice], size: int, interval_s: float) -> Windows:
     """The windows in stretches without gaps that hold none but usable rows, (n,)."""
     starts = [
-        first + np.arange(0, last - first - size + 1, size // 2)
+        part.start + run.start + np.arange(0, run.stop - run.start - size + 1, size // 2)
         for part in stretches
-        for first, last in _runs(usable[part], part.start)
+        for run in holding(usable[part])
     ]
     return Windows(
         starts=np.concatenate([np.zeros(0, np.int64), *starts]).astype(np.int64), size=size, interval_s=interval_s
     )
-
-
-def _runs(usable: BoolArray, begin: int) -> list[tuple[int, int]]:
-    """First and one beyond the last row of each run of usable rows (n,) that begin at a row."""
-    edges = np.flatnonzero(np.diff(usable.astype(np.int8), prepend=0, append=0)) + begin
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

@@ -20,13 +20,12 @@ import numpy as np
 
 from benchctl.dashboard.data.stored import Samples
 from benchctl.recordings.model import AXES, DESCRIPTIONS, Meta, axis_of
+from benchctl.recordings.runs import TOLERANCE
 from benchctl.recordings.schema import unit_of
 from benchctl_instruments.arrays import FloatArray
 
 WINDOW_S = 0.05
 _TURN_DEG = 360.0
-_GAP = 1.5
-"""Periods from one sample to the next from which one is missing."""
 _LOOKED_AT = 4096
 
 
@@ -47,7 +46,7 @@ def rates_dps(time_s: FloatArray, angle_deg: FloatArray, half: int, period_s: fl
     took_s = time_s[2 * half :] - time_s[: -2 * half]
     with np.errstate(divide="ignore", invalid="ignore"):
         inner = moved_deg / took_s
-    inner[~(took_s < (2 * half - 1 + _GAP) * period_s)] = np.nan
+    inner[~(took_s < (2 * half + TOLERANCE) * period_s)] = np.nan
     return np.concatenate((np.full(half, inner[0]), inner, np.full(half, inner[-1])))
 
 

@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from benchctl.recordings.runs import holding
 from benchctl_instruments.arrays import FloatArray
 
 FIRST, LAST, LOW, HIGH, COUNT = range(5)
@@ -53,12 +54,6 @@ def coarser(rows: FloatArray) -> FloatArray:
         ],
         axis=1,
     )
-
-
-def runs(mask: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> list[tuple[int, int]]:
-    """Where a mask is true: stretches, each from `first` until before `end`."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
-    return [(int(first), int(end)) for first, end in edges.reshape(-1, 2)]
 
 
 class Envelope:
@@ -200,4 +195,4 @@ def _put_fitting(envelope: Envelope, rows: FloatArray, begin: int, longest_s: fl
     touches = (last_s >= envelope.from_s) & (first_s <= envelope.to_s)
     fits = touches & (first_s >= envelope.from_s) & (last_s <= envelope.to_s) & (last_s - first_s < longest_s)
     envelope.add_blocks(rows[fits])
-    return [(begin + first, begin + end) for first, end in runs(touches & ~fits)]
+    return [(begin + run.start, begin + run.stop) for run in holding(touches & ~fits)]

@@ -24,14 +24,15 @@ from benchctl.dashboard.data.readings import StepFeed
 from benchctl.dashboard.data.stored import ChangedError
 from benchctl.dashboard.data.tracks import Stretch, track_of
 from benchctl.recordings.model import axis_of
+from benchctl.recordings.runs import gaps
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
 ROWS = 1 << 16
 """Rows of a level that are kept at least: sixteen for each pixel of the widest page."""
 _LEVELS = 5
-_GAP = 4.0
-"""Times the usual distance of two samples: from there on something is missing between them."""
+_LATE = 3.0
+"""Usual distances that a sample may come late: polled ones come after the answers of others, by some of them."""
 
 
 class Trail:
@@ -58,7 +59,7 @@ class Trail:
             self._usual_s = float(np.median(apart_s[1:]))
         self.last_s = float(time_s[-1])
         rows = np.stack((time_s, time_s, values, values, np.ones(len(values))), axis=1)
-        for number, part in enumerate(np.split(rows, np.flatnonzero(apart_s > _GAP * self._usual_s))):
+        for number, part in enumerate(np.split(rows, np.flatnonzero(gaps(apart_s, self._usual_s, _LATE)))):
             if number:
                 self.end_block()
             if len(part):

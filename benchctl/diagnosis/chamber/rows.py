@@ -13,8 +13,9 @@ import numpy as np
 from benchctl.diagnosis.chamber.spoilt import open_in, spikes_in, wrapped_in
 from benchctl.diagnosis.chamber.standing import rail_in
 from benchctl.diagnosis.faults.fault import Fault
-from benchctl.diagnosis.signals.series import Pieces, Series, block_mean, channels_of, consecutive, cut, series_of
+from benchctl.diagnosis.series import Pieces, Series, channels_of, cut, series_of
 from benchctl.recordings.reader import Recording
+from benchctl.signals.blocks import block_mean, consecutive
 from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.chamber_effects.effect import Drive

@@ -14,7 +14,8 @@ from scipy.ndimage import binary_dilation, median_filter
 
 from benchctl.diagnosis.faults.clipping import NEAR, gain_of, limits_of, stated_limits
 from benchctl.diagnosis.faults.fault import Fault
-from benchctl.diagnosis.signals.normal import white_noise_of
+from benchctl.recordings.runs import holding
+from benchctl.signals.normal import white_noise_of
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
 _ISOLATED = 5
@@ -106,9 +107,8 @@ def _comings(far: FloatArray, distance: float) -> Iterator[tuple[int, int, bool]
 
     It is judged over the last `distance` and the one before it, and until it has stood as long as the last one took.
     """
-    stands = far <= 0.0
-    edges = np.flatnonzero(np.diff(stands.astype(np.int8), prepend=0, append=0))
-    for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+    for run in holding(far <= 0.0):
+        begin, end = run.start, run.stop
         before = np.flatnonzero(far[:begin] >= distance)
         earlier = np.flatnonzero(far[: before[-1]] >= 2.0 * distance) if before.size else before
         if earlier.size == 0:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from benchctl.diagnosis.signals.bins import bin_of
+from benchctl.signals.binning import bin_of
 from benchctl_instruments.arrays import FloatArray
 
 _BINS = 24

@@ -12,10 +12,10 @@ import numpy as np
 from benchctl.diagnosis.drive.rows import BLOCK, DriveRows, drive_rows_of
 from benchctl.diagnosis.faults.fault import Fault
 from benchctl.diagnosis.keys import tables_of
-from benchctl.diagnosis.signals.normal import white_noise_of
 from benchctl.diagnosis.stepped import MadeOfRows, MadeRows
 from benchctl.part_models import EFFECTS, numbers_of
 from benchctl.recordings.reader import Recording
+from benchctl.signals.normal import white_noise_of
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.drive_effects.effect import DriveEffect, DriveSignals

@@ -14,11 +14,13 @@ import numpy as np
 
 from benchctl.diagnosis.drive.spoilt import TURN_DEG, MovingRows, angle_period_of, put_right
 from benchctl.diagnosis.faults.fault import Fault
-from benchctl.diagnosis.signals.band_limited import half_of
-from benchctl.diagnosis.signals.motion import motion_of
-from benchctl.diagnosis.signals.normal import white_noise_of
-from benchctl.diagnosis.signals.series import Pieces, Series, block_mean, consecutive, cut, series_of
+from benchctl.diagnosis.series import Pieces, Series, cut, series_of
 from benchctl.recordings.reader import Recording
+from benchctl.recordings.runs import holding
+from benchctl.signals.blocks import block_mean, consecutive
+from benchctl.signals.motion import motion_of
+from benchctl.signals.normal import white_noise_of
+from benchctl.signals.rate import half_of, unwrap_deg
 from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.errors import UsageError
 
@@ -166,7 +168,7 @@ def _series(recording: Recording, torque_constant_nm_per_a: float | None) -> Ser
 def _angle(series: Series, run: slice, period_deg: float) -> FloatArray:
     """The unwrapped angle [deg] of a run, shape (n,)."""
     if "encoder_deg" in series.columns:
-        return np.asarray(np.unwrap(series.columns["encoder_deg"][run], period=period_deg))
+        return unwrap_deg(series.columns["encoder_deg"][run], period_deg)
     name = next(name for name in ANGLES if name in series.columns)
     rate = series.columns[name][run] * (1.0 if name == "table_rate_dps" else math.degrees(1.0))
     turned = np.cumsum((rate[1:] + rate[:-1]) / 2) * series.interval_s
@@ -203,5 +205,4 @@ def _inner(size: int, half: int) -> BoolArray:
 
 def _rests(still: BoolArray) -> tuple[slice, ...]:
     """The parts of rows, shape (m,), in which the table stands still long enough."""
-    edges = np.flatnonzero(np.diff(still.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
-    return tuple(slice(first, last) for first, last in edges.tolist() if last - first >= _FEWEST_AT_REST)
+    return tuple(run for run in holding(still) if run.stop - run.start >= _FEWEST_AT_REST)

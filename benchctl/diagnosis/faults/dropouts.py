@@ -9,7 +9,7 @@ import numpy as np
 from benchctl.diagnosis.faults.fault import Fault, bounded_gain
 from benchctl.diagnosis.faults.standing import Output, Runs, evidence_of
 from benchctl.diagnosis.result import Estimate
-from benchctl.diagnosis.signals.normal import Z95
+from benchctl.signals.normal import Z95
 from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.physics.effects.dropouts import Dropouts
 

@@ -14,7 +14,7 @@ from scipy.stats import binom
 from benchctl.diagnosis.faults.fault import Fault, Faults, bounded_gain
 from benchctl.diagnosis.faults.single_rows import HALF, SingleRows, single_rows
 from benchctl.diagnosis.result import Estimate
-from benchctl.diagnosis.signals.normal import Z95
+from benchctl.signals.normal import Z95
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.physics.effects.outliers import EXPONENTIAL, NORMAL, Outliers
 

@@ -11,13 +11,11 @@ from benchctl.diagnosis.faults.fault import Faults
 from benchctl.diagnosis.faults.grid import grid_of
 from benchctl.diagnosis.faults.quiet import quiet_noise_v
 from benchctl.diagnosis.faults.standing import Output, standing_runs
+from benchctl.recordings.runs import gaps
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
 _LEAST_STEP_V = 1e-9
 """Stands for no step at all."""
-
-_GAP = 1.5
-"""Sample intervals beyond which a row does not follow the one before."""
 
 
 def faults_in(
@@ -47,7 +45,7 @@ def faults_in(
         predicted=predicted,
         alive=alive,
         foretold=foretold,
-        broken=np.diff(time_s, prepend=time_s[:1]) > _GAP * interval_s,
+        broken=np.concatenate([[False], gaps(np.diff(time_s), interval_s)]),
         step_v=max(grid.step_v, _LEAST_STEP_V),
         noise_v=quiet_noise_v(residual, interval_s, grid.step_v),
     )

@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 from scipy.ndimage import median_filter
 
-from benchctl.diagnosis.signals.normal import DEVIATION_OF_MEDIAN
+from benchctl.signals.normal import DEVIATION_OF_MEDIAN
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 
 HALF = 8

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from benchctl.diagnosis.faults.fault import CHANCE
-from benchctl.diagnosis.signals.normal import DEVIATION_OF_MEDIAN
+from benchctl.signals.normal import DEVIATION_OF_MEDIAN
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 
 _FEWEST = 3

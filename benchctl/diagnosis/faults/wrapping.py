@@ -14,7 +14,7 @@ from scipy.ndimage import median_filter
 
 from benchctl.diagnosis.faults.fault import CHANCE, bounded_gain
 from benchctl.diagnosis.result import Estimate
-from benchctl.diagnosis.signals.normal import Z95
+from benchctl.signals.normal import Z95
 from benchctl_instruments.arrays import FloatArray, IntArray
 
 EFFECT = "counter_wrap"

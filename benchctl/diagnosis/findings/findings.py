@@ -16,7 +16,7 @@ from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Alternative, Estimate, Finding
 from benchctl.diagnosis.search.selection import Selection
-from benchctl.diagnosis.signals.normal import Z95
+from benchctl.signals.normal import Z95
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 from benchctl_instruments.physics.effects.registry import effect as effect_named
 from benchctl_instruments.physics.structures import Structure

@@ -14,8 +14,8 @@ from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Slice, StepFigures, Where
 from benchctl.diagnosis.search.selection import Selection
-from benchctl.diagnosis.signals.bins import bin_of
-from benchctl.diagnosis.signals.threads import shared_out
+from benchctl.side_by_side import shared_out
+from benchctl.signals.binning import bin_of
 from benchctl_instruments.arrays import FloatArray
 
 _BINS = 41

@@ -16,7 +16,7 @@ from benchctl.diagnosis.search.injection import Injection
 from benchctl.diagnosis.search.probes import Probe
 from benchctl.diagnosis.search.screen import Scored
 from benchctl.diagnosis.search.selection import Selection
-from benchctl.diagnosis.signals.threads import shared_out
+from benchctl.side_by_side import shared_out
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 _POWER_95 = 1.645

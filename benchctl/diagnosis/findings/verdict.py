@@ -10,7 +10,7 @@ import numpy as np
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Estimate, Finding, Unexplained, Verdict
 from benchctl.diagnosis.search.selection import Selection
-from benchctl.diagnosis.signals.normal import Z95
+from benchctl.signals.normal import Z95
 
 _MOVED_ERRORS = 5.0
 _MOVED_SHARE = 1e-4

@@ -20,6 +20,7 @@ import scipy.signal
 from benchctl.diagnosis.fitting.fit import Fit, fit
 from benchctl.diagnosis.fitting.noise import Slow, Whitener
 from benchctl.diagnosis.problem import Problem
+from benchctl.recordings.runs import gap_free
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
 _MEMORIES = 5
@@ -34,8 +35,6 @@ _UNSEEN = 1e-8
 """Share of a derivative that others do not follow, beneath which it is one of them."""
 _REFUTED = 3.84
 """Twice the log likelihood by which the air's own memory must do worse than another before 95 % speak against it."""
-_PAUSE = 1.5
-"""Intervals between two rows, beyond which a run ends."""
 _STEP = 0.7
 """How far the logarithms of memory and size are moved at first from the likeliest of many."""
 _NEGLIGIBLE = 1e-6
@@ -138,10 +137,9 @@ def _drawn(problem: Problem, fitted: Fit, found: Disturbance) -> FloatArray:
     """Products of drawn disturbances with the derivatives of a fit, shape (draws, p)."""
     draws = np.random.default_rng(0)
     noise = draws.standard_normal((_DRAWS, fitted.residual.size))
-    paused = np.flatnonzero(np.diff(problem.time_s) > _PAUSE * problem.interval_s) + 1
     for process in found.slow:
         pushes = math.sqrt(process.drive) * draws.standard_normal(noise.shape)
-        for run in np.split(np.arange(noise.shape[1]), paused):  # each begins with the air as it is
+        for run in gap_free(problem.time_s, problem.interval_s):  # each begins with the air as it is
             noise[:, run] += scipy.signal.lfilter([1.0], [1.0, -process.remembers], pushes[:, run], axis=1)
     white = fitted.whitener(found.white * noise) * (fitted.fitted[problem.step] & problem.usable)
     return np.asarray(white @ fitted.derivatives)

@@ -18,8 +18,8 @@ from benchctl.diagnosis.fitting.point import Point as Point
 from benchctl.diagnosis.fitting.products import Products as Products
 from benchctl.diagnosis.fitting.products import Spectral, products_of, squares_of, with_residual
 from benchctl.diagnosis.problem import Problem
-from benchctl.diagnosis.signals.blocks import block_products
-from benchctl.diagnosis.signals.threads import cores, do_all, parts_of
+from benchctl.side_by_side import do_all, parts_of, threads
+from benchctl.signals.blocks import block_products
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 
 _LEAST_KNOWN = 0.05
@@ -320,7 +320,7 @@ def whitened_columns(whitener: Whitener, columns: FloatArray) -> FloatArray:
     def fill(some: slice) -> None:
         white[:, some] = whitener(columns[:, some].T).T
 
-    do_all(fill, parts_of(columns.shape[1], cores()))
+    do_all(fill, parts_of(columns.shape[1], threads()))
     return white
 
 

@@ -15,7 +15,7 @@ from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.fitting.noisy import Noisy
 from benchctl.diagnosis.fitting.wandering import PROCESSES, wandering
 from benchctl.diagnosis.problem import Problem
-from benchctl.diagnosis.signals.normal import QUARTILE
+from benchctl.signals.normal import QUARTILE
 from benchctl_instruments.arrays import FloatArray
 
 GROWING = "noise_rate_dependent"

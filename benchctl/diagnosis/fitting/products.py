@@ -16,8 +16,8 @@ import numpy as np
 
 from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.problem import Problem
-from benchctl.diagnosis.signals.blocks import gram, in_cache
-from benchctl.diagnosis.signals.threads import cores, parts_of, shared_out
+from benchctl.side_by_side import parts_of, shared_out, threads
+from benchctl.signals.blocks import gram, in_cache
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
 _PARTS = 8
@@ -97,6 +97,6 @@ def _over_steps(problem: Problem, summed: Callable[[slice], FloatArray | float])
     """What is summed over the rows of every step, shape (m, …); each thread takes some steps in a row."""
     bounds = np.searchsorted(problem.step, np.arange(len(problem.step_names) + 1)).tolist()
     steps = [slice(first, last) for first, last in itertools.pairwise(bounds)]
-    parts = parts_of(len(steps), _PARTS * cores())
+    parts = parts_of(len(steps), _PARTS * threads())
     sums = shared_out(lambda part: [summed(rows) for rows in steps[part]], parts)
     return np.array([one for part in sums for one in part])

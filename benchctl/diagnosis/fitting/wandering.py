@@ -17,8 +17,8 @@ from benchctl.diagnosis.fitting.fit import Fit, inverse, whitened_columns
 from benchctl.diagnosis.fitting.noise import Slow, Whitener, flicker, walk
 from benchctl.diagnosis.fitting.noisy import Noisy
 from benchctl.diagnosis.problem import Problem
-from benchctl.diagnosis.signals.blocks import gram
-from benchctl.diagnosis.signals.threads import shared_out
+from benchctl.side_by_side import shared_out
+from benchctl.signals.blocks import gram
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
 Process = Callable[[float, float, float], tuple[Slow, ...]]

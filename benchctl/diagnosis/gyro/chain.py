@@ -20,9 +20,9 @@ import numpy as np
 from benchctl.diagnosis.gyro.filtering import Filters, spline_at
 from benchctl.diagnosis.gyro.frame import Frame
 from benchctl.diagnosis.gyro.laid import Laid, laid_out
-from benchctl.diagnosis.signals.blocks import in_cache
-from benchctl.diagnosis.signals.motion import rates_of
-from benchctl.diagnosis.signals.threads import do_all, parts_of
+from benchctl.side_by_side import do_all, parts_of
+from benchctl.signals.blocks import in_cache
+from benchctl.signals.motion import rates_of
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import STAGES, Signals, Stage
 from benchctl_instruments.physics.effects.effect import PhysicalEffect

@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from benchctl.diagnosis.gyro.frame import Frame
-from benchctl.diagnosis.signals.motion import Motion
-from benchctl.diagnosis.signals.normal import QUARTILE
+from benchctl.signals.motion import Motion
+from benchctl.signals.normal import white_noise_of
 from benchctl_instruments.arrays import FloatArray
 
 _STEADY_S, _STEADY = 0.5, 9.0
 """A table turns steadily where the rate's variance in so many seconds is below so many times that of its noise."""
-_FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
+_ORDER = 4
+"""Of differences: they hold next to nothing of the motion. In fast sines they hold some, but these are rare."""
+_FEWEST = 10
 
 
 def rate_variance(frame: Frame) -> tuple[FloatArray, FloatArray]:
     """Variance of the rate [(deg/s)²] that the encoder's noise brings, and half that of its step from row to row.
 
-    Both of shape (n,). The noise of an angle is seen in fourth differences, which hold next to nothing of the motion;
-    it passes the filters of `Motion`, wide where the motion is sudden.
+    Both of shape (n,). The noise of an angle is seen in its differences; it passes the filters of `Motion`, wide where
+    the motion is sudden.
     """
     whole, step = np.empty(frame.rows), np.empty(frame.rows)
-    variance = _angle_variance([frame.encoder_deg[part] for part in frame.stretches])
+    angles = [frame.encoder_deg[part] for part in frame.stretches if part.stop - part.start >= _FEWEST]
+    variance = white_noise_of(*angles, order=_ORDER) ** 2
     for part, motion in zip(frame.stretches, frame.motions, strict=True):
         whole[part] = variance * _passed(motion, motion.filters)
         step[part] = 0.5 * variance * _passed(motion, tuple(np.diff(one) for one in motion.filters))
@@ -46,16 +47,6 @@ def steadied_rate(frame: Frame) -> FloatArray:
         spread = uniform_filter1d((own - mean) ** 2, window)
         rate[part] = np.where(spread < _STEADY * variance[part], mean, own)
     return rate
-
-
-def _angle_variance(angles_deg: Sequence[FloatArray]) -> float:
-    """Of all stretches together: in fast sines the differences hold motion, but these are rare."""
-    long = [one for one in angles_deg if one.size >= 2 * _FOURTH_DIFFERENCE.size]
-    if not long:
-        return 0.0
-    differences = [np.abs(np.convolve(one - one[0], _FOURTH_DIFFERENCE, mode="valid")) for one in long]
-    deviation = float(np.median(np.concatenate(differences))) / QUARTILE
-    return deviation**2 / float(_FOURTH_DIFFERENCE @ _FOURTH_DIFFERENCE)
 
 
 def _passed(motion: Motion, filters: tuple[FloatArray, ...]) -> FloatArray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -10,21 +9,18 @@ from typing import Any
 import numpy as np
 
 from benchctl.diagnosis.gyro.taken import AIR, FILLED, NEEDED, THERMISTOR, Taken, taken_of
-from benchctl.diagnosis.signals.free_band import goes_beyond, wide_motion
-from benchctl.diagnosis.signals.motion import Motion, motions_of
-from benchctl.diagnosis.signals.ripple import ripple_of
-from benchctl.diagnosis.signals.setpoint import way_of_setpoint
-from benchctl.diagnosis.signals.temperature import Pause, Readings, Thermistor, thermistor_of
 from benchctl.recordings.model import Step, StepInfo, axis_of
 from benchctl.recordings.reader import Recording
+from benchctl.recordings.runs import TOLERANCE, gap_free
+from benchctl.signals.motion import Motion, table_motions
+from benchctl.signals.rate import unwrap_deg
+from benchctl.signals.setpoint import way_of_setpoint
+from benchctl.signals.temperature import Pause, Readings, Thermistor, thermistor_of
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.structure_places import CHAMBER_C, SETPOINT_WAY
 
 _FEWEST_ROWS = 2000
-_GAP = 1.5
-"""Sample intervals beyond which two rows do not belong to one stretch."""
-
 _LEAST_AIR_C = 1.0
 """Less is noise and control: such air says nothing."""
 
@@ -96,12 +92,12 @@ def frame_of(recording: Recording, *, temperature_c: float | None = None, most: 
         )
     _require_finite(recording, steps)
     interval_s = float(np.median(np.diff(time_s)))
-    stretches = tuple(_stretches(time_s, interval_s))
     _require_even(recording, time_s, interval_s)
+    stretches = tuple(gap_free(time_s, interval_s))
     origins_s = tuple(max(one for one in (0.0, *recording.starts_s) if one <= time_s[part.start]) for part in stretches)
-    unwrapped = [np.unwrap(columns["encoder_deg"][part], period=360.0) for part in stretches]
-    beyond = goes_beyond(unwrapped, 1.0 / interval_s)
-    motion, motions = _end_to_end(_motions(unwrapped, 1.0 / interval_s, beyond), stretches)
+    unwrapped = [unwrap_deg(columns["encoder_deg"][part]) for part in stretches]
+    made, beyond = table_motions(unwrapped, 1.0 / interval_s)
+    motion, motions = _end_to_end(made, stretches)
     name, thermistors = _thermistors(recording, taken, sorted(set(origins_s)), temperature_c)
     temperatures = [thermistors[at].at(time_s[part]) for at, part in zip(origins_s, stretches, strict=True)]
     air_c = np.concatenate([_air(step) for step in steps])
@@ -136,13 +132,6 @@ def frame_of(recording: Recording, *, temperature_c: float | None = None, most: 
     )
 
 
-def _motions(unwrapped: Sequence[FloatArray], sample_rate_hz: float, beyond: bool) -> tuple[Motion, ...]:
-    if beyond:
-        return tuple(wide_motion(angle, sample_rate_hz) for angle in unwrapped)
-    ripple = ripple_of(unwrapped, sample_rate_hz)
-    return motions_of(unwrapped, sample_rate_hz, ripple)
-
-
 def _end_to_end(
     motions: Sequence[Motion], stretches: Sequence[slice]
 ) -> tuple[dict[str, FloatArray], tuple[Motion, ...]]:
@@ -162,14 +151,6 @@ def _channels_of(recording: Recording) -> str:
     return ", ".join(sorted(names)) or "none"
 
 
-def _stretches(time_s: FloatArray, interval_s: float) -> Iterator[slice]:
-    """Parts without gaps that are long enough for a filter; shorter ones are joined to nothing and kept."""
-    ends = np.flatnonzero(np.diff(time_s) > _GAP * interval_s) + 1
-    bounds = np.concatenate([[0], ends, [time_s.size]])
-    for first, last in itertools.pairwise(bounds.tolist()):
-        yield slice(first, last)
-
-
 def _require_finite(recording: Recording, steps: Sequence[Step]) -> None:
     for step in steps:
         for name in ("encoder_deg", THERMISTOR):
@@ -185,7 +166,7 @@ def _require_finite(recording: Recording, steps: Sequence[Step]) -> None:
 def _require_even(recording: Recording, time_s: FloatArray, interval_s: float) -> None:
     """Raise `UsageError` where the stamps are not those of one clock."""
     apart = np.diff(time_s)
-    inside = apart[apart <= _GAP * interval_s]
+    inside = apart[apart <= (1.0 + TOLERANCE) * interval_s]  # of two rates the faster one counts as uneven
     uneven = float(np.mean(np.abs(inside - interval_s) > _UNEVEN * interval_s)) if interval_s > 0.0 else 1.0
     if uneven > _MOST_UNEVEN:
         raise UsageError(

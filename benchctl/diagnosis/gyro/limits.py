@@ -11,8 +11,8 @@ import numpy as np
 
 from benchctl.diagnosis.gyro.frame import Frame
 from benchctl.diagnosis.gyro.taken import AIR, PIECE, THERMISTOR
-from benchctl.diagnosis.signals.band_limited import NARROW, edges_hz
-from benchctl.diagnosis.signals.free_band import Band
+from benchctl.signals.free_band import Band
+from benchctl.signals.rate import NARROW, edges_hz
 
 _TURNING_DPS = 0.05
 """Below it a table is taken to rest: an encoder's noise makes hundredths of a degree a second."""

@@ -21,13 +21,13 @@ from benchctl.diagnosis.gyro.seen_by_both import lines_of_angle
 from benchctl.diagnosis.gyro.taken import most_rows
 from benchctl.diagnosis.gyro.thinned import pieces_of, thinned
 from benchctl.diagnosis.keys import tables_of
-from benchctl.diagnosis.signals.band_limited import WIDE, differentiator, edges_hz, filtered_along, half_of
-from benchctl.diagnosis.signals.bins import hats
-from benchctl.diagnosis.signals.free_band import Band, band_of, shared_motion
-from benchctl.diagnosis.signals.series import cut
+from benchctl.diagnosis.series import cut
 from benchctl.diagnosis.stepped import Stepped
 from benchctl.recordings.model import StepInfo
 from benchctl.recordings.reader import Recording
+from benchctl.signals.binning import hats
+from benchctl.signals.free_band import Band, band_of, shared_motion
+from benchctl.signals.rate import WIDE, differentiator, edges_hz, filtered_along, half_of
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.effects.effect import DescribedEffect, PhysicalEffect

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchctl.diagnosis.signals.band_limited import WIDE, edges_hz
+from benchctl.signals.rate import WIDE, edges_hz
 from benchctl.signals.windows import INDEPENDENT, Windows, windows_of
 from benchctl_instruments.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 

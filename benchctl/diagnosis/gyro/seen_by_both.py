@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
 
-from benchctl.diagnosis.signals.turns import line_scores
+from benchctl.signals.binning import line_scores
 from benchctl_instruments.arrays import BoolArray, ComplexArray, FloatArray
 
 _LOWEST, _HIGHEST = 9, 400

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchctl.diagnosis.signals.temperature import Readings
 from benchctl.limits import memory_bytes
 from benchctl.recordings.model import Step, StepInfo, axis_of
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.stored import StoredStep
+from benchctl.signals.temperature import Readings
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
 NEEDED = ("time_s", "encoder_deg", "gyro_v")

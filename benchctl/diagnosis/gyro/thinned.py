@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from benchctl.diagnosis.gyro.frame import Frame
-from benchctl.diagnosis.signals.temperature import Pause
+from benchctl.signals.temperature import Pause
 from benchctl_instruments.arrays import IntArray
 
 _ALONG = ("time_s", "step", "encoder_deg", "angle_deg", "rate_dps", "acceleration_dps2", "sudden", "volts")

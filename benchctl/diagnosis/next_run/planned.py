@@ -16,10 +16,10 @@ import numpy as np
 from benchctl.bench import Bench
 from benchctl.campaign.timing import timeline
 from benchctl.diagnosis.gyro.frame import Frame
-from benchctl.diagnosis.signals.motion import motions_of
 from benchctl.plan import ConstantRate, Plan, Sine, Soak, Step, ThermalRamp
 from benchctl.plan.steps import ByHand, positions
 from benchctl.recordings.model import StepInfo
+from benchctl.signals.motion import motions_of
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chamber import ChamberParameters, ChamberState, advance, settled, switched
 

@@ -17,8 +17,8 @@ from scipy.ndimage import uniform_filter1d
 from benchctl.diagnosis.rest.groups import Group
 from benchctl.diagnosis.rest.leftover import Leftover
 from benchctl.diagnosis.search.scan_mains import FAINTEST
-from benchctl.diagnosis.signals.blocks import BLOCK, block_starts
-from benchctl.diagnosis.signals.threads import shared_out
+from benchctl.side_by_side import shared_out
+from benchctl.signals.blocks import BLOCK, block_starts
 from benchctl_instruments.arrays import FloatArray
 
 _SLOW_HZ = 0.1

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse
 
 from benchctl.diagnosis.rest.leftover import Columns
-from benchctl.diagnosis.signals.bins import hats, pairs
+from benchctl.signals.binning import hats, pairs
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.thermal_hysteresis import play
 

@@ -23,7 +23,7 @@ import scipy.sparse
 import scipy.special
 import scipy.stats
 
-from benchctl.diagnosis.signals.blocks import block_products, block_starts, gram
+from benchctl.signals.blocks import block_products, block_starts, gram
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
 Columns = npt.NDArray[np.floating[Any]] | scipy.sparse.csr_array

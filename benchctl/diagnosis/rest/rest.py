@@ -22,8 +22,8 @@ from benchctl.diagnosis.rest.events import bump, jump, lines
 from benchctl.diagnosis.rest.groups import Group, groups_of
 from benchctl.diagnosis.rest.leftover import Columns, Leftover, Seen, for_entries
 from benchctl.diagnosis.result import COORDINATE_UNITS
-from benchctl.diagnosis.signals.bins import bin_of
-from benchctl.diagnosis.signals.threads import shared_out
+from benchctl.side_by_side import shared_out
+from benchctl.signals.binning import bin_of
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
 Whitened = Callable[[Columns], Columns]

@@ -17,7 +17,7 @@ from benchctl.diagnosis.search.pairs import own_columns
 from benchctl.diagnosis.search.probes import Probe
 from benchctl.diagnosis.search.scatter import scatter
 from benchctl.diagnosis.search.selection import Selection
-from benchctl.diagnosis.signals.blocks import block_starts, step_starts
+from benchctl.signals.blocks import block_starts, step_starts
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 

@@ -21,7 +21,7 @@ from benchctl.diagnosis.search.probes import probes_of
 from benchctl.diagnosis.search.scans import SCANNED, proposals
 from benchctl.diagnosis.search.scatter import scatter
 from benchctl.diagnosis.search.screen import Scored, Screening, screen
-from benchctl.diagnosis.signals.blocks import block_starts
+from benchctl.signals.blocks import block_starts
 from benchctl_instruments.arrays import IntArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 

@@ -19,7 +19,7 @@ from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.scatter import scatter
 from benchctl.diagnosis.search.screen import Scored
-from benchctl.diagnosis.signals.blocks import block_starts
+from benchctl.signals.blocks import block_starts
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 

@@ -15,7 +15,7 @@ from typing import Self
 import numpy as np
 
 from benchctl.diagnosis.search.pull import Place, Pull, peaks
-from benchctl.diagnosis.signals.bins import bin_of
+from benchctl.signals.binning import bin_of
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.fringe_ambiguity import folded_dps
 

@@ -13,8 +13,8 @@ import scipy.fft
 
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.search.pull import Place, Pull, paid, peaks
-from benchctl.diagnosis.signals.band_limited import NARROW, differentiator, edges_hz, transposed
-from benchctl.diagnosis.signals.turns import line_scores
+from benchctl.signals.binning import line_scores
+from benchctl.signals.rate import NARROW, differentiator, edges_hz, transposed
 from benchctl_instruments.arrays import FloatArray
 
 _FEWEST = 9

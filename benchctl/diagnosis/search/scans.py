@@ -23,7 +23,7 @@ from benchctl.diagnosis.search.scan_converter import converter_places
 from benchctl.diagnosis.search.scan_ends import fold_places, limit_places, onset_places, rail_places
 from benchctl.diagnosis.search.scan_lines import line_places
 from benchctl.diagnosis.search.scan_mains import mains_places, swing_hz
-from benchctl.diagnosis.signals.threads import shared_out
+from benchctl.side_by_side import shared_out
 from benchctl_instruments.arrays import FloatArray
 
 SCANNED = frozenset(

@@ -25,9 +25,8 @@ from benchctl.diagnosis.keys import Place, place_of
 from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.probes import Probe
 from benchctl.diagnosis.search.scatter import Scatter
-from benchctl.diagnosis.signals.blocks import block_starts, in_cache
-from benchctl.diagnosis.signals.series import consecutive
-from benchctl.diagnosis.signals.threads import shared_out
+from benchctl.side_by_side import shared_out
+from benchctl.signals.blocks import block_starts, consecutive, in_cache
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
 SingleArray = npt.NDArray[np.float32]

@@ -24,8 +24,8 @@ from benchctl.diagnosis.search.models import ALIKE, Models, Tried
 from benchctl.diagnosis.search.pairs import pairs_of
 from benchctl.diagnosis.search.screen import Scored, Screening
 from benchctl.diagnosis.search.selection import Evidence, Selection
-from benchctl.diagnosis.signals.blocks import step_starts
-from benchctl.diagnosis.signals.normal import Z95
+from benchctl.signals.blocks import step_starts
+from benchctl.signals.normal import Z95
 from benchctl_instruments.physics.effects.effect import DescribedEffect, Parameter
 from benchctl_instruments.physics.structures import Structure
 

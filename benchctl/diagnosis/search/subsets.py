@@ -29,7 +29,7 @@ from benchctl.diagnosis.search.probes import probes_of
 from benchctl.diagnosis.search.screen import screen
 from benchctl.diagnosis.search.select import may_be_nothing
 from benchctl.diagnosis.search.selection import Evidence, Selection
-from benchctl.diagnosis.signals.threads import shared_out
+from benchctl.side_by_side import shared_out
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 _MOST = 3

@@ -8,9 +8,9 @@ from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.result import Curve
 from benchctl.diagnosis.search.selection import Selection
-from benchctl.diagnosis.signals.bins import bin_of
-from benchctl.diagnosis.signals.normal import Z95
 from benchctl.diagnosis.structures.scan import coordinates_of, factors_of
+from benchctl.signals.binning import bin_of
+from benchctl.signals.normal import Z95
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.structures import Structure
 

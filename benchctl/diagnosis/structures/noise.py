@@ -18,9 +18,9 @@ from benchctl.diagnosis.fitting.fit import fit, inverse
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.result import Estimate
 from benchctl.diagnosis.search.selection import Selection
-from benchctl.diagnosis.signals.bins import bin_of
-from benchctl.diagnosis.signals.normal import Z95
 from benchctl.diagnosis.structures.scan import coordinates_of
+from benchctl.signals.binning import bin_of
+from benchctl.signals.normal import Z95
 from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.physics.structure_places import OVER, Span
 from benchctl_instruments.physics.structures import Structure, structure

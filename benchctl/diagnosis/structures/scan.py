@@ -21,8 +21,8 @@ from benchctl.diagnosis.fitting.fit import Fit, inverse
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.search.pull import Pull, peaks
 from benchctl.diagnosis.search.scans import clock_s
-from benchctl.diagnosis.signals.bins import bin_of
-from benchctl.diagnosis.signals.threads import shared_out
+from benchctl.side_by_side import shared_out
+from benchctl.signals.binning import bin_of
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.thermal_hysteresis import play
 from benchctl_instruments.physics.structure_places import CHAMBER_C, OVER, Span, StructureStage, last_sign

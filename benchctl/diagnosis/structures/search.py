@@ -24,8 +24,8 @@ from benchctl.diagnosis.search.pull import pull_of
 from benchctl.diagnosis.search.scans import clock_s
 from benchctl.diagnosis.search.scatter import scatter
 from benchctl.diagnosis.search.selection import Evidence, Selection
-from benchctl.diagnosis.signals.blocks import block_starts
 from benchctl.diagnosis.structures.scan import Begun, begun_everywhere, encoder_jumps
+from benchctl.signals.blocks import block_starts
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 from benchctl_instruments.physics.structures import Structure, unmoved
 

@@ -13,6 +13,7 @@ from scipy.signal import savgol_filter
 
 from benchctl.recordings.model import Step
 from benchctl.recordings.reader import Recording
+from benchctl.signals.rate import unwrap_deg
 from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
 
@@ -116,7 +117,7 @@ def _averaged(step: Step) -> npt.NDArray[np.float64]:
     count = (time_s.size - 1) // block
     if count < 3 or time_s.size < _WINDOW:
         return np.empty((7, 0))
-    angle = np.unwrap(step["encoder_deg"], period=360.0)
+    angle = unwrap_deg(step["encoder_deg"])
     rate = make_interp_spline(time_s, angle, k=5).derivative()(time_s)
     acceleration, jerk = (savgol_filter(angle, _WINDOW, _DEGREE, deriv=n, delta=interval_s) for n in (2, 3))
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchctl.calibration.angle_rate import unwrap_deg
 from benchctl.calibration.calibrate import calibrate
 from benchctl.calibration.free_motion import fit_free_motion
 from benchctl.recordings.importing import read_foreign
+from benchctl.signals.rate import unwrap_deg
 from benchctl_instruments.errors import UsageError
 from tests.shared import SHARED, needs_shared
 

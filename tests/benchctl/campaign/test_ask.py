@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from benchctl.calibration.reduce import reduce_steps
 from benchctl.campaign.opened import open_bench
 from benchctl.campaign.resume import steps_to_play
 from benchctl.campaign.runner import Outcome, run_campaign
@@ -18,6 +17,7 @@ from benchctl.plan.written import plan_source
 from benchctl.recordings.model import StepInfo
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.verify import verify
+from benchctl.signals.reduce import reduce_steps
 from tests.benchctl.campaign.by_hand import BENCH, REST, SOAK, events, plan_of
 
 DOOR = Ask(says="close the chamber's door")

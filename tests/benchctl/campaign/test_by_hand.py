@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from benchctl.bench import Bench, Interlock
-from benchctl.calibration.reduce import reduce_steps
 from benchctl.campaign.hands import Hands, Meanwhile, NoHands
 from benchctl.campaign.opened import open_bench
 from benchctl.campaign.resume import past_of, steps_to_play
@@ -23,6 +22,7 @@ from benchctl.plan import ConstantRate, PowerCycle
 from benchctl.recordings.model import StepInfo
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.verify import verify
+from benchctl.signals.reduce import reduce_steps
 from benchctl_instruments.interfaces import Position, TableState
 from tests.benchctl.campaign.by_hand import ACROSS, BENCH, PLAN, PROCEDURE, REST, done, events, plan_of
 from tests.benchctl.cli.processes import benchctl

@@ -3,11 +3,10 @@
 from typing import Any
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchctl.dashboard.data.envelope import Envelope, Pyramid, blocks_of, coarser, or_none, runs
+from benchctl.dashboard.data.envelope import Envelope, Pyramid, blocks_of, coarser, or_none
 from benchctl_instruments.arrays import FloatArray
 from tests.benchctl.dashboard.data import brute
 
@@ -87,11 +86,3 @@ def test_blocks_count_every_sample_and_say_when_they_begin_and_end() -> None:
     assert rows[:, [2, 3]].tolist() == [[1.0, 3.0], [2.0, 2.0], [7.0, 7.0]]
     assert coarser(rows).tolist() == [[0.0, 4.0, 1.0, 7.0, 5.0]]
     assert len(blocks_of(np.empty(0), np.empty(0))) == len(coarser(np.empty((0, 5)))) == 0
-
-
-@pytest.mark.parametrize(
-    ("mask", "expected"),
-    [([], []), ([True], [(0, 1)]), ([False, True, True, False, True], [(1, 3), (4, 5)]), ([False], [])],
-)
-def test_runs_are_the_stretches_where_a_mask_is_true(mask: list[bool], expected: list[tuple[int, int]]) -> None:
-    assert runs(np.array(mask, dtype=bool)) == expected

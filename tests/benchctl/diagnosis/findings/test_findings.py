@@ -14,7 +14,7 @@ from benchctl.diagnosis.fitting.noise_model import GROWING, NoiseModel, Noisy
 from benchctl.diagnosis.result import Finding
 from benchctl.diagnosis.search.select import select
 from benchctl.diagnosis.search.selection import Evidence, Selection
-from benchctl.diagnosis.signals.normal import Z95
+from benchctl.signals.normal import Z95
 from tests.benchctl.diagnosis.toy_problem import (
     EFFECTS,
     NOISE_V,

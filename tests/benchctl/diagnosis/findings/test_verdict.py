@@ -13,7 +13,7 @@ from benchctl.diagnosis.findings.verdict import baseline_of, sentence_of, verdic
 from benchctl.diagnosis.result import Estimate, Finding, Unexplained
 from benchctl.diagnosis.search.select import select
 from benchctl.diagnosis.search.selection import Selection
-from benchctl.diagnosis.signals.normal import Z95
+from benchctl.signals.normal import Z95
 from tests.benchctl.diagnosis.toy_problem import K0, U0, Squared, Toy, toy
 
 NOTHING = Unexplained(significant=False, share=0.0)

@@ -8,7 +8,7 @@ import pytest
 from benchctl.diagnosis.fitting.fit import Fit, Point, fit
 from benchctl.diagnosis.fitting.noise_model import NoiseModel
 from benchctl.diagnosis.fitting.products import products_of, squares_of, with_residual
-from benchctl.diagnosis.signals import blocks
+from benchctl.signals import blocks
 from tests.benchctl.diagnosis.toy_problem import STEPS, TOTAL, Squared, Toy, toy
 
 EVERYTHING = np.ones(STEPS, np.bool_)

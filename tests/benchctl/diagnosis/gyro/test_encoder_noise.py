@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pytest
 
 from benchctl.diagnosis.gyro.encoder_noise import rate_variance, steadied_rate
-from benchctl.diagnosis.signals.motion import Motion, motion_of, rates_of
+from benchctl.signals.motion import Motion, motion_of, rates_of
 
 FloatArray = npt.NDArray[np.float64]
 RATE_HZ, ROWS, NOISE_DEG = 100.0, 20000, 0.5 / 3600.0

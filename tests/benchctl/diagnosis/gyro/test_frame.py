@@ -9,7 +9,7 @@ import pytest
 from benchctl.diagnosis.gyro.chain import GyroChain, Law
 from benchctl.diagnosis.gyro.frame import frame_of
 from benchctl.diagnosis.gyro.problem import gyro_problem
-from benchctl.diagnosis.signals.series import series_of
+from benchctl.diagnosis.series import series_of
 from benchctl.recordings.importing import import_recording
 from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo, Unit
 from benchctl.recordings.reader import join, open_recording

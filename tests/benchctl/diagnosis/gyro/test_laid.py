@@ -9,8 +9,8 @@ import pytest
 
 from benchctl.diagnosis.gyro.frame import Frame, frame_of
 from benchctl.diagnosis.gyro.laid import Laid, laid_out
-from benchctl.diagnosis.signals.temperature import Pause
 from benchctl.recordings.reader import open_recording
+from benchctl.signals.temperature import Pause
 from benchctl_instruments.physics.chain import Signals
 from tests.benchctl.diagnosis.moving import write_moving
 

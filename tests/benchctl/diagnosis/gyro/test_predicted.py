@@ -5,8 +5,8 @@ import pytest
 
 from benchctl.diagnosis.gyro.frame import Frame
 from benchctl.diagnosis.gyro.predicted import predict
-from benchctl.diagnosis.signals.band_limited import half_of
 from benchctl.recordings.reader import open_recording
+from benchctl.signals.rate import half_of
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.diagnosis.moving import NOISE_V, RATE_DPS, SIMULATION, write_moving

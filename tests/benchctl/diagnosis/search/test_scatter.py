@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchctl.diagnosis.search.scatter import Scatter, scatter
-from benchctl.diagnosis.signals.blocks import block_starts
+from benchctl.signals.blocks import block_starts
 from benchctl_instruments.arrays import FloatArray
 
 

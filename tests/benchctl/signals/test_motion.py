@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.signals.band_limited import half_of
-from benchctl.diagnosis.signals.motion import motion_of, motions_of, rates_of
-from tests.benchctl.diagnosis.turning import NOISE_DEG, RATE_HZ, turning
+from benchctl.signals.motion import motion_of, motions_of, rates_of, table_motions
+from benchctl.signals.rate import half_of
+from tests.benchctl.signals.turning import NOISE_DEG, RATE_HZ, SWEPT_HZ, sweeping, turning
 
 
 def test_noise_alone_is_not_taken_for_sudden_motion() -> None:
@@ -53,3 +53,30 @@ def test_where_the_encoder_stands_quite_still_nothing_is_sudden_whatever_the_nex
     _, motion, _ = motions_of([angles[0], still, angles[1]], RATE_HZ)
     assert motion.sudden.max() == 0.0
     assert np.abs(motion.rate_dps).max() < 1e-7
+
+
+@pytest.mark.parametrize(("shaking_dps", "hz", "beyond"), [(0.0, 12.0, False), (20.0, 12.0, False), (20.0, 45.0, True)])
+def test_only_what_no_filter_of_the_rate_passes_goes_beyond(shaking_dps: float, hz: float, beyond: bool) -> None:
+    _, angle, _ = sweeping(shaking_dps, hz)
+    assert table_motions([angle], SWEPT_HZ)[1] is beyond
+
+
+def test_an_encoders_noise_does_not_make_rest_a_fast_motion() -> None:
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(30000)
+    assert not table_motions([200.0 + noise], SWEPT_HZ)[1]
+
+
+def test_beyond_all_filters_the_wide_one_keeps_what_shakes_below_its_edge() -> None:
+    (_, angle, rate), (_, fast, _) = sweeping(20.0), sweeping(40.0, 45.0)
+    swings = sweeping(0.0)[1]
+    (motion,), beyond = table_motions([angle + fast - swings], SWEPT_HZ)
+    assert beyond
+    assert (motion.sudden == 1.0).all()
+    inside = slice(200, -200)
+    np.testing.assert_allclose(motion.rate_dps[inside], rate[inside], atol=0.5)
+
+
+def test_ripple_of_the_angle_goes_past_the_filters() -> None:
+    (motion, *_), beyond = table_motions(turning(cogging_deg=2.0 / 3600.0)[0], RATE_HZ)
+    assert not beyond
+    assert motion.ripple.orders == (36,)

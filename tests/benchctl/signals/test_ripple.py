@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.signals.band_limited import half_of
-from benchctl.diagnosis.signals.motion import motion_of
-from benchctl.diagnosis.signals.ripple import NO_RIPPLE, Ripple, ripple_of
-from tests.benchctl.diagnosis.turning import RATE_HZ, turning
+from benchctl.signals.motion import motion_of
+from benchctl.signals.rate import half_of
+from benchctl.signals.ripple import NO_RIPPLE, Ripple, ripple_of
+from tests.benchctl.signals.turning import RATE_HZ, turning
 
 COGGING_DEG = 2.0 / 3600.0
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchctl.calibration.reduce import reduce_step, reduce_steps
-from benchctl.calibration.step_reduction import clipped
 from benchctl.recordings.model import Step
+from benchctl.signals.reduce import reduce_step, reduce_steps
+from benchctl.signals.segments import clipped
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.calibration.synthetic import Ask, Truth, meta_of, steps
 
@@ -110,3 +110,11 @@ def test_a_long_free_motion_comes_in_pieces_with_keys_of_their_own() -> None:
     free = Step(replace(step.info, kind="motion", frequency_hz=None, amplitude_dps=None), step.channels)
     pieces = list(reduce_steps([free], META))
     assert [piece.key for piece in pieces] == [(1, 0), (1, 1), (1, 2), (1, 3)]
+
+
+def test_motion_of_which_no_run_is_as_long_as_a_window_gives_nothing() -> None:
+    step = next(steps(TRUTH, [Ask(kind="sine", temperature=20, rate=150, frequency=1, seconds=20)], seed=1))
+    kept = np.flatnonzero(np.arange(step["time_s"].size) % 40 < 36)
+    torn = {name: values[kept] for name, values in step.channels.items()}
+    free = replace(step.info, kind="motion", frequency_hz=None, amplitude_dps=None)
+    assert reduce_step(Step(free, torn), META) is None

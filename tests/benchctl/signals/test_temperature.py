@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.signals.temperature import Readings, thermistor_of
+from benchctl.signals.temperature import Readings, thermistor_of
 
 NOISE_C = 0.01
 

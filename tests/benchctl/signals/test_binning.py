@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.signals.turns import line_scores
+from benchctl.signals.binning import line_scores
 
 
 def test_scores_over_the_turn_are_the_sums_over_the_rows() -> None:

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.signals.blocks import BLOCK, block_products, block_starts, gram, in_cache, step_starts
+from benchctl.signals.blocks import BLOCK, block_products, block_starts, gram, in_cache, step_starts
 
 
 @pytest.mark.parametrize("rows", [1, BLOCK - 1, BLOCK, 3 * BLOCK, 5 * BLOCK + 7])

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from benchctl.calibration.calibrate import calibrate
-from benchctl.calibration.reduce import ReducedStep, reduce_step
 from benchctl.recordings import stored
 from benchctl.recordings.model import Step
+from benchctl.signals.reduce import ReducedStep, reduce_step
 from tests.benchctl.calibration.campaigns import TRUTH, calibrated, recorded
 from tests.benchctl.calibration.synthetic import Ask, meta_of, steps
 

@@ -5,13 +5,11 @@ the rate, so that the mean of a curved law f is f̄ ≈ ½[f(ω̄+s) + f(ω̄−
 The rate is given at the time when the gyro sensed it: a delay is estimated within each step in motion and the rate is
 evaluated there; the mean acceleration and jerk let a fit move it by a small correction. Clipped, filled-in or
 non-finite samples are left out with their block, and nothing is smoothed across a gap.
-
-`Rows` are the block means of many steps as flat arrays: what fits work on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from itertools import pairwise
@@ -19,12 +17,13 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from benchctl.calibration.angle_rate import Smoother
-from benchctl.calibration.step_reduction import CHANNELS, QUIET_KINDS, Blocks, StepReduction
 from benchctl.recordings.model import Meta, Step, StepInfo
 from benchctl.recordings.stored import StoredStep, stored_of
 from benchctl.side_by_side import cores, in_order
-from benchctl_instruments.arrays import FloatArray, IntArray
+from benchctl.signals.rate import Smoother
+from benchctl.signals.segments import CHANNELS
+from benchctl.signals.step_reduction import QUIET_KINDS, Blocks, StepReduction
+from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
 Made = TypeVar("Made")
@@ -174,124 +173,3 @@ def _demand_channels(step: StoredStep) -> None:
 def _revolutions(blocks: list[Blocks], interval_s: float) -> float:
     """Revolutions turned within the blocks, in either sense."""
     return float(sum(np.sum(np.abs(one.rate_dps) * one.count) for one in blocks) * interval_s / 360.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Rows:
-    """Blocks of several steps one after the other; arrays of shape (n,), `encoder_basis` (n, 4).
-
-    `step` counts the steps of these rows from 0 and `start`, shape (m,), is where each begins; `dt_c` is T − T0, 0
-    where no thermistor was recorded. `expanded_at_s` is the delay at which each row's rate is given.
-    """
-
-    step: IntArray
-    start: IntArray
-    count: FloatArray
-    time_s: FloatArray
-    output_v: FloatArray
-    rate_dps: FloatArray
-    rate_at_stamp_dps: FloatArray
-    spread_dps: FloatArray
-    acceleration_dps2: FloatArray
-    jerk_dps3: FloatArray
-    dt_c: FloatArray
-    encoder_basis: FloatArray
-    expanded_at_s: FloatArray
-
-    @property
-    def steps(self) -> int:
-        """How many steps these rows come from."""
-        return int(self.start.size)
-
-    def true_rate(self, delay_s: float) -> FloatArray:
-        """The table's rate `delay_s` before each block, °/s, (n,); exact at 0, expanded about the steps' own delays.
-
-        (An expansion about a coarse encoder's third derivative must not be carried far.)
-        """
-        if delay_s == 0.0:
-            return self.rate_at_stamp_dps
-        late = delay_s - self.expanded_at_s
-        return self.rate_dps - late * self.acceleration_dps2 + 0.5 * late**2 * self.jerk_dps3
-
-    @property
-    def likely_delay_s(self) -> float:
-        """Median of the delays about which the moving rows are expanded; 0 where nothing moves."""
-        moving = self.acceleration_dps2 != 0.0
-        return float(np.median(self.expanded_at_s[moving])) if moving.any() else 0.0
-
-    def means(self, values: FloatArray) -> FloatArray:
-        """Means over each step, weighted by the samples; (n,) or (n, p) to (m,) or (m, p)."""
-        weight = self.count if values.ndim == 1 else self.count[:, None]
-        total = np.add.reduceat(self.count, self.start)
-        summed = np.add.reduceat(values * weight, self.start, axis=0)
-        averaged: FloatArray = summed / (total if values.ndim == 1 else total[:, None])
-        return averaged
-
-
-def gather(steps: Sequence[ReducedStep], T0_c: float) -> Rows:
-    """Lay the blocks of some steps, at least one, one after the other."""
-    sizes = np.array([step.count.size for step in steps], dtype=np.int64)
-
-    def column(name: str) -> FloatArray:
-        return np.concatenate([getattr(step, name) for step in steps])
-
-    return Rows(
-        step=np.repeat(np.arange(len(steps), dtype=np.int64), sizes),
-        start=np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int64),
-        count=column("count"),
-        time_s=column("time_s"),
-        output_v=column("output_v"),
-        rate_dps=column("rate_dps"),
-        rate_at_stamp_dps=column("rate_at_stamp_dps"),
-        spread_dps=np.sqrt(column("rate_variance")),
-        acceleration_dps2=column("acceleration_dps2"),
-        jerk_dps3=column("jerk_dps3"),
-        dt_c=np.nan_to_num(column("temperature_c") - T0_c),
-        encoder_basis=column("encoder_basis"),
-        expanded_at_s=np.repeat([step.delay_s for step in steps], sizes),
-    )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinearFit:
-    """Coefficients (p,), their covariance (p, p), the residuals (n,) and the degrees of freedom."""
-
-    coefficients: FloatArray
-    covariance: FloatArray
-    residual: FloatArray
-    dof: int
-
-
-def fit_linear(columns: FloatArray, values: FloatArray) -> LinearFit:
-    """Minimise Σ (values − columns·c)²; columns (n, p). With as many values as coefficients the variance is NaN."""
-    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    basis, triangle = np.linalg.qr(columns / scale)
-    inverse = np.linalg.pinv(triangle)
-    coefficients = inverse @ (basis.T @ values) / scale
-    residual = values - columns @ coefficients
-    freedom = values.size - columns.shape[1]
-    variance = float(residual @ residual) / freedom if freedom > 0 else np.nan
-    covariance = variance * (inverse @ inverse.T) / scale[:, None] / scale
-    return LinearFit(coefficients=coefficients, covariance=covariance, residual=residual, dof=freedom)
-
-
-def clustered_covariance(columns: FloatArray, residual: FloatArray, cluster: IntArray) -> tuple[FloatArray, int]:
-    """Covariance (p, p) of unweighted coefficients where residuals of one cluster (a step) hang together, and its dof.
-
-    Liang and Zeger, Biometrika 73 (1986) 13, with the usual correction for the number of clusters. With fewer than
-    twice as many clusters as coefficients the plain covariance, times the blocks of a cluster, is used: an upper
-    bound.
-    """
-    p = columns.shape[1]
-    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    scaled = columns / scale
-    bread = np.linalg.pinv(scaled.T @ scaled)
-    names = np.unique(cluster)
-    if names.size < 2 * p:
-        size = columns.shape[0] / names.size
-        covariance, dof = bread * float(residual @ residual) / max(residual.size - p, 1) * size, names.size
-    else:
-        scores = np.stack([scaled[cluster == name].T @ residual[cluster == name] for name in names])
-        covariance = bread @ (scores.T @ scores) @ bread * names.size / (names.size - p)
-        dof = names.size - p
-    return covariance / scale[:, None] / scale, dof

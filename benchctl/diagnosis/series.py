@@ -6,7 +6,6 @@ A recording of theirs is often one step: it is cut into pieces of time, so that 
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -15,14 +14,18 @@ import numpy as np
 from benchctl.limits import listed, require_memory
 from benchctl.recordings.model import StepInfo
 from benchctl.recordings.reader import Recording
+from benchctl.recordings.runs import gap_free
 from benchctl.recordings.step_entries import UNASSIGNED
 from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
 
 _PIECES = 36
 _FEWEST_IN_A_PIECE = 8
-_GAP = 10.0
-"""Median intervals between two samples beyond which they belong to different runs."""
+_LATE = 9.0
+"""Intervals that a sample may come late: answers of a chamber or a servo that are asked for once or twice a second.
+
+Means and models that run freely in time bridge some missing ones; a soak that nobody recorded is hundreds.
+"""
 
 _BYTES_A_ROW = 110
 """What a diagnosis of a drive or a chamber holds at its peak for each sample that it averages, measured."""
@@ -99,15 +102,13 @@ def series_of(recording: Recording, needed: Sequence[str], further: Sequence[str
     }
     time_s = columns.pop("time_s")
     interval_s = float(np.median(np.diff(time_s)))
-    ends = np.flatnonzero(np.abs(np.diff(time_s)) > _GAP * interval_s) + 1
-    bounds = [0, *ends.tolist(), time_s.size]
     return Series(
         infos=tuple(info for info, _ in found),
         time_s=time_s,
         step=np.repeat(np.arange(len(found)), sizes),
         columns=columns,
         interval_s=interval_s,
-        runs=tuple(slice(first, last) for first, last in itertools.pairwise(bounds)),
+        runs=tuple(gap_free(time_s, interval_s, _LATE)),
     )
 
 
@@ -127,18 +128,6 @@ def channels_of(recording: Recording) -> str:
     """The names of all channels of a recording, for a message."""
     names = {name for info in recording.infos for name in recording.channels(info.index)}
     return ", ".join(sorted(names)) or "none"
-
-
-def block_mean(values: FloatArray, size: int) -> FloatArray:
-    """Means over blocks of so many values, shape (n // size,); what is left at the end is dropped."""
-    count = values.size // size
-    return np.asarray(values[: count * size].reshape(count, size).mean(axis=1))
-
-
-def consecutive(sizes: Sequence[int]) -> tuple[slice, ...]:
-    """Slices of these sizes, one after the other."""
-    bounds = np.concatenate([[0], np.cumsum(sizes)]).tolist()
-    return tuple(slice(first, last) for first, last in itertools.pairwise(bounds))
 
 
 def cut(infos: Sequence[StepInfo], step: IntArray, time_s: FloatArray) -> Pieces:

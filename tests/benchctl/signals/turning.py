@@ -1,4 +1,4 @@
-"""A table that turns steadily at several rates, wanders a little, cogs, and is read by an encoder with noise."""
+"""Motion of a table: steady at several rates, wandering a little and cogging; or a shaft that swings and shakes."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ FloatArray = npt.NDArray[np.float64]
 
 RATE_HZ = 125.0
 NOISE_DEG = 0.5 / 3600.0
+
+SWEPT_HZ = 100.0
+"""The sampling rate of what swings."""
 
 
 def turning(
@@ -31,3 +34,13 @@ def turning(
         rates.append(np.gradient(even, time_s) * (1.0 + cogging_deg * np.radians(order) * np.cos(turned)))
         angles.append(angle + NOISE_DEG * chance.standard_normal(time_s.size))
     return angles, rates
+
+
+def sweeping(shaking_dps: float, hz: float = 12.0) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Times, unwrapped angles and rates of a shaft that swings and shakes, over ten minutes."""
+    time_s = np.arange(0.0, 600.0, 1 / SWEPT_HZ)
+    angle = 60.0 / (2 * np.pi * 0.3) * np.sin(2 * np.pi * 0.3 * time_s)
+    rate = 60.0 * np.cos(2 * np.pi * 0.3 * time_s)
+    angle += shaking_dps / (2 * np.pi * hz) * np.sin(2 * np.pi * hz * time_s)
+    rate += shaking_dps * np.cos(2 * np.pi * hz * time_s)
+    return time_s, angle, rate

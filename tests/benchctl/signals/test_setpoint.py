@@ -7,8 +7,8 @@ import numpy.typing as npt
 import pytest
 import scipy.signal
 
-from benchctl.diagnosis.signals.setpoint import way_of_setpoint
 from benchctl.recordings.model import StepInfo
+from benchctl.signals.setpoint import way_of_setpoint
 
 CORNERS = ((0.0, 20.0), (100.0, 20.0), (400.0, 50.0), (800.0, 50.0), (1100.0, 5.0), (1500.0, 5.0))
 TIME_S = np.arange(0.0, 1500.0, 0.5)

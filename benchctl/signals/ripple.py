@@ -18,8 +18,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
-from benchctl.diagnosis.signals.band_limited import NARROW, differentiator, edges_hz, filtered
-from benchctl.diagnosis.signals.turns import line_scores
+from benchctl.recordings.runs import holding
+from benchctl.signals.binning import line_scores
+from benchctl.signals.rate import NARROW, differentiator, edges_hz, filtered
 from benchctl_instruments.arrays import FloatArray, IntArray
 
 _MOST_ORDERS = 6
@@ -126,12 +127,10 @@ def _steady(angle_deg: FloatArray, rate_filter: FloatArray, window: int) -> list
     half = rate_filter.size // 2
     reach = 2 * (half + window) + 1
     change = maximum_filter1d(rate, reach) - minimum_filter1d(rate, reach)
-    steady = np.concatenate([[False], change < _STEADY * np.abs(rate), [False]])
-    edges = np.flatnonzero(np.diff(steady)).tolist()
     return [
-        angle_deg[first:last] - 360.0 * np.floor(angle_deg[first] / 360.0)
-        for first, last in zip(edges[::2], edges[1::2], strict=True)
-        if last - first > 4 * half
+        angle_deg[run] - 360.0 * np.floor(angle_deg[run.start] / 360.0)
+        for run in holding(change < _STEADY * np.abs(rate))
+        if run.stop - run.start > 4 * half
     ]
 
 

@@ -2,24 +2,24 @@
 
 A part goes on where the one before ended: what its last blocks left over, and the angles that the smoother needs about
 them, are kept and put before it. Sampling interval, smoother and delay are those of the first part. Where a table that
-keeps its rate has settled is looked for once a span: a disturbance later on stays in the data, where robust fits can
-see it.
+keeps its rate has settled is looked for once a segment: a disturbance later on stays in the data, where robust fits
+can see it.
 
-`Blocks` are the block means of one span without a gap: what is kept of it.
+`Blocks` are the block means of one segment: what is kept of it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
-from benchctl.calibration.angle_rate import (
+from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo
+from benchctl.signals.rate import (
     Smoother,
     choose_smoother,
     derivative_of,
@@ -28,9 +28,7 @@ from benchctl.calibration.angle_rate import (
     rates_at,
     unwrap_deg,
 )
-from benchctl.calibration.thermistor import TemperatureLine
-from benchctl.recordings.mapped import FILLED
-from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo
+from benchctl.signals.segments import Segment, SegmentReader
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
 Numbers = npt.NDArray[Any]
@@ -47,16 +45,6 @@ _MOVING_DPS = 0.5
 _LARGEST_DELAY_S = 0.1
 _DELAY_SAMPLES = 6000
 _SHORTEST_DELAYED = 8
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Span:
-    """Unbroken samples, arrays of shape (n,): stamps, unwrapped angle, output, and which are not to be used."""
-
-    time_s: FloatArray
-    angle_deg: FloatArray
-    output_v: FloatArray
-    bad: BoolArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,7 +77,7 @@ def samples_in_block(
     return max(1, int(seconds * sample_rate_hz))
 
 
-def delay_of(span: Span, smoother: Smoother) -> float:
+def delay_of(segment: Segment, smoother: Smoother) -> float:
     """By how much the output follows the rate, s, from the first few thousand samples; 0 where nothing moves.
 
     The rate is regressed on the output, its cube and its derivative, all through one smoother, and again at the delay
@@ -97,12 +85,14 @@ def delay_of(span: Span, smoother: Smoother) -> float:
     derivative of the rate is the noisier one where the encoder is coarse.
     """
     few = slice(0, _DELAY_SAMPLES)
-    angle, integral = span.angle_deg[few], _integral(span.output_v[few], smoother.sample_rate_hz)
+    angle, integral = segment.angle_deg[few], _integral(segment.output_v[few], smoother.sample_rate_hz)
     output, slope = np.zeros_like(angle), np.zeros_like(angle)
     smooth, where = derivative_of(integral, smoother)
+    if not smooth.size:  # shorter than a window
+        return 0.0
     output[where], slope[where] = smooth, derivative_of(integral, smoother, derivative=2)[0]
     usable = np.zeros(angle.size, dtype=np.bool_)
-    usable[where] = np.convolve(span.bad[few], np.ones(2 * smoother.half + 1), mode="valid") < 0.5
+    usable[where] = np.convolve(segment.bad[few], np.ones(2 * smoother.half + 1), mode="valid") < 0.5
     if not usable.any():
         return 0.0
     output = output - output[usable].mean()
@@ -131,29 +121,29 @@ def _integral(output: FloatArray, sample_rate_hz: float) -> FloatArray:
     return np.asarray(CubicSpline(stamps, output).antiderivative()(stamps), dtype=np.float64)
 
 
-def _smoothed_alike(span: Span, smoother: Smoother) -> tuple[FloatArray, BoolArray]:
+def _smoothed_alike(segment: Segment, smoother: Smoother) -> tuple[FloatArray, BoolArray]:
     """The output through the filter that the rate has passed, and which samples of it are bad, (n,) each.
 
     For motion whose band is not known: what the smoother takes from a reversal it then takes from both. The output is
     integrated by a spline and differentiated by the smoother.
     """
-    smooth, where = derivative_of(_integral(span.output_v, smoother.sample_rate_hz), smoother)
-    output, bad = np.zeros_like(span.output_v), np.ones_like(span.bad)
+    smooth, where = derivative_of(_integral(segment.output_v, smoother.sample_rate_hz), smoother)
+    output, bad = np.zeros_like(segment.output_v), np.ones_like(segment.bad)
     output[where] = smooth
-    bad[where] = np.convolve(span.bad, np.ones(2 * smoother.half + 1), mode="valid") > 0.5
+    bad[where] = np.convolve(segment.bad, np.ones(2 * smoother.half + 1), mode="valid") > 0.5
     return output, bad
 
 
 def block_means(
-    span: Span, smoother: Smoother, *, kind: str, frequency_hz: float | None, delay_s: float
+    segment: Segment, smoother: Smoother, *, kind: str, frequency_hz: float | None, delay_s: float
 ) -> Blocks | None:
-    """Cut a span into blocks and average; None where it is too short. Blocks with a bad sample are dropped."""
+    """Cut a segment into blocks and average; None where it is too short. Blocks with a bad sample are dropped."""
     moving = kind not in ("static", "constant_rate")
-    where = places_in(span, smoother, delay_s)
+    where = places_in(segment, smoother, delay_s)
     samples = where.stop - where.start
     if samples < _SHORTEST_DELAYED:
         return None
-    rate = np.empty(0) if kind == "static" else _rates(span, smoother, where, delay_s)
+    rate = np.empty(0) if kind == "static" else _rates(segment, smoother, where, delay_s)
     size = samples_in_block(
         kind,
         frequency_hz,
@@ -161,9 +151,9 @@ def block_means(
         samples / smoother.sample_rate_hz,
         smoother.sample_rate_hz,
     )
-    output, bad = span.output_v, span.bad
+    output, bad = segment.output_v, segment.bad
     if moving and frequency_hz is None:
-        output, bad = _smoothed_alike(span, smoother)
+        output, bad = _smoothed_alike(segment, smoother)
     edges = np.linspace(0, samples, max(1, samples // size) + 1).astype(np.int64)
     lengths = np.diff(edges)
     keep = ~np.logical_or.reduceat(bad[where], edges[:-1])
@@ -175,7 +165,7 @@ def block_means(
 
     def mean_derivative(derivative: int, delay_s: float) -> FloatArray:
         found = mean_derivative_of(
-            span.angle_deg, where.start + edges, smoother, delay_s=delay_s, derivative=derivative
+            segment.angle_deg, where.start + edges, smoother, delay_s=delay_s, derivative=derivative
         )
         return found[keep]
 
@@ -190,7 +180,7 @@ def block_means(
         variance = mean((rate - np.repeat(block_rate, lengths)) ** 2)
     return Blocks(
         count=count[keep],
-        time_s=mean(span.time_s[where]),
+        time_s=mean(segment.time_s[where]),
         output_v=mean(output[where]),
         rate_dps=mean_rate,
         rate_at_stamp_dps=mean_derivative(1, 0.0) if delay_s else mean_rate,
@@ -199,21 +189,21 @@ def block_means(
         jerk_dps3=jerk,
         encoder_basis=np.zeros((still.size, 4))
         if kind == "static"
-        else _encoder_basis(span.angle_deg[where], rate, delay_s, mean),
+        else _encoder_basis(segment.angle_deg[where], rate, delay_s, mean),
     )
 
 
-def places_in(span: Span, smoother: Smoother, delay_s: float) -> slice:
-    """The samples of a span that its blocks are of: those at which rates stand, both at their stamps and delayed."""
-    here = places_of_rate(span.angle_deg.size, smoother)
-    there = places_of_rate(span.angle_deg.size, smoother, delay_s)
+def places_in(segment: Segment, smoother: Smoother, delay_s: float) -> slice:
+    """The samples of a segment that its blocks are of: those at which rates stand, both at their stamps and delayed."""
+    here = places_of_rate(segment.angle_deg.size, smoother)
+    there = places_of_rate(segment.angle_deg.size, smoother, delay_s)
     first, last = max(here.start, there.start), min(here.stop, there.stop)
     return slice(first, max(first, last))
 
 
-def _rates(span: Span, smoother: Smoother, where: slice, delay_s: float) -> FloatArray:
-    """The rates, delayed, at these samples of a span."""
-    rate, there = derivative_of(span.angle_deg, smoother, delay_s=delay_s)
+def _rates(segment: Segment, smoother: Smoother, where: slice, delay_s: float) -> FloatArray:
+    """The rates, delayed, at these samples of a segment."""
+    rate, there = derivative_of(segment.angle_deg, smoother, delay_s=delay_s)
     return rate[where.start - there.start : where.stop - there.start]
 
 
@@ -232,50 +222,38 @@ FREE_MOTION_BAND_HZ = 2.0
 """Band of the motion where a step in motion states no frequency."""
 
 QUIET_KINDS = ("static", "constant_rate")
-CHANNELS = ("time_s", "encoder_deg", "gyro_v", "gyro_temp_c", FILLED)
-"""What a reduction reads, as far as it is there; the first three must be."""
-
 _SHORTEST = 32
 _STAMPS = 1 << 16
 """By so many the sampling interval is known."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Samples:
-    """Samples whose angle is known, arrays of shape (n,): stamps, angle as it was read, output, which are not good."""
+class TemperatureLine:
+    """Sums over parts, each about its own means, so that nothing is lost to large stamps."""
 
-    time_s: FloatArray
-    angle_deg: FloatArray
-    output_v: FloatArray
-    bad: BoolArray
+    def __init__(self) -> None:
+        self._sums: list[tuple[float, float, float, float, float]] = []
 
-    def begin_at(self, first: int) -> _Samples:
-        """Those from the sample `first` on, copied: what they are of need not be kept for them."""
-        return _Samples(
-            self.time_s[first:].copy(),
-            self.angle_deg[first:].copy(),
-            self.output_v[first:].copy(),
-            self.bad[first:].copy(),
-        )
+    def take(self, time_s: FloatArray, readings_c: FloatArray | None) -> None:
+        """More samples, (n,) each; None where there is no thermistor. Readings that are not finite are left out."""
+        if readings_c is None:
+            return
+        good = np.isfinite(readings_c)
+        if not good.all():
+            time_s, readings_c = time_s[good], readings_c[good]
+        if time_s.size:
+            mean_s, centred = float(time_s.mean()), time_s - time_s.mean()
+            about = float(centred @ centred), float(centred @ readings_c)
+            self._sums.append((float(time_s.size), mean_s, float(readings_c.mean()), *about))
 
-    def followed_by(self, others: _Samples) -> _Samples:
-        """Both, one after the other."""
-        return _Samples(
-            np.concatenate([self.time_s, others.time_s]),
-            np.concatenate([self.angle_deg, others.angle_deg]),
-            np.concatenate([self.output_v, others.output_v]),
-            np.concatenate([self.bad, others.bad]),
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class _Found:
-    """A span and the place of its first sample; whether it `ends`, and whether that is after `complete` revolutions."""
-
-    begin: int
-    span: Span
-    ends: bool
-    complete: bool
+    def fitted(self) -> tuple[float, float]:
+        """Intercept at time 0 of the recording, °C, and slope, °C/s; NaN and 0 where there are no two readings."""
+        if sum(part[0] for part in self._sums) < 2:
+            return np.nan, 0.0
+        count, mean_s, mean_c, squares, products = np.array(self._sums).T
+        middle_s, middle_c = np.average(mean_s, weights=count), np.average(mean_c, weights=count)
+        apart = count * (mean_s - middle_s)
+        slope = float((products.sum() + apart @ (mean_c - middle_c)) / (squares.sum() + apart @ (mean_s - middle_s)))
+        return float(middle_c - slope * middle_s), slope
 
 
 class StepReduction:
@@ -284,11 +262,11 @@ class StepReduction:
     Attributes
     ----------
     blocks
-        Of each span, oldest first.
+        Of each segment, oldest first.
     interval_s, smoother, delay_s
         By the first part.
-    masked, unsettled
-        How many samples were clipped, filled in or not finite, and how many had not settled.
+    unsettled
+        How many samples had not settled.
     temperature
         Of the thermistor.
     """
@@ -298,32 +276,34 @@ class StepReduction:
         self.interval_s = float(np.median(np.diff(first["time_s"][:_STAMPS])))
         self.smoother = _smoother_for(first, meta, self.interval_s)
         self.delay_s: float | None = 0.0 if first.info.kind in QUIET_KINDS else None
-        self.masked = self.unsettled = 0
+        self.unsettled = 0
         self.temperature = TemperatureLine()
         self._info, self._meta = first.info, meta
-        self._rest: _Samples | None = None
+        self._reader = SegmentReader(self.interval_s, meta)
         self._goes_on = False
         self._turned_deg = 0.0
         self._whole = self._begun = 0
 
+    @property
+    def masked(self) -> int:
+        """How many samples were clipped, filled in or not finite."""
+        return self._reader.masked
+
     def take(self, part: Step, *, last: bool) -> None:
         """Take the next part, the first one among them; `last` where no other follows."""
         self.temperature.take(part["time_s"], part.channels.get("gyro_temp_c"))
-        samples = self._good(part)
-        if self._rest is not None:
-            samples = self._rest.followed_by(samples)
-        found = list(self._spans(samples, last))
+        segments = self._reader.take(part, last=last)
+        found = list(self._settled(segments))
         if self.delay_s is None and found:
-            longest = max((one.span for one in found), key=lambda span: span.time_s.size)
-            self.delay_s = delay_of(longest, self.smoother)
-        for one in found:
-            self._average(one)
-        self._rest = None if last else self._left_over(samples, found)
+            self.delay_s = delay_of(max((one for one, _ in found), key=lambda one: one.samples), self.smoother)
+        for segment, complete in found:
+            self._average(segment, complete)
+        self._reader.keep(None if last else self._not_done(segments[-1], found))
 
-    def _average(self, found: _Found) -> None:
-        """Blocks of a span; where it ends, none of those after its last complete revolution if it has made one."""
+    def _average(self, segment: Segment, complete: bool) -> None:
+        """Blocks of a segment; where it ends, none after its last complete revolution if it has made one."""
         blocks = block_means(
-            found.span,
+            segment,
             self.smoother,
             kind=self._info.kind,
             frequency_hz=self._info.frequency_hz,
@@ -331,38 +311,21 @@ class StepReduction:
         )
         if blocks is not None:
             self.blocks.append(blocks)
-        if found.complete:
+        if complete:
             self._whole = len(self.blocks)
-        elif found.ends and self._whole > self._begun:
+        elif segment.ends and self._whole > self._begun:
             del self.blocks[self._whole :]
-        if found.ends:
+        if segment.ends:
             self._whole = self._begun = len(self.blocks)
 
-    def _good(self, part: Step) -> _Samples:
-        """The samples whose angle is known; one that is not makes a gap."""
-        finite = np.isfinite(part["encoder_deg"])
-        time, angle, output = (part[name] for name in ("time_s", "encoder_deg", "gyro_v"))
-        filled = part.channels.get(FILLED)
-        if not finite.all():
-            time, angle, output = time[finite], angle[finite], output[finite]
-            filled = None if filled is None else filled[finite]
-        bad = ~np.isfinite(output)
-        if bad.any():
-            output = np.where(bad, 0.0, output)
-        bad |= clipped(output, self._meta)
-        if filled is not None:
-            bad |= filled > 0.5
-        self.masked += int(np.count_nonzero(bad) + finite.size - np.count_nonzero(finite))
-        return _Samples(time, angle, output, bad)
-
-    def _spans(self, samples: _Samples, last: bool) -> Iterator[_Found]:
-        """Unbroken, settled spans."""
+    def _settled(self, segments: Sequence[Segment]) -> Iterator[tuple[Segment, bool]]:
+        """Segments in which the table has settled, and whether each ends behind a complete revolution."""
         kind, half = self._info.kind, self.smoother.half
-        for start, stop in _unbroken(samples.time_s, self.interval_s):
-            goes_on, self._goes_on = self._goes_on and start == 0, False
-            if stop - start < _SHORTEST and not goes_on:
+        for segment in segments:
+            goes_on, self._goes_on = self._goes_on and segment.first == 0, False
+            if segment.samples < _SHORTEST and not goes_on:
                 continue
-            angle = unwrap_deg(samples.angle_deg[start:stop])
+            angle = segment.angle_deg
             first, end, complete = 0, angle.size, kind != "constant_rate"
             if kind in QUIET_KINDS:
                 settled = 0 if goes_on else settled_from(angle, self.smoother, _angle_noise_deg(self._meta.bench))
@@ -371,7 +334,7 @@ class StepReduction:
                     continue
                 first, self.unsettled = settled, self.unsettled + settled
             if kind == "constant_rate":
-                # The smoother's ends fall off both sides of the span; complete revolutions are counted between them.
+                # The smoother's ends fall off both sides; complete revolutions are counted between them.
                 inside = angle[first + half : end - half]
                 if not goes_on:
                     self._turned_deg = 0.0
@@ -379,22 +342,15 @@ class StepReduction:
                     count, self._turned_deg, complete = whole_revolutions(inside, self._turned_deg)
                     end = first + count + 2 * half
             self._goes_on = True
-            chosen = slice(start + first, start + end)
-            span = Span(
-                time_s=samples.time_s[chosen],
-                angle_deg=angle[first:end],
-                output_v=samples.output_v[chosen],
-                bad=samples.bad[chosen],
-            )
-            yield _Found(chosen.start, span, last or stop < samples.time_s.size, complete)
+            yield segment.cut(first, end), complete
 
-    def _left_over(self, samples: _Samples, found: list[_Found]) -> _Samples | None:
-        """What the next part goes on from: of the last span what no block is of, and the angles about its end."""
+    def _not_done(self, last: Segment, found: Sequence[tuple[Segment, bool]]) -> int | None:
+        """Where the next part goes on: behind the last block, with the angles about its end; None: nowhere."""
         if self._goes_on:
-            done = places_in(found[-1].span, self.smoother, self.delay_s or 0.0)
-            return samples.begin_at(found[-1].begin + done.stop - done.start)
-        *_, (start, stop) = _unbroken(samples.time_s, self.interval_s)
-        return samples.begin_at(start) if stop - start < _SHORTEST else None
+            segment, _ = found[-1]
+            done = places_in(segment, self.smoother, self.delay_s or 0.0)
+            return segment.first + int(done.stop - done.start)
+        return last.first if last.samples < _SHORTEST else None
 
 
 def _smoother_for(first: Step, meta: Meta, interval_s: float) -> Smoother:
@@ -406,24 +362,6 @@ def _smoother_for(first: Step, meta: Meta, interval_s: float) -> Smoother:
         coarse = max(1, int(0.1 * rate_hz))
         rate_rms = float(np.std(turned[coarse:] - turned[:-coarse])) * rate_hz / coarse
     return choose_smoother(rate_hz, _band_hz(info, rate_hz), _angle_noise_deg(meta.bench) / max(rate_rms, 0.1))
-
-
-def _unbroken(time_s: FloatArray, interval_s: float) -> Iterator[tuple[int, int]]:
-    """Spans without a gap."""
-    breaks = np.flatnonzero(np.abs(np.diff(time_s) - interval_s) > 0.5 * interval_s) + 1
-    return pairwise(map(int, [0, *breaks, time_s.size]))
-
-
-def clipped(output: FloatArray, meta: Meta) -> BoolArray:
-    """Samples at the converter's ends, or at the output's limit where the lab states one; shape (n,)."""
-    limit = np.inf
-    if meta.bench.adc_range_v > 0:
-        codes = 2.0 ** (meta.bench.adc_bits - 1) if meta.bench.adc_bits else 2.0**15
-        limit = meta.bench.adc_range_v * (1 - 2 / codes)
-    stated = (meta.simulation or {}).get("output_limit_v")
-    if isinstance(stated, int | float) and stated > 0:
-        limit = min(limit, 0.999 * float(stated))
-    return np.asarray(np.abs(output) >= limit)
 
 
 def _band_hz(info: StepInfo, sample_rate_hz: float) -> float:

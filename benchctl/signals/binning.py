@@ -1,14 +1,18 @@
-"""Values sorted into bins of a coordinate, and broken lines along one."""
+"""Sums over bins of a coordinate: broken lines along one, and waves that are locked to an angle."""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy.fft
 import scipy.sparse
 
-from benchctl_instruments.arrays import FloatArray
+from benchctl_instruments.arrays import ComplexArray, FloatArray
+
+_BINS_A_WAVE = 8
 
 
 def bin_of(values: FloatArray, edges: FloatArray) -> npt.NDArray[np.int64]:
@@ -40,3 +44,15 @@ def pairs(
     places[:, 0], places[:, 1] = left, right
     ends = np.arange(0, 2 * part.size + 1, 2, dtype=np.int32)
     return scipy.sparse.csr_array((data.ravel(), places.ravel(), ends), shape=(part.size, count))
+
+
+def line_scores(values: FloatArray, angle_deg: FloatArray, highest: int) -> ComplexArray:
+    """Σ values·e^(i·m·angle) for m from 0 to `highest`, shape (highest+1,), of values and angles [deg], (n,).
+
+    Angles are put into bins, eight or more to the shortest wave, which dampens it by 3 percent at most.
+    """
+    bins = 1 << math.ceil(math.log2(_BINS_A_WAVE * max(highest, 1)))
+    place = np.floor(angle_deg * (bins / 360.0)).astype(np.int64) & (bins - 1)
+    spectrum = scipy.fft.rfft(np.bincount(place, values, minlength=bins))[: highest + 1]
+    middle = np.exp(1j * np.pi / bins * np.arange(highest + 1))
+    return np.asarray(np.conj(spectrum) * middle)

@@ -1,4 +1,4 @@
-"""The rate from the encoder: gain, noise, delay, and the half samples that get lost."""
+"""The rate from the encoder: gain, noise, delay, the half samples that get lost, and several runs at once."""
 
 from __future__ import annotations
 
@@ -8,14 +8,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import savgol_coeffs
 
-from benchctl.calibration.angle_rate import (
+from benchctl.signals.rate import (
+    NARROW,
     choose_smoother,
     derivative_of,
     derivative_weights,
+    differentiator,
+    edges_hz,
+    filtered,
+    filtered_each,
     gain_error,
+    half_of,
     unwrap_deg,
 )
 from benchctl_instruments.errors import UsageError
+from tests.benchctl.signals.turning import RATE_HZ
+
+LENGTHS = (1, 2, 40, 700, 3000)
 
 
 def test_weights_agree_with_those_of_another_program() -> None:
@@ -84,12 +93,35 @@ def test_a_delay_moves_the_rate_by_itself_and_not_by_samples(delay: float) -> No
     assert rate == pytest.approx(3 * np.cos(3 * (t[where] - delay)), abs=1e-4)
 
 
-def test_unwrapping_takes_out_the_jumps() -> None:
+@pytest.mark.parametrize("period", [360.0, 120.0])
+def test_unwrapping_takes_out_the_jumps(period: float) -> None:
     true = np.linspace(350, 1500, 400)
-    assert np.diff(unwrap_deg(true % 360)) == pytest.approx(np.diff(true))
+    assert np.diff(unwrap_deg(true % period, period)) == pytest.approx(np.diff(true))
 
 
 def test_the_gain_error_grows_with_the_frequency() -> None:
     errors = [gain_error(20, 4, f, 500.0) for f in (0.0, 1.0, 3.0, 9.0)]
     assert errors[0] == 0.0
     assert errors == sorted(errors)
+
+
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_each_stretch_comes_out_as_by_itself(order: int) -> None:
+    chance = np.random.default_rng(order)
+    kernel = differentiator(RATE_HZ, *edges_hz(NARROW, RATE_HZ), order)
+    stretches = [1e3 * place + np.cumsum(chance.standard_normal(size)) for place, size in enumerate(LENGTHS)]
+    together = filtered_each(stretches, kernel)
+    for values, one in zip(stretches, together, strict=True):
+        alone = filtered(values, kernel)
+        assert one.shape == values.shape
+        np.testing.assert_allclose(one, alone, rtol=1e-9, atol=1e-9 * np.abs(alone).max() + 1e-10)
+
+
+def test_no_stretch_leaks_into_the_next() -> None:
+    kernel = differentiator(RATE_HZ, *edges_hz(NARROW, RATE_HZ), 1)
+    still, turning = np.full(500, 77.0), 50.0 * np.arange(500) / RATE_HZ
+    first, second, third = filtered_each([still, turning, still], kernel)
+    assert np.abs(first).max() < 1e-7
+    assert np.abs(third).max() < 1e-7
+    inner = slice(half_of(RATE_HZ), -half_of(RATE_HZ))
+    np.testing.assert_allclose(second[inner], 50.0, rtol=1e-6)

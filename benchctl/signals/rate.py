@@ -1,15 +1,23 @@
-"""The table's rate from its encoder: a local polynomial over a window of angles, never a difference of samples.
+"""The table's rate from its encoder's angles, by linear-phase filters whose gain and noise are known: two of them.
 
-A window of 2m+1 equidistant angles is fitted by a polynomial (Savitzky and Golay, Anal. Chem. 36 (1964) 1627), whose
-derivative at the middle, moved by a delay, is the rate. It is a linear filter; its gain at every frequency and the
-noise that it passes are known exactly, and window and order are those that together spoil a scale factor least. A delay
-is a place inside the window, so that half samples cannot get lost: a rate belongs to the stamp of its middle sample,
-where a difference of two angles would stand between them.
+The difference of two samples is not the rate: it stands between them, attenuates what is fast and passes the encoder's
+noise up to half the sampling rate. Which filter is used depends on what is known of the motion:
+
+- `Smoother`, a polynomial over a window of angles (Savitzky and Golay, Anal. Chem. 36 (1964) 1627), where the band of
+  the motion is known: at rest, at constant rates, in a sine. Window and order are those that together spoil a scale
+  factor least. It is a quarter of a second long at most, so that short runs lose little; blocks of samples are averaged
+  without a rate for each; and a delay is a place inside the window, so that half samples cannot get lost.
+- `differentiator`, a least-squares filter that is flat from 0 Hz to the edge of a band and falls to zero above, where
+  the motion is not known and a model is compared with every sample. Its gain error is below 1e-5 up to the edge; a
+  polynomial's is as small for much slower motion only.
+
+Both give the rate at the stamp of the middle sample.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -22,6 +30,25 @@ from benchctl_instruments.errors import UsageError
 _ORDERS = (4, 6, 8)
 _MAX_WINDOW_S = 0.25
 _MAX_HALF = 60
+
+_FEWEST, _REACH_S = 32, 0.256
+"""Samples on either side that a rate is made of, and the time that they reach over at least.
+
+A band that is narrow beside the sampling rate asks for more of them: its gain error grows where they are few.
+"""
+
+NARROW = (0.1, 0.2, 10.0, 20.0)
+WIDE = (0.2, 0.4, 20.0, 40.0)
+"""Edges of pass and stop band as shares of the sampling rate, and their limits in Hz."""
+
+
+def unwrap_deg(angle_deg: FloatArray, period_deg: float = 360.0) -> FloatArray:
+    """Angles without the jumps at a period, shape (n,); right as long as samples are less than half of it apart."""
+    steps = np.diff(angle_deg)
+    jumps = np.flatnonzero(np.abs(steps) > 0.5 * period_deg)
+    turns = np.cumsum(-np.sign(steps[jumps]) * np.ceil(np.abs(steps[jumps]) / period_deg - 0.5))
+    edges = np.concatenate([[0], jumps + 1, [angle_deg.size]])
+    return np.asarray(angle_deg + period_deg * np.repeat(np.concatenate([[0.0], turns]), np.diff(edges)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,15 +136,6 @@ def _least_harm(sample_rate_hz: float, band_hz: float, log2_noise_to_rate: int) 
     return min(candidates, key=lambda one: one.gain_error + (one.noise_gain * 2.0**log2_noise_to_rate) ** 2)
 
 
-def unwrap_deg(angle_deg: FloatArray) -> FloatArray:
-    """Angles without the jumps at 360°, shape (n,); right as long as less than half a turn passes between samples."""
-    steps = np.diff(angle_deg)
-    jumps = np.flatnonzero(np.abs(steps) > 180.0)
-    turns = np.cumsum(-np.sign(steps[jumps]) * np.ceil(np.abs(steps[jumps]) / 360.0 - 0.5))
-    edges = np.concatenate([[0], jumps + 1, [angle_deg.size]])
-    return np.asarray(angle_deg + 360.0 * np.repeat(np.concatenate([[0.0], turns]), np.diff(edges)))
-
-
 def places_of_rate(samples: int, smoother: Smoother, delay_s: float = 0.0) -> slice:
     """The samples at which a derivative of so many angles exists: not the ends, where no complete window fits."""
     shift = round(delay_s * smoother.sample_rate_hz)
@@ -169,3 +187,83 @@ def _weights(smoother: Smoother, delay_s: float, derivative: int) -> tuple[Float
     place = shift - delay_s * smoother.sample_rate_hz
     rates = smoother.sample_rate_hz**derivative
     return derivative_weights(smoother.half, smoother.order, place, derivative) * rates, shift
+
+
+def half_of(sample_rate_hz: float) -> int:
+    """Samples on either side of a filter's middle."""
+    return max(_FEWEST, math.ceil(_REACH_S * sample_rate_hz))
+
+
+def edges_hz(band: tuple[float, float, float, float], sample_rate_hz: float) -> tuple[float, float]:
+    """Where a band's filter begins to fall and where it has fallen."""
+    passing, stopping, passing_hz, stopping_hz = band
+    return min(passing * sample_rate_hz, passing_hz), min(stopping * sample_rate_hz, stopping_hz)
+
+
+def filtered(values: FloatArray, kernel: FloatArray) -> FloatArray:
+    """Values through a filter; beyond the ends they go on with the slope that they end with."""
+    return filtered_each([values], kernel)[0]
+
+
+def filtered_along(stretches: Sequence[slice], values: FloatArray, kernel: FloatArray) -> FloatArray:
+    """Values of stretches that follow one another, shape (n,), each stretch through a filter by itself."""
+    return np.concatenate([filtered(values[part], kernel) for part in stretches])
+
+
+def filtered_each(stretches: Sequence[FloatArray], kernel: FloatArray) -> list[FloatArray]:
+    """Several stretches through one filter, each as by itself; all in one go, which is the faster for short ones."""
+    from scipy.signal import oaconvolve  # half a second of loading, which the window of a polynomial does not need
+
+    reach = kernel.size // 2
+    long = [_going_on(values, reach) for values in stretches]
+    origins = [float(one[0]) for one in long]
+    together: FloatArray = oaconvolve(
+        np.concatenate([one - origin for one, origin in zip(long, origins, strict=True)]), kernel, mode="valid"
+    )
+    firsts = np.cumsum([0, *(one.size for one in long)]).tolist()
+    level = float(kernel.sum())
+    return [
+        together[first : first + values.size] + origin * level
+        for first, values, origin in zip(firsts, stretches, origins, strict=False)
+    ]
+
+
+def _going_on(values: FloatArray, reach: int) -> FloatArray:
+    """Values with `reach` more on either side, turned about the first and the last."""
+    size = min(reach, values.size - 1)
+    before = 2 * values[0] - values[size:0:-1]
+    after = 2 * values[-1] - values[-2 : -2 - size : -1]
+    missing = reach - size
+    first, last = (before[0], after[-1]) if size else (values[0], values[-1])
+    return np.concatenate([np.full(missing, first), before, values, after, np.full(missing, last)])
+
+
+def transposed(values: FloatArray, kernel: FloatArray) -> FloatArray:
+    """The transpose of `filtered`, for values that vanish within a kernel's reach of either end."""
+    from scipy.signal import oaconvolve
+
+    result: FloatArray = oaconvolve(values, kernel[::-1], mode="same")
+    return result
+
+
+@lru_cache(maxsize=64)
+def differentiator(sample_rate_hz: float, passing_hz: float, stopping_hz: float, order: int) -> FloatArray:
+    """Least-squares linear-phase filter, shape (2·`half_of` + 1,): d^order/dt^order in the pass band, 0 beyond."""
+    k = np.arange(1, half_of(sample_rate_hz) + 1)
+    passing = np.linspace(1e-3, passing_hz, 400)
+    stopping = np.linspace(stopping_hz, sample_rate_hz / 2, 300)
+    frequency = np.concatenate([passing, stopping])
+    omega = 2 * np.pi * frequency
+    ideal = np.where(frequency <= passing_hz, omega**order, 0.0)
+    # what is asked of the pass band is a small relative error
+    weight = np.where(frequency <= passing_hz, 1e4 / np.maximum(omega, 3.0) ** order, 6.0 / (2 * np.pi) ** order)
+    phase = np.outer(omega / sample_rate_hz, k)
+    basis = 2 * np.sin(phase) if order == 1 else np.hstack([np.ones((omega.size, 1)), 2 * np.cos(phase)])
+    ideal = -ideal if order == 2 else ideal
+    taps, *_ = np.linalg.lstsq(basis * weight[:, None], ideal * weight, rcond=None)
+    if order == 1:
+        taps /= 2 * np.sum(taps * k) / sample_rate_hz  # exact for a constant rate
+        return np.concatenate([taps[::-1], [0.0], -taps])
+    kernel = np.concatenate([taps[:0:-1], taps])
+    kernel += ((order == 0) - kernel.sum()) / kernel.size  # exact for an angle at rest
+    return kernel

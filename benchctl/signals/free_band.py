@@ -10,35 +10,16 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from scipy.signal import csd, firwin, kaiserord, welch
 from scipy.signal.windows import hann
 
-from benchctl.diagnosis.signals.band_limited import (
-    NARROW,
-    WIDE,
-    differentiator,
-    edges_hz,
-    filtered,
-    filtered_along,
-    half_of,
-)
-from benchctl.diagnosis.signals.motion import Motion, motion_of
+from benchctl.signals.rate import NARROW, edges_hz, filtered_along
 from benchctl.signals.windows import INDEPENDENT
 from benchctl_instruments.arrays import FloatArray, IntArray
-
-_BEYOND = 0.01
-"""Share of the rate, rms, beyond the wide filter's band, from which on the motion is taken to go beyond it.
-
-An encoder's noise is a thousandth of a table's motion, steps of a stepper are a tenth of a shaft's.
-"""
-
-
-_TURNING_DPS = 1.0
-"""Rms of the rate below which a table rests or creeps: then all that is beyond is the encoder's noise."""
 
 _PASSING = 0.6
 """Share of the band up to which its low pass is flat."""
@@ -55,36 +36,6 @@ It then learns how each of them is felt, and hides a part of what differs betwee
 _FEWEST_BINS = 2
 _EVEN = 4.0
 """A bin's power over the median of the band's, up to which it still passes for white noise."""
-
-
-def goes_beyond(angles_deg: Sequence[FloatArray], sample_rate_hz: float) -> bool:
-    """Whether unwrapped angles, a stretch each, hold motion or noise that no filter of the rate passes."""
-    smooth, turning = (differentiator(sample_rate_hz, *edges_hz(WIDE, sample_rate_hz), order) for order in (0, 1))
-    half = half_of(sample_rate_hz)
-    inside = beyond = count = 0.0
-    for angle in angles_deg:
-        if angle.size <= 4 * half:
-            continue
-        left = np.diff(angle - filtered(angle, smooth)) * sample_rate_hz
-        inside += float(np.sum(filtered(angle, turning)[half:-half] ** 2))
-        beyond += float(np.sum(left[half:-half] ** 2))
-        count += angle.size - 2 * half
-    return inside > _TURNING_DPS**2 * count and math.sqrt(beyond) > _BEYOND * math.sqrt(inside)
-
-
-def wide_motion(angle_deg: FloatArray, sample_rate_hz: float) -> Motion:
-    """The motion of a stretch by the wide filter alone: it is as good as ever up to the edge of the narrow one."""
-    edges = edges_hz(WIDE, sample_rate_hz)
-    angle, rate, acceleration = (
-        filtered(angle_deg, differentiator(sample_rate_hz, *edges, order)) for order in (0, 1, 2)
-    )
-    return replace(
-        motion_of(angle_deg, sample_rate_hz),
-        angle_deg=angle,
-        rate_dps=rate,
-        acceleration_dps2=acceleration,
-        sudden=np.ones_like(angle),
-    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,25 +1,25 @@
 """The table's motion from its encoder: band-limited, with the noise that it brings known.
 
-The difference of two samples is not the rate: it attenuates what is fast and passes the encoder's noise up to half the
-sampling rate, and both look like physics. A linear-phase filter is fitted instead to the ideal differentiator, flat
-from 0 Hz to the edge of the band of motion and falling to zero above; its gain error in the band is below 1e-5.
+Two filters of `rate` are mixed: a narrow one, which passes little noise, wherever its result agrees with that of a wide
+one to within noise, and the wide one in what is sudden. Ripple that repeats with the angle is known better than from
+samples of a moment: it is taken off before the filters, and its exact derivative put back behind them.
 
-Two of them are mixed: a narrow one, which passes little noise, wherever its result agrees with that of a wide one to
-within noise, and the wide one in what is sudden. Ripple that repeats with the angle is known better than from samples
-of a moment: it is taken off before the filters, and its exact derivative put back behind them.
+Where a table moves faster than any filter of a rate passes, next to nothing is known of it: the wide filter then makes
+all of the motion, which is as good as ever up to the edge of the narrow one.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from benchctl.diagnosis.signals.band_limited import NARROW, WIDE, differentiator, edges_hz, filtered_each
-from benchctl.diagnosis.signals.ripple import NO_RIPPLE, Ripple
-from benchctl.diagnosis.signals.threads import shared_out
+from benchctl.side_by_side import shared_out
+from benchctl.signals.rate import NARROW, WIDE, differentiator, edges_hz, filtered, filtered_each, half_of
+from benchctl.signals.ripple import NO_RIPPLE, Ripple, ripple_of
 from benchctl_instruments.arrays import FloatArray
 
 _LEVEL_S = 0.2
@@ -36,6 +36,15 @@ _AROUND_S = 0.3
 """What is sudden begins, unseen in noise, so much before it is seen, and ends so much after."""
 _ROUNDING_DPS = 1e-6
 """No encoder's noise makes a rate as small: it is the arithmetic's own, of an encoder that stands quite still."""
+
+_BEYOND = 0.01
+"""Share of the rate, rms, beyond the wide filter's band, from which on the motion is taken to go beyond it.
+
+An encoder's noise is a thousandth of a table's motion, steps of a stepper are a tenth of a shaft's.
+"""
+
+_TURNING_DPS = 1.0
+"""Rms of the rate below which a table rests or creeps: then all that is beyond is the encoder's noise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,6 +71,16 @@ def rates_of(motions: Sequence[Motion], angles_deg: Sequence[FloatArray]) -> lis
     for i, rate in zip(mixed, filtered_each([angles_deg[i] for i in mixed], wide) if mixed else (), strict=True):
         rates[i] += motions[i].sudden * (rate - rates[i])
     return rates
+
+
+def table_motions(angles_deg: Sequence[FloatArray], sample_rate_hz: float) -> tuple[tuple[Motion, ...], bool]:
+    """The motions behind all of a recording's unwrapped angles, a stretch each, with the ripple that they show.
+
+    Beside them whether the table moves beyond the band of every filter: then the wide one makes all of it.
+    """
+    if _goes_beyond(angles_deg, sample_rate_hz):
+        return tuple(_wide(angle, sample_rate_hz) for angle in angles_deg), True
+    return motions_of(angles_deg, sample_rate_hz, ripple_of(angles_deg, sample_rate_hz)), False
 
 
 def motion_of(angle_deg: FloatArray, sample_rate_hz: float, ripple: Ripple = NO_RIPPLE) -> Motion:
@@ -104,6 +123,37 @@ def motions_of(
         )
 
     return tuple(shared_out(mixed, zip(of_stretches, lagging, added, strict=True)))
+
+
+def _wide(angle_deg: FloatArray, sample_rate_hz: float) -> Motion:
+    """The motion of a stretch by the wide filter alone."""
+    narrow, wide = (edges_hz(band, sample_rate_hz) for band in (NARROW, WIDE))
+    angle, rate, acceleration = (
+        filtered(angle_deg, differentiator(sample_rate_hz, *wide, order)) for order in range(3)
+    )
+    return Motion(
+        angle_deg=angle,
+        rate_dps=rate,
+        acceleration_dps2=acceleration,
+        sudden=np.ones_like(angle),
+        filters=(differentiator(sample_rate_hz, *narrow, 1), differentiator(sample_rate_hz, *wide, 1)),
+        ripple=NO_RIPPLE,
+    )
+
+
+def _goes_beyond(angles_deg: Sequence[FloatArray], sample_rate_hz: float) -> bool:
+    """Whether unwrapped angles, a stretch each, hold motion or noise that no filter of the rate passes."""
+    smooth, turning = (differentiator(sample_rate_hz, *edges_hz(WIDE, sample_rate_hz), order) for order in (0, 1))
+    half = half_of(sample_rate_hz)
+    inside = beyond = count = 0.0
+    for angle in angles_deg:
+        if angle.size <= 4 * half:
+            continue
+        left = np.diff(angle - filtered(angle, smooth)) * sample_rate_hz
+        inside += float(np.sum(filtered(angle, turning)[half:-half] ** 2))
+        beyond += float(np.sum(left[half:-half] ** 2))
+        count += angle.size - 2 * half
+    return inside > _TURNING_DPS**2 * count and math.sqrt(beyond) > _BEYOND * math.sqrt(inside)
 
 
 def _still(rate_dps: FloatArray, noise: float, sample_rate_hz: float) -> FloatArray:

@@ -5,11 +5,14 @@ The latter are half a second each, or a step each.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import itertools
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+from benchctl_instruments.arrays import FloatArray
 
 BLOCK = 64
 """Rows of a block."""
@@ -54,3 +57,15 @@ def block_products(
 def step_starts(step: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     """The first row of each step, for the step of each row, shape (n,), n at least 1."""
     return np.concatenate([[0], np.flatnonzero(np.diff(step)) + 1])
+
+
+def block_mean(values: FloatArray, size: int) -> FloatArray:
+    """Means over blocks of so many values, shape (n // size,); what is left at the end is dropped."""
+    count = values.size // size
+    return np.asarray(values[: count * size].reshape(count, size).mean(axis=1))
+
+
+def consecutive(sizes: Sequence[int]) -> tuple[slice, ...]:
+    """Slices of these sizes, one after the other."""
+    bounds = np.concatenate([[0], np.cumsum(sizes)]).tolist()
+    return tuple(slice(first, last) for first, last in itertools.pairwise(bounds))

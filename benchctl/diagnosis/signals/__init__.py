@@ -1,1 +1,0 @@
-"""Signals of a recording made into rows: motion from an encoder, temperatures, and the arithmetic that rows need."""

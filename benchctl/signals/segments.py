@@ -1,0 +1,137 @@
+"""Segments of a step: evenly sampled runs without a gap, with the angle unwrapped and what is not to be used flagged.
+
+A step is read part by part, so that none need fit into memory. A part goes on where the one before ended: what of its
+last samples is kept is put before the next part, and a segment that a part's end cuts goes on there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from benchctl.recordings.mapped import FILLED
+from benchctl.recordings.model import Meta, Step
+from benchctl.recordings.runs import gap_free
+from benchctl.signals.rate import unwrap_deg
+from benchctl_instruments.arrays import BoolArray, FloatArray
+
+CHANNELS = ("time_s", "encoder_deg", "gyro_v", "gyro_temp_c", FILLED)
+"""What is read of a step, as far as it is there; the first three must be."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Segment:
+    """Unbroken samples, arrays of shape (n,): stamps, unwrapped angle, output, and which are not to be used.
+
+    `first` is the place of the first sample among those that its reader holds. Nothing follows one that `ends`: there
+    is a gap behind it, or the step is over.
+    """
+
+    time_s: FloatArray
+    angle_deg: FloatArray
+    output_v: FloatArray
+    bad: BoolArray
+    first: int
+    ends: bool
+
+    @property
+    def samples(self) -> int:
+        """How many there are."""
+        return int(self.time_s.size)
+
+    def cut(self, first: int, last: int) -> Segment:
+        """Those from `first` to before `last`."""
+        rows = slice(first, last)
+        return Segment(
+            time_s=self.time_s[rows],
+            angle_deg=self.angle_deg[rows],
+            output_v=self.output_v[rows],
+            bad=self.bad[rows],
+            first=self.first + first,
+            ends=self.ends,
+        )
+
+
+class _Samples(NamedTuple):
+    """Samples whose angle is known, arrays of shape (n,): stamps, angle as it was read, output, which are not good."""
+
+    time_s: FloatArray
+    angle_deg: FloatArray
+    output_v: FloatArray
+    bad: BoolArray
+
+    def begin_at(self, first: int) -> _Samples:
+        """Those from the sample `first` on, copied: what they are of need not be kept for them."""
+        time_s, angle_deg, output_v, bad = self
+        return _Samples(time_s[first:].copy(), angle_deg[first:].copy(), output_v[first:].copy(), bad[first:].copy())
+
+    def followed_by(self, others: _Samples) -> _Samples:
+        """Both, one after the other."""
+        return _Samples(
+            np.concatenate([self.time_s, others.time_s]),
+            np.concatenate([self.angle_deg, others.angle_deg]),
+            np.concatenate([self.output_v, others.output_v]),
+            np.concatenate([self.bad, others.bad]),
+        )
+
+
+class SegmentReader:
+    """Takes the parts of a step in order; `masked` counts the samples that were clipped, filled in or not finite."""
+
+    def __init__(self, interval_s: float, meta: Meta) -> None:
+        self.masked = 0
+        self._interval_s, self._meta = interval_s, meta
+        self._held: _Samples | None = None
+
+    def take(self, part: Step, *, last: bool) -> list[Segment]:
+        """The segments of what was kept and the next part, at least one; `last` where no other part follows."""
+        held = self._good(part)
+        if self._held is not None:
+            held = self._held.followed_by(held)
+        self._held = held
+        return [
+            Segment(
+                time_s=held.time_s[run],
+                angle_deg=unwrap_deg(held.angle_deg[run]),
+                output_v=held.output_v[run],
+                bad=held.bad[run],
+                first=run.start,
+                ends=last or run.stop < held.time_s.size,
+            )
+            for run in gap_free(held.time_s, self._interval_s)
+        ]
+
+    def keep(self, first: int | None) -> None:
+        """Put the samples from this place on before the next part; None: none of them."""
+        self._held = None if self._held is None or first is None else self._held.begin_at(first)
+
+    def _good(self, part: Step) -> _Samples:
+        """The samples whose angle is known; one that is not makes a gap."""
+        finite = np.isfinite(part["encoder_deg"])
+        time, angle, output = (part[name] for name in ("time_s", "encoder_deg", "gyro_v"))
+        filled = part.channels.get(FILLED)
+        if not finite.all():
+            time, angle, output = time[finite], angle[finite], output[finite]
+            filled = None if filled is None else filled[finite]
+        bad = ~np.isfinite(output)
+        if bad.any():
+            output = np.where(bad, 0.0, output)
+        bad |= clipped(output, self._meta)
+        if filled is not None:
+            bad |= filled > 0.5
+        self.masked += int(np.count_nonzero(bad) + finite.size - np.count_nonzero(finite))
+        return _Samples(time, angle, output, bad)
+
+
+def clipped(output: FloatArray, meta: Meta) -> BoolArray:
+    """Samples at the converter's ends, or at the output's limit where the lab states one; shape (n,)."""
+    limit = np.inf
+    if meta.bench.adc_range_v > 0:
+        codes = 2.0 ** (meta.bench.adc_bits - 1) if meta.bench.adc_bits else 2.0**15
+        limit = meta.bench.adc_range_v * (1 - 2 / codes)
+    stated = (meta.simulation or {}).get("output_limit_v")
+    if isinstance(stated, int | float) and stated > 0:
+        limit = min(limit, 0.999 * float(stated))
+    return np.asarray(np.abs(output) >= limit)
