@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from benchctl.calibration.linear import clustered_covariance
 from benchctl.calibration.uncertainty import coverage_factor
+from benchctl.estimation.linear import clustered_covariance
 from benchctl.recordings.model import Step
 from benchctl.recordings.runs import gaps
 from benchctl.signals.rate import unwrap_deg

@@ -9,13 +9,13 @@ from dataclasses import replace
 import numpy as np
 
 from benchctl.calibration.joint import THERMAL_LAG, JointProblem, JointSolution, fit_joint, predict
-from benchctl.calibration.linear import fit_linear
 from benchctl.calibration.model import EARTH_DPS, Law
 from benchctl.calibration.result import CalibrationOptions, Contribution, JointFit, Noise, Parameter, StraightLine
 from benchctl.calibration.rows import gather
 from benchctl.calibration.stage_one import Carries, what_it_carries
 from benchctl.calibration.thermistor import ThermalHistory
 from benchctl.calibration.uncertainty import LEVEL, coverage_factor, dof_of_factor, effective_dof
+from benchctl.estimation.linear import fit_linear
 from benchctl.recordings.model import BenchFacts
 from benchctl.recordings.stated import Stated, StatedUncertainties
 from benchctl.signals.reduce import ReducedStep

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchctl.calibration.linear import LinearFit, fit_linear
 from benchctl.calibration.model import factor
 from benchctl.calibration.result import MeanPoints, PolynomialFactor, StraightLine, TemperaturePoint
 from benchctl.calibration.rows import Rows
+from benchctl.estimation.linear import LinearFit, fit_linear
 from benchctl.signals.reduce import ReducedStep
 from benchctl_instruments.arrays import FloatArray, IntArray
 from benchctl_instruments.errors import UsageError

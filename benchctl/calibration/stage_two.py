@@ -15,10 +15,10 @@ from math import factorial
 
 import numpy as np
 
-from benchctl.calibration.linear import clustered_covariance
 from benchctl.calibration.model import Law, bias, factor
 from benchctl.calibration.result import BeforeAfter, PolynomialFactor, Share, Stage, StraightLine
 from benchctl.calibration.rows import Rows
+from benchctl.estimation.linear import clustered_covariance
 from benchctl_instruments.arrays import FloatArray
 
 Compensator = Callable[[FloatArray, FloatArray], FloatArray]

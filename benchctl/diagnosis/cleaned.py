@@ -11,12 +11,12 @@ from benchctl.diagnosis.chamber.problem import ChamberProblem
 from benchctl.diagnosis.drive.problem import DriveProblem
 from benchctl.diagnosis.faults import Fault, faults_in, rail_of, spikes_in
 from benchctl.diagnosis.findings.located import where_of
-from benchctl.diagnosis.fitting.fit import Point, fit
-from benchctl.diagnosis.fitting.noise_model import NoiseModel
 from benchctl.diagnosis.gyro.points import PointsProblem, without_overload
 from benchctl.diagnosis.gyro.problem import GyroProblem
-from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Finding, Where
+from benchctl.estimation.fit import Point, fit
+from benchctl.estimation.noise_model import NoiseModel
+from benchctl.estimation.problem import Problem
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.physics.effects.registry import effect
 

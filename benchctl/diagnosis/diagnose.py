@@ -16,12 +16,10 @@ from benchctl.diagnosis.findings.located import slices_of, step_figures
 from benchctl.diagnosis.findings.not_found import not_found_of, unseen_in
 from benchctl.diagnosis.findings.traces import traces_of
 from benchctl.diagnosis.findings.verdict import baseline_of, sentence_of, verdict_of
-from benchctl.diagnosis.fitting.point import stands_at
 from benchctl.diagnosis.gyro.points_sine import with_sine
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.next_run.left_open import next_of
 from benchctl.diagnosis.parts import problem_of
-from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.rest.named import named
 from benchctl.diagnosis.result import Diagnosis, Part
 from benchctl.diagnosis.rounded import unrounded, without_the_steps_own
@@ -30,6 +28,8 @@ from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.search.subsets import select_subset
 from benchctl.diagnosis.structures.stated import with_structures
 from benchctl.diagnosis.unstated import other_answer, plainly_better
+from benchctl.estimation.point import stands_at
+from benchctl.estimation.problem import Problem
 from benchctl.recordings.reader import Recording
 from benchctl_instruments.errors import UsageError
 

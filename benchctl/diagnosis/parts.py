@@ -9,8 +9,8 @@ from benchctl.diagnosis.chamber.problem import chamber_problem
 from benchctl.diagnosis.drive.problem import drive_problem
 from benchctl.diagnosis.gyro.points import has_points, points_problem
 from benchctl.diagnosis.gyro.problem import gyro_problem
-from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Part
+from benchctl.estimation.problem import Problem
 from benchctl.recordings.reader import Recording
 from benchctl_instruments.errors import UsageError
 

@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchctl.diagnosis.fitting.fit import Fit, Point, fit, solve
-from benchctl.diagnosis.fitting.noise import Whitener
-from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.estimation.fit import Fit, Point, fit, solve
+from benchctl.estimation.noise import Whitener
+from benchctl.estimation.problem import Problem
 from benchctl_instruments.arrays import FloatArray
 
 BEYOND_CHANCE = 6.0

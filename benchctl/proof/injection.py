@@ -20,16 +20,16 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from benchctl.diagnosis.fitting.closest import distance, nothing_known
-from benchctl.diagnosis.fitting.disturbance import disturbance_of
-from benchctl.diagnosis.fitting.noise import Whitener
-from benchctl.diagnosis.fitting.point import Point
 from benchctl.diagnosis.gyro.laid import laid_out
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.parts import problem_of
-from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Part
 from benchctl.diagnosis.search.probes import probes_of
+from benchctl.estimation.closest import distance, nothing_known
+from benchctl.estimation.disturbance import disturbance_of
+from benchctl.estimation.noise import Whitener
+from benchctl.estimation.point import Point
+from benchctl.estimation.problem import Problem
 from benchctl.proof.draw import alike
 from benchctl.recordings.model import Step, axis_of
 from benchctl.recordings.reader import Recording

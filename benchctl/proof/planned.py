@@ -16,7 +16,7 @@ import numpy.typing as npt
 import scipy.signal
 from scipy.ndimage import uniform_filter1d
 
-from benchctl.diagnosis.fitting.noise import Slow, Whitener, flicker, walk
+from benchctl.estimation.noise import Slow, Whitener, flicker, walk
 from benchctl.plan import ConstantRate, Plan, Sine, Step, ThermalRamp
 from benchctl.proof.unit import TrialUnit
 from benchctl_instruments.arrays import FloatArray

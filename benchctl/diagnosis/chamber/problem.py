@@ -35,7 +35,7 @@ _STARTS_S, _STARTS_GAIN = (0.02, 0.1, 0.5, 2.0), (1.0, -1.0)
 
 @dataclass(frozen=True, kw_only=True)
 class ChamberProblem(MadeOfRows):
-    """A `benchctl.diagnosis.problem.Problem`: the air, simulated freely from what was measured of its drive.
+    """A `benchctl.estimation.problem.Problem`: the air, simulated freely from what was measured of its drive.
 
     Baseline of a power: `gain` [K per its unit], `tau_s`, and `ambient_c` where the room was not measured; of a set
     point: `tau_s` and `offset_c`, by which the air settles above it. Where there is one run, `start_c` is the air at

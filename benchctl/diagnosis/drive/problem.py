@@ -41,7 +41,7 @@ _SHORTEST_LAG, _LONGEST_LAG = 0.02, 5.0
 
 @dataclass(frozen=True, kw_only=True)
 class DriveProblem(MadeOfRows):
-    """A `benchctl.diagnosis.problem.Problem`: τ = J·dω/dt + b·ω, row by row.
+    """A `benchctl.estimation.problem.Problem`: τ = J·dω/dt + b·ω, row by row.
 
     At rest the torque is compared with what would set the table in motion, either way: friction holds all between.
     `believed` says whether the start is a lab's model, or was estimated from the recording itself. `noise` is the

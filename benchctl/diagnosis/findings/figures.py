@@ -8,11 +8,11 @@ import numpy as np
 from scipy.stats import chi2
 
 from benchctl.diagnosis.findings.located import left_of
-from benchctl.diagnosis.fitting.disturbance import disturbance_beside
-from benchctl.diagnosis.fitting.noise_model import between_rows
-from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import FitFigures
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.estimation.disturbance import disturbance_beside
+from benchctl.estimation.noise_model import between_rows
+from benchctl.estimation.problem import Problem
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
 _BLOCK_S, _FEWEST = 1.0, 20

@@ -8,14 +8,14 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from benchctl.diagnosis.findings.located import where_of
-from benchctl.diagnosis.fitting.fit import judged
-from benchctl.diagnosis.fitting.noise_model import GROWING
-from benchctl.diagnosis.fitting.noisy import Noisy
-from benchctl.diagnosis.fitting.point import FREE, interval_of
 from benchctl.diagnosis.keys import keys_of
-from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Alternative, Estimate, Finding
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.estimation.fit import judged
+from benchctl.estimation.noise import Noisy
+from benchctl.estimation.noise_model import GROWING
+from benchctl.estimation.point import FREE, interval_of
+from benchctl.estimation.problem import Problem
 from benchctl.signals.normal import Z95
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 from benchctl_instruments.physics.effects.registry import effect as effect_named

@@ -9,11 +9,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtri
 
-from benchctl.diagnosis.fitting.fit import Fit, judged
-from benchctl.diagnosis.fitting.noise import Whitener
-from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Slice, StepFigures, Where
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.estimation.fit import Fit, judged
+from benchctl.estimation.noise import Whitener
+from benchctl.estimation.problem import Problem
 from benchctl.side_by_side import shared_out
 from benchctl.signals.binning import bin_of
 from benchctl_instruments.arrays import FloatArray

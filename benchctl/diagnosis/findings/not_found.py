@@ -10,12 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator
 
-from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import NotFound
 from benchctl.diagnosis.search.injection import Injection
 from benchctl.diagnosis.search.probes import Probe
 from benchctl.diagnosis.search.screen import Scored
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.estimation.problem import Problem
 from benchctl.side_by_side import shared_out
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from benchctl.diagnosis.faults import Fault
 from benchctl.diagnosis.findings.located import left_of
-from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Trace
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.estimation.problem import Problem
 from benchctl_instruments.arrays import FloatArray
 
 _LASTS_S = 3.0

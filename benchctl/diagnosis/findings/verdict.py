@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Estimate, Finding, Unexplained, Verdict
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.estimation.problem import Problem
 from benchctl.signals.normal import Z95
 
 _MOVED_ERRORS = 5.0

@@ -54,7 +54,7 @@ _ODD = 0.001
 
 @dataclass(frozen=True, kw_only=True)
 class PointsProblem(Stepped):
-    """A `benchctl.diagnosis.problem.Problem`: mean volts from commanded rates, a row a point.
+    """A `benchctl.estimation.problem.Problem`: mean volts from commanded rates, a row a point.
 
     `simulation` is the lab's model, or the straight line through the points where there is none (`believed` says).
     Points at which the gyro is `overloaded` (n,) are not fitted.

@@ -9,8 +9,8 @@ import numpy as np
 
 from benchctl.calibration.static_points_fit import FEWEST_RATES, RESTING_DPS, fit_static_points
 from benchctl.diagnosis.gyro.points import PointsProblem
-from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Estimate, Finding
+from benchctl.estimation.problem import Problem
 
 _NONLINEARITY = "rate_nonlinearity"
 _SINE = 0.2

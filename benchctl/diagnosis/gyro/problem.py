@@ -54,7 +54,7 @@ _FEWEST_STEPS = 12
 
 @dataclass(frozen=True, kw_only=True)
 class GyroProblem(Stepped):
-    """A `benchctl.diagnosis.problem.Problem`: the gyro's volts from the encoder's motion and the thermistor.
+    """A `benchctl.estimation.problem.Problem`: the gyro's volts from the encoder's motion and the thermistor.
 
     Its rows are those of the frame, or, of a motion beyond the filters' band, the slow part of some of them (`band`).
     `simulation` is the lab's model under the names of the open recording; `T0_c` its reference temperature. `earth_dps`

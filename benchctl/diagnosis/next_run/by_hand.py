@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from benchctl.diagnosis.drive.problem import DriveProblem
 from benchctl.diagnosis.next_run.experiment import NOTHING_OPEN
-from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Finding, NextExperiment, Unexplained
+from benchctl.estimation.problem import Problem
 
 _TOGETHER = "and diagnose both recordings together"
 

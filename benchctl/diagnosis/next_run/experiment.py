@@ -13,14 +13,14 @@ from typing import Any
 
 from benchctl.bench import Bench
 from benchctl.campaign.check import bench_time_s
-from benchctl.diagnosis.fitting.closest import Known, distance, known_from
-from benchctl.diagnosis.fitting.fit import Fit
 from benchctl.diagnosis.gyro.chain import GyroChain
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.next_run.candidates import LONGEST_H, called, candidates, shown_bench, two_digits
 from benchctl.diagnosis.next_run.planned import Planned, planned
 from benchctl.diagnosis.next_run.sampled import SampleNoise
 from benchctl.diagnosis.result import NextExperiment
+from benchctl.estimation.closest import Known, distance, known_from
+from benchctl.estimation.fit import Fit
 from benchctl.plan import Plan
 
 ALIKE = 10.0

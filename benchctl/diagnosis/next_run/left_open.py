@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
-from benchctl.diagnosis.fitting.fit import fit
-from benchctl.diagnosis.fitting.wandering import PROCESSES
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of_names
 from benchctl.diagnosis.next_run.by_hand import next_by_hand
@@ -13,9 +11,11 @@ from benchctl.diagnosis.next_run.candidates import bench_of_recording
 from benchctl.diagnosis.next_run.experiment import NOTHING_OPEN, OpenPair, next_experiment
 from benchctl.diagnosis.next_run.repeated import repeat_along, rest_longer
 from benchctl.diagnosis.next_run.sampled import SampleNoise
-from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.result import Finding, NextExperiment, Unexplained
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.estimation.fit import fit
+from benchctl.estimation.problem import Problem
+from benchctl.estimation.wandering import PROCESSES
 from benchctl.recordings.model import Meta
 
 

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchctl.diagnosis.fitting.fit import Fit
 from benchctl.diagnosis.gyro.points import PointsProblem
-from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.select import reduced, without
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.estimation.fit import Fit
+from benchctl.estimation.problem import Problem
 
 
 def owed_to_the_table(problem: Problem, largest_v: float) -> bool:

@@ -7,12 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchctl.diagnosis.fitting.disturbance import disturbance_beside
-from benchctl.diagnosis.fitting.fit import Fit, fit, gain_of
-from benchctl.diagnosis.fitting.wandering import PROCESSES
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import place_of
-from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.rest.commanded import owed_to_the_table, without_the_tables_own
 from benchctl.diagnosis.rest.rest import (
     Rest,
@@ -27,6 +23,10 @@ from benchctl.diagnosis.rest.rest import (
 from benchctl.diagnosis.result import Unexplained
 from benchctl.diagnosis.search.select import reduced, settled_again, without
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.estimation.disturbance import disturbance_beside
+from benchctl.estimation.fit import Fit, fit, gain_of
+from benchctl.estimation.problem import Problem
+from benchctl.estimation.wandering import PROCESSES
 from benchctl_instruments.physics.effects.kinds import ClockEffect, EncoderEffect, FilterEffect
 
 _ROUNDS = 5

@@ -17,11 +17,11 @@ from typing import Protocol
 
 import numpy as np
 
-from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.rest.events import bump, jump, lines
 from benchctl.diagnosis.rest.groups import Group, groups_of
 from benchctl.diagnosis.rest.leftover import Columns, Leftover, Seen, for_entries
 from benchctl.diagnosis.result import COORDINATE_UNITS
+from benchctl.estimation.problem import Problem
 from benchctl.side_by_side import shared_out
 from benchctl.signals.binning import bin_of
 from benchctl_instruments.arrays import BoolArray, FloatArray

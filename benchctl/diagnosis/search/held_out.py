@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from benchctl.diagnosis.problem import Problem
+from benchctl.estimation.problem import Problem
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 
 _HELD_OUT = 6

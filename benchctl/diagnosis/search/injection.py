@@ -9,14 +9,14 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any, Self, cast
 
-from benchctl.diagnosis.fitting.fit import fit, gain_kept, inverse
-from benchctl.diagnosis.fitting.point import at_bound
-from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.held_out import dealt, gain_on, least_gain
 from benchctl.diagnosis.search.pairs import own_columns
 from benchctl.diagnosis.search.probes import Probe
 from benchctl.diagnosis.search.scatter import scatter
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.estimation.fit import fit, gain_kept, inverse
+from benchctl.estimation.point import at_bound
+from benchctl.estimation.problem import Problem
 from benchctl.signals.blocks import block_starts, step_starts
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect

@@ -9,18 +9,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchctl.diagnosis.fitting.fit import Fit, Point, fit, gain_alone, gain_kept, gain_of
-from benchctl.diagnosis.fitting.noise import Whitener
-from benchctl.diagnosis.fitting.noise_model import NoiseModel
-from benchctl.diagnosis.fitting.occam import occam
-from benchctl.diagnosis.fitting.point import assumed, at_bound, stands_at
 from benchctl.diagnosis.keys import Place, may_join, place_of
-from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.held_out import dealt, held_out_steps
 from benchctl.diagnosis.search.probes import probes_of
 from benchctl.diagnosis.search.scans import SCANNED, proposals
 from benchctl.diagnosis.search.scatter import scatter
 from benchctl.diagnosis.search.screen import Scored, Screening, screen
+from benchctl.estimation.fit import Fit, Point, fit, gain_alone, gain_kept, gain_of
+from benchctl.estimation.noise import Whitener
+from benchctl.estimation.noise_model import NoiseModel
+from benchctl.estimation.occam import occam
+from benchctl.estimation.point import assumed, at_bound, stands_at
+from benchctl.estimation.problem import Problem
 from benchctl.signals.blocks import block_starts
 from benchctl_instruments.arrays import IntArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchctl.diagnosis.fitting.fit import Fit, inverse
-from benchctl.diagnosis.fitting.noise import Whitener
-from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.scatter import scatter
 from benchctl.diagnosis.search.screen import Scored
+from benchctl.estimation.fit import Fit, inverse
+from benchctl.estimation.noise import Whitener
+from benchctl.estimation.problem import Problem
 from benchctl.signals.blocks import block_starts
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchctl.diagnosis.fitting.fit import Fit
-from benchctl.diagnosis.fitting.noise import Whitener
-from benchctl.diagnosis.problem import Problem
+from benchctl.estimation.fit import Fit
+from benchctl.estimation.noise import Whitener
+from benchctl.estimation.problem import Problem
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
 

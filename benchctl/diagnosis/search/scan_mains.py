@@ -8,8 +8,8 @@ import numpy as np
 import scipy.fft
 from scipy.special import chdtri
 
-from benchctl.diagnosis.fitting.fit import inverse
 from benchctl.diagnosis.search.pull import Place, Pull, between, paid, peaks, unweighted
+from benchctl.estimation.fit import inverse
 from benchctl_instruments.arrays import FloatArray, IntArray
 
 _LONGEST = 1 << 22

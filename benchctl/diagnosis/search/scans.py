@@ -12,17 +12,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchctl.diagnosis.fitting.fit import Fit
-from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.gyro.points import PointsProblem
 from benchctl.diagnosis.gyro.problem import GyroProblem
-from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.probes import Probe, probe_at
 from benchctl.diagnosis.search.pull import Pull, pull_of
 from benchctl.diagnosis.search.scan_converter import converter_places
 from benchctl.diagnosis.search.scan_ends import fold_places, limit_places, onset_places, rail_places
 from benchctl.diagnosis.search.scan_lines import line_places
 from benchctl.diagnosis.search.scan_mains import mains_places, swing_hz
+from benchctl.estimation.fit import Fit
+from benchctl.estimation.noise import Whitener
+from benchctl.estimation.problem import Problem
 from benchctl.side_by_side import shared_out
 from benchctl_instruments.arrays import FloatArray
 

@@ -19,12 +19,12 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from benchctl.diagnosis.fitting.fit import Fit, inverse
-from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.keys import Place, place_of
-from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.probes import Probe
 from benchctl.diagnosis.search.scatter import Scatter
+from benchctl.estimation.fit import Fit, inverse
+from benchctl.estimation.noise import Whitener
+from benchctl.estimation.problem import Problem
 from benchctl.side_by_side import shared_out
 from benchctl.signals.blocks import block_starts, consecutive, in_cache
 from benchctl_instruments.arrays import BoolArray, FloatArray

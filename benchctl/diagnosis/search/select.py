@@ -9,21 +9,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchctl.diagnosis.fitting.disturbance import with_disturbance
-from benchctl.diagnosis.fitting.fit import Fit, Point, fit, gain_kept, gain_of, judged
-from benchctl.diagnosis.fitting.noise import Whitener
-from benchctl.diagnosis.fitting.noisy import Noisy
-from benchctl.diagnosis.fitting.occam import occam
-from benchctl.diagnosis.fitting.point import at_bound, interval_of
-from benchctl.diagnosis.fitting.wandering import PROCESSES
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import Place, keys_of, place_of
-from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.held_out import least_gain
 from benchctl.diagnosis.search.models import ALIKE, Models, Tried
 from benchctl.diagnosis.search.pairs import pairs_of
 from benchctl.diagnosis.search.screen import Scored, Screening
 from benchctl.diagnosis.search.selection import Evidence, Selection
+from benchctl.estimation.disturbance import with_disturbance
+from benchctl.estimation.fit import Fit, Point, fit, gain_kept, gain_of, judged
+from benchctl.estimation.noise import Noisy, Whitener
+from benchctl.estimation.occam import occam
+from benchctl.estimation.point import at_bound, interval_of
+from benchctl.estimation.problem import Problem
+from benchctl.estimation.wandering import PROCESSES
 from benchctl.signals.blocks import step_starts
 from benchctl.signals.normal import Z95
 from benchctl_instruments.physics.effects.effect import DescribedEffect, Parameter

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from benchctl.diagnosis.fitting.fit import Fit, Point
-from benchctl.diagnosis.fitting.noise import Whitener
-from benchctl.diagnosis.fitting.noise_model import NoiseModel
 from benchctl.diagnosis.search.screen import Screening
+from benchctl.estimation.fit import Fit, Point
+from benchctl.estimation.noise import Whitener
+from benchctl.estimation.noise_model import NoiseModel
 from benchctl_instruments.arrays import BoolArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 

@@ -19,16 +19,16 @@ from functools import cached_property
 import numpy as np
 from scipy.special import chdtri
 
-from benchctl.diagnosis.fitting.disturbance import deviance_near, most_followed, with_disturbance
-from benchctl.diagnosis.fitting.fit import Fit, Point, fit, gain_of, judged
-from benchctl.diagnosis.fitting.noise_model import NoiseModel
-from benchctl.diagnosis.fitting.point import at_bound
-from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.held_out import held_out_steps
 from benchctl.diagnosis.search.probes import probes_of
 from benchctl.diagnosis.search.screen import screen
 from benchctl.diagnosis.search.select import may_be_nothing
 from benchctl.diagnosis.search.selection import Evidence, Selection
+from benchctl.estimation.disturbance import deviance_near, most_followed, with_disturbance
+from benchctl.estimation.fit import Fit, Point, fit, gain_of, judged
+from benchctl.estimation.noise_model import NoiseModel
+from benchctl.estimation.point import at_bound
+from benchctl.estimation.problem import Problem
 from benchctl.side_by_side import shared_out
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 

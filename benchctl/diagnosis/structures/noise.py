@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.optimize
 
-from benchctl.diagnosis.fitting.fit import fit, inverse
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.result import Estimate
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.structures.scan import coordinates_of
+from benchctl.estimation.fit import fit, inverse
 from benchctl.signals.binning import bin_of
 from benchctl.signals.normal import Z95
 from benchctl_instruments.arrays import FloatArray, IntArray

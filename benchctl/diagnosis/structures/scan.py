@@ -17,10 +17,10 @@ import scipy.optimize
 import scipy.signal
 from scipy.signal import oaconvolve
 
-from benchctl.diagnosis.fitting.fit import Fit, inverse
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.search.pull import Pull, peaks
 from benchctl.diagnosis.search.scans import clock_s
+from benchctl.estimation.fit import Fit, inverse
 from benchctl.side_by_side import shared_out
 from benchctl.signals.binning import bin_of
 from benchctl_instruments.arrays import FloatArray

@@ -14,8 +14,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchctl.diagnosis.fitting.fit import Fit, Point, fit, gain_of
-from benchctl.diagnosis.fitting.point import at_bound
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.rest.rest import Rest, rest_of
@@ -25,6 +23,8 @@ from benchctl.diagnosis.search.scans import clock_s
 from benchctl.diagnosis.search.scatter import scatter
 from benchctl.diagnosis.search.selection import Evidence, Selection
 from benchctl.diagnosis.structures.scan import Begun, begun_everywhere, encoder_jumps
+from benchctl.estimation.fit import Fit, Point, fit, gain_of
+from benchctl.estimation.point import at_bound
 from benchctl.signals.blocks import block_starts
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 from benchctl_instruments.physics.structures import Structure, unmoved

@@ -7,16 +7,16 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 
-from benchctl.diagnosis.fitting.fit import Point, fit, gain_of
-from benchctl.diagnosis.fitting.noise_model import NoiseModel
-from benchctl.diagnosis.fitting.noisy import Noisy
-from benchctl.diagnosis.fitting.wandering import PROCESSES
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.rest.rest import rest_of
 from benchctl.diagnosis.search.select import reduced, without
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.structures.search import Modelled, modelled
+from benchctl.estimation.fit import Point, fit, gain_of
+from benchctl.estimation.noise import Noisy
+from benchctl.estimation.noise_model import NoiseModel
+from benchctl.estimation.wandering import PROCESSES
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
 from benchctl_instruments.physics.effects.kinds import ClockEffect, FilterEffect
 from benchctl_instruments.physics.structure_places import ACTS

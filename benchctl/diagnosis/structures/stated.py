@@ -8,7 +8,6 @@ from dataclasses import replace
 
 from benchctl.diagnosis.findings.findings import estimates_of
 from benchctl.diagnosis.gyro.problem import GyroProblem
-from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.rest.rest import Rest, rest_of
 from benchctl.diagnosis.result import Estimate, StructureModel, Unexplained
 from benchctl.diagnosis.search.scan_mains import swing_hz
@@ -19,6 +18,7 @@ from benchctl.diagnosis.structures.curve import curve_of
 from benchctl.diagnosis.structures.noise import NoiseFound, noise_structure, with_noise
 from benchctl.diagnosis.structures.search import Modelled, modelled, with_jumps
 from benchctl.diagnosis.structures.settled import as_one_curve, instead_of_names, settled
+from benchctl.estimation.problem import Problem
 from benchctl_instruments.physics.effects.registry import effects
 from benchctl_instruments.physics.structure_places import ACTS, PHRASES
 from benchctl_instruments.physics.structure_shapes import SHAPES

@@ -15,13 +15,13 @@ from benchctl.bench import Bench, load_bench, template
 from benchctl.campaign.opened import world_settings
 from benchctl.cli.app import run_verb
 from benchctl.cli.next_run import bench_of, run_next, write_next
-from benchctl.diagnosis.fitting.fit import Fit, Point, fit
-from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.gyro.problem import GyroProblem, gyro_problem
 from benchctl.diagnosis.next_run.candidates import candidates
 from benchctl.diagnosis.next_run.experiment import ALIKE, SETTLED, OpenPair, next_experiment
 from benchctl.diagnosis.next_run.sampled import SampleNoise
 from benchctl.diagnosis.result import NextExperiment
+from benchctl.estimation.fit import Fit, Point, fit
+from benchctl.estimation.noise import Whitener
 from benchctl.recordings.reader import Recording, join, open_recording
 from benchctl.toml_file import parse_toml
 from benchctl_instruments.physics.effects.sensor_bandwidth import SensorBandwidth

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from benchctl.bench import SIMULATED, Bench, load_bench
-from benchctl.diagnosis.fitting.fit import Fit, Point, fit
-from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.gyro.chain import GyroChain
 from benchctl.diagnosis.gyro.problem import GyroProblem, gyro_problem
 from benchctl.diagnosis.next_run.experiment import OpenPair
 from benchctl.diagnosis.next_run.planned import planned
+from benchctl.estimation.fit import Fit, Point, fit
+from benchctl.estimation.noise import Whitener
 from benchctl.plan import Plan, Sine, Static, Step
 from benchctl.recordings.reader import open_recording
 from benchctl_instruments.physics.effects.effect import DescribedEffect

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from benchctl.diagnosis.fitting.fit import Point
-from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.select import select
 from benchctl.diagnosis.search.subsets import select_subset
+from benchctl.estimation.fit import Point
+from benchctl.estimation.problem import Problem
 from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo, Unit
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.stored import StoredStep, stored_of

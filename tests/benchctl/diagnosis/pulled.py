@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from benchctl.diagnosis.fitting.fit import inverse
-from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.search.pull import Pull, pull_of
+from benchctl.estimation.fit import inverse
+from benchctl.estimation.noise import Whitener
 
 FloatArray = npt.NDArray[np.float64]
 

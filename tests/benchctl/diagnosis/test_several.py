@@ -15,8 +15,6 @@ from benchctl.cli.app import run_verb
 from benchctl.diagnosis import diagnose
 from benchctl.diagnosis.drive.problem import drive_problem
 from benchctl.diagnosis.findings.findings import findings_of
-from benchctl.diagnosis.fitting.fit import Fit, Point, fit, gain_of
-from benchctl.diagnosis.fitting.noise_model import NoiseModel
 from benchctl.diagnosis.next_run import left_open
 from benchctl.diagnosis.next_run.experiment import NOTHING_OPEN, OpenPair
 from benchctl.diagnosis.next_run.left_open import next_of
@@ -24,6 +22,8 @@ from benchctl.diagnosis.rest.named import named
 from benchctl.diagnosis.result import Alternative, NextExperiment, Unexplained
 from benchctl.diagnosis.search.select import reduced, select, without
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.estimation.fit import Fit, Point, fit, gain_of
+from benchctl.estimation.noise_model import NoiseModel
 from benchctl.model_file import Model, write_model
 from benchctl.part_models import check_parts
 from benchctl.recordings.model import BenchFacts, Meta, Unit

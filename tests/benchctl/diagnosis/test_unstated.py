@@ -6,14 +6,14 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.fitting.fit import Fit, Point, fit
-from benchctl.diagnosis.fitting.noise import Whitener
-from benchctl.diagnosis.fitting.noise_model import NoiseModel
 from benchctl.diagnosis.gyro.problem import GyroProblem, gyro_problem
-from benchctl.diagnosis.problem import Problem
 from benchctl.diagnosis.search.select import select, select_between
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.unstated import other_answer, plainly_better
+from benchctl.estimation.fit import Fit, Point, fit
+from benchctl.estimation.noise import Whitener
+from benchctl.estimation.noise_model import NoiseModel
+from benchctl.estimation.problem import Problem
 from benchctl_instruments.physics.effects.dead_zone import DeadZone
 from benchctl_instruments.physics.effects.rate_squared import RateSquared
 from tests.benchctl.diagnosis.foreign import draw, make, to_recording

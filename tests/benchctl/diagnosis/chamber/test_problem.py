@@ -10,11 +10,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from benchctl.diagnosis.chamber.problem import ChamberProblem, chamber_problem
-from benchctl.diagnosis.fitting.disturbance import with_disturbance
-from benchctl.diagnosis.fitting.fit import Point
 from benchctl.diagnosis.parts import problem_of
 from benchctl.diagnosis.search.select import reduced
 from benchctl.diagnosis.search.subsets import select_subset
+from benchctl.estimation.disturbance import with_disturbance
+from benchctl.estimation.fit import Point
 from benchctl.recordings.importing import import_recording
 from benchctl.recordings.reader import Recording, open_recording
 from benchctl_instruments.errors import UsageError

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from benchctl.diagnosis.findings.findings import findings_of, noise_effects
-from benchctl.diagnosis.fitting.fit import Fit
-from benchctl.diagnosis.fitting.noise_model import GROWING, NoiseModel, Noisy
 from benchctl.diagnosis.result import Finding
 from benchctl.diagnosis.search.select import select
 from benchctl.diagnosis.search.selection import Evidence, Selection
+from benchctl.estimation.fit import Fit
+from benchctl.estimation.noise_model import GROWING, NoiseModel, Noisy
 from benchctl.signals.normal import Z95
 from tests.benchctl.diagnosis.toy_problem import (
     EFFECTS,

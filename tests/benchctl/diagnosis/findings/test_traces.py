@@ -115,7 +115,7 @@ def test_neighbouring_ranges_are_one(clean: Chosen) -> None:
 
 
 def test_of_noise_that_wanders_what_is_left_is_what_a_prediction_from_before_leaves(clean: Chosen) -> None:
-    from benchctl.diagnosis.fitting.noise import walk
+    from benchctl.estimation.noise import walk
 
     problem, selection = clean
     walking = selection.whitener.beside(walk(3.0, problem.interval_s))

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.fitting.fit import Point, fit
-from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.gyro.points import has_points, points_problem
 from benchctl.diagnosis.search.held_out import held_out_steps
 from benchctl.diagnosis.search.select import select
+from benchctl.estimation.fit import Point, fit
+from benchctl.estimation.noise import Whitener
 from benchctl.recordings.importing import import_recording
 from benchctl.recordings.reader import open_recording
 from benchctl_instruments.errors import UsageError

@@ -10,10 +10,10 @@ import pytest
 from scipy.signal import butter, lfilter
 
 from benchctl.diagnosis.cleaned import cleaned
-from benchctl.diagnosis.fitting.fit import Point, fit
-from benchctl.diagnosis.fitting.noise_model import NoiseModel
 from benchctl.diagnosis.gyro.problem import GyroProblem, _compared, gyro_problem
 from benchctl.diagnosis.search.select import select
+from benchctl.estimation.fit import Point, fit
+from benchctl.estimation.noise_model import NoiseModel
 from benchctl.recordings.reader import Recording
 from tests.benchctl.diagnosis.made_recording import recording_of
 

@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchctl.campaign.check import problems
-from benchctl.diagnosis.fitting.closest import known_from
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.next_run.candidates import candidates, shown_bench
 from benchctl.diagnosis.next_run.experiment import (
@@ -24,6 +23,7 @@ from benchctl.diagnosis.next_run.experiment import (
 )
 from benchctl.diagnosis.next_run.planned import planned
 from benchctl.diagnosis.next_run.sampled import SampleNoise
+from benchctl.estimation.closest import known_from
 from benchctl.plan import Sine, Static
 from benchctl.plan.find import find_procedure
 from benchctl.plan.written import as_texts

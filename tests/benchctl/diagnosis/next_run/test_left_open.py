@@ -9,9 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.fitting.noise import walk
-from benchctl.diagnosis.fitting.noise_model import NoiseModel
-from benchctl.diagnosis.fitting.noisy import Noisy
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.next_run import left_open
 from benchctl.diagnosis.next_run.experiment import NOTHING_OPEN, OpenPair
@@ -20,6 +17,8 @@ from benchctl.diagnosis.next_run.sampled import SampleNoise
 from benchctl.diagnosis.result import Alternative, Finding, NextExperiment, Unexplained, Where
 from benchctl.diagnosis.search.select import select
 from benchctl.diagnosis.search.selection import Evidence, Selection
+from benchctl.estimation.noise import Noisy, walk
+from benchctl.estimation.noise_model import NoiseModel
 from benchctl.recordings.model import BenchFacts, Meta, Unit
 from tests.benchctl.diagnosis.following import LATE, SMOOTH, fitted, problem_of
 from tests.benchctl.diagnosis.moving import NOISE_V

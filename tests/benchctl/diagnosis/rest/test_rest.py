@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from benchctl.diagnosis.fitting.fit import Point, fit
-from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.gyro.problem import gyro_problem
 from benchctl.diagnosis.rest.rest import (
     Rest,
@@ -25,6 +23,8 @@ from benchctl.diagnosis.rest.rest import (
 )
 from benchctl.diagnosis.result import COORDINATES
 from benchctl.diagnosis.search.held_out import held_out_steps
+from benchctl.estimation.fit import Point, fit
+from benchctl.estimation.noise import Whitener
 from benchctl_instruments.arrays import FloatArray
 from tests.benchctl.diagnosis.foreign import draw, make, to_recording
 

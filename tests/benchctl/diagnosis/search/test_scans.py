@@ -7,14 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.fitting.fit import Fit, Point, fit
-from benchctl.diagnosis.fitting.noise import Whitener
 from benchctl.diagnosis.gyro.problem import GyroProblem, gyro_problem
 from benchctl.diagnosis.search.probes import probes_of
 from benchctl.diagnosis.search.pull import pull_of
 from benchctl.diagnosis.search.scan_lines import line_places
 from benchctl.diagnosis.search.scans import proposals
 from benchctl.diagnosis.search.screen import Scored, screen
+from benchctl.estimation.fit import Fit, Point, fit
+from benchctl.estimation.noise import Whitener
 from tests.benchctl.diagnosis.foreign import draw, make, to_recording
 from tests.benchctl.diagnosis.foreign.draw import EFFECTS
 

@@ -13,10 +13,10 @@ import scipy.signal
 from scipy.stats import chi2
 
 import benchctl.diagnosis.search.screen as screening
-from benchctl.diagnosis.fitting.fit import Fit, Point, fit, gain_of
-from benchctl.diagnosis.fitting.noise_model import NoiseModel
 from benchctl.diagnosis.search.probes import Probe, probes_of
 from benchctl.diagnosis.search.screen import Screening, screen
+from benchctl.estimation.fit import Fit, Point, fit, gain_of
+from benchctl.estimation.noise_model import NoiseModel
 from benchctl_instruments.physics.effects.effect import DescribedEffect, Parameter
 from tests.benchctl.diagnosis.toy_problem import (
     EFFECTS,

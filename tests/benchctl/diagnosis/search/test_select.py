@@ -9,11 +9,11 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.fitting.fit import Fit, Point, fit, gain_of
 from benchctl.diagnosis.search.held_out import held_out_steps
 from benchctl.diagnosis.search.screen import Screening
 from benchctl.diagnosis.search.select import _Search, reduced, select, select_between
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.estimation.fit import Fit, Point, fit, gain_of
 from benchctl_instruments.physics.effects.effect import DescribedEffect, Parameter
 from tests.benchctl.diagnosis.toy_problem import (
     K0,

@@ -10,9 +10,9 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.fitting.fit import Fit, Point, fit
-from benchctl.diagnosis.fitting.noise_model import NoiseModel
-from benchctl.diagnosis.fitting.occam import occam
+from benchctl.estimation.fit import Fit, Point, fit
+from benchctl.estimation.noise_model import NoiseModel
+from benchctl.estimation.occam import occam
 from benchctl_instruments.physics.effects.effect import Parameter
 from tests.benchctl.diagnosis.toy_problem import Cubic, Decay, FloatArray, Ripple, Toy, ToyEffect, toy
 

@@ -12,9 +12,9 @@ import scipy.signal
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchctl.diagnosis.fitting.fit import Fit, Point, _inside, fit, gain_kept, gain_of, inverse, solve
-from benchctl.diagnosis.fitting.noise import Whitener, walk
-from benchctl.diagnosis.fitting.noise_model import NoiseModel
+from benchctl.estimation.fit import Fit, Point, _inside, fit, gain_kept, gain_of, inverse, solve
+from benchctl.estimation.noise import Whitener, walk
+from benchctl.estimation.noise_model import NoiseModel
 from tests.benchctl.diagnosis.toy_problem import (
     INTERVAL_S,
     K0,

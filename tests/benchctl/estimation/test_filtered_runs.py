@@ -11,8 +11,8 @@ import scipy.signal
 from hypothesis import given
 from hypothesis import strategies as st
 
-import benchctl.diagnosis.fitting.runs as made
-from benchctl.diagnosis.fitting.runs import filtered, without_innovations
+import benchctl.estimation.filtered_runs as made
+from benchctl.estimation.filtered_runs import filtered, without_innovations
 from benchctl_instruments.arrays import FloatArray
 
 SECTIONS = np.array([[1.0, -1.9, 0.901, 1.0, -1.2, 0.32], [1.0, -1.0, 0.0, 1.0, -0.97, 0.0]])

@@ -9,12 +9,11 @@ from typing import Self
 
 import numpy as np
 
-from benchctl.diagnosis.fitting.fit import Fit
-from benchctl.diagnosis.fitting.growing import growing
-from benchctl.diagnosis.fitting.noise import Whitener
-from benchctl.diagnosis.fitting.noisy import Noisy
-from benchctl.diagnosis.fitting.wandering import PROCESSES, wandering
-from benchctl.diagnosis.problem import Problem
+from benchctl.estimation.fit import Fit
+from benchctl.estimation.growing import growing
+from benchctl.estimation.noise import Noisy, Whitener
+from benchctl.estimation.problem import Problem
+from benchctl.estimation.wandering import PROCESSES, wandering
 from benchctl.signals.normal import QUARTILE
 from benchctl_instruments.arrays import FloatArray
 

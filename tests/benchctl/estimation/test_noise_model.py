@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.fitting.fit import Fit, Point, fit
-from benchctl.diagnosis.fitting.noise import walk
-from benchctl.diagnosis.fitting.noise_model import GROWING, NoiseModel
-from benchctl.diagnosis.fitting.noisy import Noisy
+from benchctl.estimation.fit import Fit, Point, fit
+from benchctl.estimation.noise import Noisy, walk
+from benchctl.estimation.noise_model import GROWING, NoiseModel
 from tests.benchctl.diagnosis.toy_problem import INTERVAL_S, NOISE_V, TOTAL, Decay, Toy, toy, walked
 
 ALL = ("bias_random_walk", "flicker_noise", GROWING)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from benchctl.diagnosis.fitting.fit import Fit, Free, Point, solve
+from benchctl.estimation.fit import Fit, Free, Point, solve
 from benchctl_instruments.arrays import FloatArray
 
 Column = Callable[[FloatArray], FloatArray]

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.fitting.point import Free, Point, interval_of
+from benchctl.estimation.point import Free, Point, interval_of
 from benchctl_instruments.physics.chamber_effects.heater_nonlinearity import HeaterNonlinearity
 from tests.benchctl.diagnosis.toy_problem import Cubic, Decay, Ripple
 

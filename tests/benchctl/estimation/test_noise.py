@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
-from benchctl.diagnosis.fitting.noise import Slow, Whitener, flicker, walk
+from benchctl.estimation.noise import Slow, Whitener, flicker, walk
 
 FloatArray = npt.NDArray[np.float64]
 DT = 0.008

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from benchctl.diagnosis.fitting.fit import Fit, Free
+from benchctl.estimation.fit import Fit, Free
 from benchctl_instruments.physics.effects.effect import DescribedEffect
 
 _TURN = 360.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchctl.calibration.linear import clustered_covariance, fit_linear
+from benchctl.estimation.linear import clustered_covariance, fit_linear
 
 # NIST StRD, Pontius (quadratic, lower difficulty): load cell calibration, 40 points.
 LOAD = np.tile(np.arange(150_000.0, 3_000_001.0, 150_000.0), 2)

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchctl.diagnosis.fitting.noise import Whitener
-from benchctl.diagnosis.problem import Problem
+from benchctl.estimation.noise import Whitener
+from benchctl.estimation.problem import Problem
 from benchctl.side_by_side import parts_of, shared_out, threads
 from benchctl.signals.blocks import gram, in_cache
 from benchctl_instruments.arrays import BoolArray, FloatArray

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.fitting.fit import Fit, Point, fit
-from benchctl.diagnosis.fitting.noise_model import NoiseModel
-from benchctl.diagnosis.fitting.products import products_of, squares_of, with_residual
+from benchctl.estimation.fit import Fit, Point, fit
+from benchctl.estimation.noise_model import NoiseModel
+from benchctl.estimation.products import products_of, squares_of, with_residual
 from benchctl.signals import blocks
 from tests.benchctl.diagnosis.toy_problem import STEPS, TOTAL, Squared, Toy, toy
 

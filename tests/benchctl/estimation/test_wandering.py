@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import benchctl.diagnosis.fitting.wandering as module
-from benchctl.diagnosis.fitting.fit import Fit, Point, fit
-from benchctl.diagnosis.fitting.noise_model import NoiseModel
-from benchctl.diagnosis.fitting.noisy import Noisy
-from benchctl.diagnosis.fitting.wandering import PROCESSES, wandering
+import benchctl.estimation.wandering as module
+from benchctl.estimation.fit import Fit, Point, fit
+from benchctl.estimation.noise import Noisy
+from benchctl.estimation.noise_model import NoiseModel
+from benchctl.estimation.wandering import PROCESSES, wandering
 from tests.benchctl.diagnosis.toy_problem import INTERVAL_S, NOISE_V, TOTAL, Decay, Toy, toy, walked
 
 BOTH = ("bias_random_walk", "flicker_noise")

@@ -10,10 +10,10 @@ import pytest
 import scipy.signal
 
 from benchctl.diagnosis.chamber.problem import chamber_problem
-from benchctl.diagnosis.fitting.disturbance import disturbance_beside, disturbance_of, pushed_in, with_disturbance
-from benchctl.diagnosis.fitting.fit import Fit, Point, fit
-from benchctl.diagnosis.fitting.noise_model import NoiseModel
-from benchctl.diagnosis.problem import Problem
+from benchctl.estimation.disturbance import disturbance_beside, disturbance_of, pushed_in, with_disturbance
+from benchctl.estimation.fit import Fit, Point, fit
+from benchctl.estimation.noise_model import NoiseModel
+from benchctl.estimation.problem import Problem
 from tests.benchctl.diagnosis.made_chamber import GAIN_C_PER_PERCENT, ROOM_C, TAU_S, Truth, chamber_channels
 from tests.benchctl.diagnosis.made_recording import recording_of
 

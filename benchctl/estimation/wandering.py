@@ -13,10 +13,9 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from benchctl.diagnosis.fitting.fit import Fit, inverse, whitened_columns
-from benchctl.diagnosis.fitting.noise import Slow, Whitener, flicker, walk
-from benchctl.diagnosis.fitting.noisy import Noisy
-from benchctl.diagnosis.problem import Problem
+from benchctl.estimation.fit import Fit, inverse, whitened_columns
+from benchctl.estimation.noise import Noisy, Slow, Whitener, flicker, walk
+from benchctl.estimation.problem import Problem
 from benchctl.side_by_side import shared_out
 from benchctl.signals.blocks import gram
 from benchctl_instruments.arrays import BoolArray, FloatArray

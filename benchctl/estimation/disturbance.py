@@ -17,9 +17,9 @@ import numpy as np
 import scipy.optimize
 import scipy.signal
 
-from benchctl.diagnosis.fitting.fit import Fit, fit
-from benchctl.diagnosis.fitting.noise import Slow, Whitener
-from benchctl.diagnosis.problem import Problem
+from benchctl.estimation.fit import Fit, fit
+from benchctl.estimation.noise import Slow, Whitener
+from benchctl.estimation.problem import Problem
 from benchctl.recordings.runs import gap_free
 from benchctl_instruments.arrays import BoolArray, FloatArray
 

@@ -12,12 +12,12 @@ from functools import cached_property
 
 import numpy as np
 
-from benchctl.diagnosis.fitting.noise import Whitener
-from benchctl.diagnosis.fitting.point import Free as Free
-from benchctl.diagnosis.fitting.point import Point as Point
-from benchctl.diagnosis.fitting.products import Products as Products
-from benchctl.diagnosis.fitting.products import Spectral, products_of, squares_of, with_residual
-from benchctl.diagnosis.problem import Problem
+from benchctl.estimation.noise import Whitener
+from benchctl.estimation.point import Free as Free
+from benchctl.estimation.point import Point as Point
+from benchctl.estimation.problem import Problem
+from benchctl.estimation.products import Products as Products
+from benchctl.estimation.products import Spectral, products_of, squares_of, with_residual
 from benchctl.side_by_side import do_all, parts_of, threads
 from benchctl.signals.blocks import block_products
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray

@@ -14,7 +14,7 @@ determinant is one: the likelihood of a model is that of its innovations.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
@@ -22,7 +22,7 @@ import numpy as np
 import scipy.optimize
 import scipy.signal
 
-from benchctl.diagnosis.fitting.runs import filtered, without_innovations
+from benchctl.estimation.filtered_runs import filtered, without_innovations
 from benchctl_instruments.arrays import FloatArray, IntArray
 
 _FLICKER_RATIO = 5.0
@@ -273,3 +273,20 @@ def _sections(poles: Sequence[float], zeros: Sequence[float]) -> FloatArray:
         (a, b), (c, d) = pairs[i], pairs[i + 1] if i + 1 < len(pairs) else (0.0, 0.0)
         rows.append([1.0, -(a + c), a * c, 1.0, -(b + d), b * d])
     return np.array(rows)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Noisy:
+    """What was found: its gain in twice the log likelihood, its size, and the error of the size's logarithm.
+
+    The size of a wandering bias is in units of the white noise's deviation; that of noise that grows is the growth of
+    its variance up to full rate. `whitener` is the one with it; `rivals` are the losses with
+    another process in its place.
+    """
+
+    effect: str
+    gain: float
+    size: float
+    log_error: float
+    whitener: Whitener
+    rivals: Mapping[str, float] = field(default_factory=dict)

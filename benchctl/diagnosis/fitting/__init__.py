@@ -1,1 +1,0 @@
-"""Joint fits: the noise that weighs the rows, the fit itself, and what a better noise model owes to it."""
