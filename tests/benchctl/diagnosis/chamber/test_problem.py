@@ -29,7 +29,7 @@ MAPS = Path(__file__).parents[2] / "recordings" / "maps"
 DATA = SHARED / "data" / "thermal"
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3, 4))])
 def test_a_chamber_of_one_lag_brings_no_finding(seed: int) -> None:
     problem = chamber_problem(recording_of(chamber_channels(Truth(), seed)))
     assert found_in(problem) == {}
@@ -188,7 +188,9 @@ def _missed_k(problem: ChamberProblem, model: Point) -> float:
 
 
 @needs_shared("data/thermal")
-@pytest.mark.parametrize(("percent", "before_k", "after_k"), [(30, 4.5, 1.1), (50, 6.77, 1.6)])
+@pytest.mark.parametrize(
+    ("percent", "before_k", "after_k"), [pytest.param(30, 4.5, 1.1, marks=pytest.mark.slow), (50, 6.77, 1.6)]
+)
 def test_an_oven_heats_through_a_second_lag(percent: int, before_k: float, after_k: float, tmp_path: Path) -> None:
     with _imported(f"2024-07-27__signals_step_{percent}_percent.log", "oven_step.toml", tmp_path) as recording:
         problem = chamber_problem(recording)
@@ -201,6 +203,7 @@ def test_an_oven_heats_through_a_second_lag(percent: int, before_k: float, after
     assert _missed_k(problem, found) < after_k
 
 
+@pytest.mark.slow
 @needs_shared("data/thermal")
 def test_a_cold_finger_has_a_body_beside_that_takes_up_heat(tmp_path: Path) -> None:
     with _imported("cooldown_20130419_13.24.44.csv", "cold_finger.toml", tmp_path) as recording:
