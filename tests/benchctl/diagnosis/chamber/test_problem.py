@@ -201,16 +201,3 @@ def test_an_oven_heats_through_a_second_lag(percent: int, before_k: float, after
     # by independent fits to the temperature: 85 s at 50 %, 108 to 180 s at 30 % with a changing loss and without
     assert lag.values["tau_s"] == pytest.approx({30: 108.0, 50: 85.0}[percent], rel=0.3)
     assert _missed_k(problem, found) < after_k
-
-
-@pytest.mark.slow
-@needs_shared("data/thermal")
-def test_a_cold_finger_has_a_body_beside_that_takes_up_heat(tmp_path: Path) -> None:
-    with _imported("cooldown_20130419_13.24.44.csv", "cold_finger.toml", tmp_path) as recording:
-        problem = chamber_problem(recording)
-    assert _missed_k(problem, Point(baseline=problem.baseline_start)) == pytest.approx(1.34, rel=0.05)
-    found = model_found(problem)
-    (store,) = (effect for effect in found.effects if effect.identifier == "heat_store")
-    # an independent fit to the temperature has 179 s; one to its increments had 150
-    assert store.values["tau_s"] == pytest.approx(179.0, rel=0.15)
-    assert _missed_k(problem, found) < 0.25
