@@ -131,13 +131,12 @@ unit = "rad/s"
 """
 
 
+@pytest.mark.slow
+@pytest.mark.timeout(300)
 @needs_shared("data/servo_mount")
 @pytest.mark.parametrize(
     ("name", "lags", "lives_in"),
-    [
-        pytest.param("10_22_1.dat", set(), "acceleration", marks=pytest.mark.slow),
-        ("10_22_4.dat", {"timing_offset"}, "rate"),
-    ],
+    [("10_22_1.dat", set(), "acceleration"), ("10_22_4.dat", {"timing_offset"}, "rate")],
 )
 def test_eight_seconds_of_a_servo_are_imported_and_what_nobody_can_name_is_said(
     name: str, lags: set[str], lives_in: str, tmp_path: Path
