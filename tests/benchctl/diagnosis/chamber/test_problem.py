@@ -187,10 +187,9 @@ def _missed_k(problem: ChamberProblem, model: Point) -> float:
     return float(np.sqrt(np.mean((air - problem.rows.air_c) ** 2)))
 
 
+@pytest.mark.slow
 @needs_shared("data/thermal")
-@pytest.mark.parametrize(
-    ("percent", "before_k", "after_k"), [pytest.param(30, 4.5, 1.1, marks=pytest.mark.slow), (50, 6.77, 1.6)]
-)
+@pytest.mark.parametrize(("percent", "before_k", "after_k"), [(30, 4.5, 1.1), (50, 6.77, 1.6)])
 def test_an_oven_heats_through_a_second_lag(percent: int, before_k: float, after_k: float, tmp_path: Path) -> None:
     with _imported(f"2024-07-27__signals_step_{percent}_percent.log", "oven_step.toml", tmp_path) as recording:
         problem = chamber_problem(recording)
