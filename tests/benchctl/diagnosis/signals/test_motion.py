@@ -24,7 +24,7 @@ def test_sudden_motion_is_followed_from_before_it_begins() -> None:
     assert np.sqrt(np.mean((motion.rate_dps - rate)[near] ** 2)) < 0.15
 
 
-@pytest.mark.parametrize("sample_rate_hz", [RATE_HZ, 500.0, pytest.param(2000.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("sample_rate_hz", [RATE_HZ, 500.0, 2000.0])
 @pytest.mark.parametrize("frequency_hz", [0.5, 4.0, 9.0])
 def test_motion_in_the_band_is_followed_to_one_part_in_ten_thousand(frequency_hz: float, sample_rate_hz: float) -> None:
     time_s = np.arange(0.0, 20.0, 1.0 / sample_rate_hz)
