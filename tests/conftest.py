@@ -9,6 +9,9 @@ from collections.abc import Generator
 import pytest
 from hypothesis import HealthCheck, settings
 
+# There is a worker for each core: threads of BLAS on top of that only wait for each other. Processes inherit it.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 # A shared machine may be slow at any moment: how long an example takes says nothing of what is tested.
 settings.register_profile("shared machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("shared machine")

@@ -112,11 +112,11 @@ def test_two_recordings_and_a_model_are_one_too_many(capsys: pytest.CaptureFixtu
 def test_a_comparison_with_a_model_says_where_it_did_not_look_at_all_rows(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    write_moving(Path("real.h5"), squared_v=1e-5, rate_hz=1000.0)
-    monkeypatch.setattr("benchctl.diagnosis.gyro.problem.most_rows", lambda: 12_000)
-    monkeypatch.setattr("benchctl.diagnosis.gyro.taken.PIECE", 1000)
+    write_moving(Path("real.h5"), squared_v=1e-5)
+    monkeypatch.setattr("benchctl.diagnosis.gyro.problem.most_rows", lambda: 2400)
+    monkeypatch.setattr("benchctl.diagnosis.gyro.taken.PIECE", 200)
     assert compare("real.h5", "--json", "out.json") == 0
-    assert "The recording has 24,000 rows: 12,000 of them were looked at" in capsys.readouterr().out
+    assert "The recording has 4,800 rows: 2,400 of them were looked at" in capsys.readouterr().out
     told = json.loads(Path("out.json").read_text())
     turning = next(step for step in told["steps"] if step["kind"] == "constant_rate")
     assert turning["mean_v"]["the lab's model"] == pytest.approx(1e-5 * RATE_DPS**2, rel=0.02)

@@ -89,7 +89,8 @@ def test_one_unit_and_one_figure_may_be_asked_for(folder: Path, capsys: pytest.C
 def test_an_archive_is_read_without_an_index_and_its_page_lies_beside_it(folder: Path) -> None:
     path = folder.parent / "all.tar.gz"
     with tarfile.open(path, "w:gz") as archive:
-        archive.add(folder, arcname="all")
+        for one in ("000_SN-1", "000_SN-2"):
+            archive.add(folder / one, arcname=f"all/{one}")
     ran = without_a_process("history", path, "--out", folder.parent / "page", "--json", folder.parent / "h.json")
     assert ran.returncode == 0, ran.stderr
     told: dict[str, Any] = json.loads((folder.parent / "h.json").read_text())
@@ -160,9 +161,10 @@ def test_a_real_campaign_of_the_simulated_bench_is_in_its_history(tmp_path: Path
 
 
 def test_the_history_of_a_single_campaign_leaves_it_verifiable(tmp_path: Path) -> None:
-    ran = benchctl("run", "static", "--bench", "simulated", "-p", "duration_s=2", "--out", tmp_path / "one", "--quiet")
+    one = tmp_path / "one"
+    ran = without_a_process("run", "static", "--bench", "simulated", "-p", "duration_s=2", "--out", one, "--quiet")
     assert ran.returncode == 0, ran.stderr
-    assert benchctl("history", tmp_path / "one", "--quiet").returncode == 0
-    assert (tmp_path / "one/history.html").is_file()
-    verified = benchctl("verify", tmp_path / "one")
+    assert without_a_process("history", one, "--quiet").returncode == 0
+    assert (one / "history.html").is_file()
+    verified = without_a_process("verify", one)
     assert verified.returncode == 0, verified.stdout

@@ -131,6 +131,8 @@ unit = "rad/s"
 """
 
 
+@pytest.mark.slow
+@pytest.mark.timeout(300)
 @needs_shared("data/servo_mount")
 @pytest.mark.parametrize(
     ("name", "lags", "lives_in"),

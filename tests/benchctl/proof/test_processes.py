@@ -16,7 +16,10 @@ def modules(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_what_a_process_prints_is_returned_and_its_arithmetic_has_one_thread(modules: Path) -> None:
+def test_what_a_process_prints_is_returned_and_its_arithmetic_has_one_thread(
+    modules: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
     (modules / "speaks.py").write_text("import os, sys\nprint(sys.argv[1], os.environ['OPENBLAS_NUM_THREADS'])\n")
     assert run_module("speaks", "hello", stop=StopRequest(), longest_s=20.0) == "hello 1\n"
 

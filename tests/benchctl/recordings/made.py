@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+import h5py
 import numpy as np
 
+from benchctl.recordings.hdf5_guard import note_own
 from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo, Unit
 from benchctl.recordings.writer import write_recording
 from benchctl_instruments.arrays import FloatArray
@@ -72,6 +75,14 @@ def recording(folder: Path, count: int = 3, **changes: object) -> Path:
     path = folder / "made.h5"
     write_recording(path, meta(**changes), steps(count))
     return path
+
+
+@contextmanager
+def changed(path: Path) -> Iterator[h5py.File]:
+    """A recording as HDF5 sees it, to be changed: still this process's own, so that no child has to open it first."""
+    with h5py.File(path, "r+") as file:
+        yield file
+    note_own(path)
 
 
 def same(one: Step, other: Step) -> bool:

@@ -19,7 +19,7 @@ from tests.benchctl.recordings import made
 
 def _spoilt(folder: Path, place: str, name: str, value: Any) -> Path:
     path = made.recording(folder, 1)
-    with h5py.File(path, "r+") as file:
+    with made.changed(path) as file:
         file[place].attrs[name] = value
     return path
 

@@ -90,7 +90,7 @@ CHANGES: list[tuple[Callable[[h5py.File], None], str]] = [
 @pytest.mark.parametrize(("change", "says"), CHANGES, ids=[says for _, says in CHANGES])
 def test_a_change_is_found_and_named(tmp_path: Path, change: Callable[[h5py.File], None], says: str) -> None:
     path = made.recording(tmp_path)
-    with h5py.File(path, "r+") as file:
+    with made.changed(path) as file:
         change(file)
     assert any(str(problem).startswith(says) for problem in verify(path)), [str(problem) for problem in verify(path)]
 
@@ -105,7 +105,7 @@ def test_a_recording_as_it_was_written_has_no_problems(tmp_path: Path) -> None:
 @given(st.integers(0, 199), st.integers(0, 63), st.sampled_from(made.STREAMED))
 def test_any_single_bit_of_any_channel_is_found(tmp_path: Path, row: int, bit: int, channel: str) -> None:
     path = made.recording(tmp_path, count=1)
-    with h5py.File(path, "r+") as file:
+    with made.changed(path) as file:
         samples = file[f"steps/0001/{channel}"][:]
         samples.view(np.uint64)[row] ^= np.uint64(1 << bit)
         file[f"steps/0001/{channel}"][:] = samples
@@ -122,7 +122,7 @@ def test_three_hundred_random_bits_of_a_recording_are_all_found(tmp_path: Path) 
         places = [(step, channel) for step in file["steps"] for channel in file[f"steps/{step}"]]
     for _ in range(300):
         step, channel = places[chance.integers(len(places))]
-        with h5py.File(path, "r+") as file:
+        with made.changed(path) as file:
             data = file[f"steps/{step}/{channel}"]
             before = data[:]
             row, bit = chance.integers(before.size), chance.integers(64)
@@ -130,7 +130,7 @@ def test_three_hundred_random_bits_of_a_recording_are_all_found(tmp_path: Path) 
             after.view(np.uint64)[row] ^= np.uint64(1) << np.uint64(bit)
             data[:] = after
         assert [problem.where for problem in verify(path)] == [f"step {step}, channel {channel}"], (row, bit)
-        with h5py.File(path, "r+") as file:
+        with made.changed(path) as file:
             file[f"steps/{step}/{channel}"][:] = before
     assert verify(path) == []
 

@@ -80,7 +80,7 @@ def test_hdf5_of_somebody_else_is_named(tmp_path: Path) -> None:
 
 def test_a_newer_format_asks_for_an_update(tmp_path: Path) -> None:
     path = made.recording(tmp_path)
-    with h5py.File(path, "r+") as file:
+    with made.changed(path) as file:
         file.attrs["format"] = "benchctl-recording/2"
     _fails(path, "has the format 'benchctl-recording/2', this benchctl reads 'benchctl-recording/1'; update")
 
@@ -88,28 +88,28 @@ def test_a_newer_format_asks_for_an_update(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("where", "name"), [("/", "status"), ("/", "unit_serial"), ("steps/0002", "kind")])
 def test_a_description_with_a_hole_is_named(tmp_path: Path, where: str, name: str) -> None:
     path = made.recording(tmp_path)
-    with h5py.File(path, "r+") as file:
+    with made.changed(path) as file:
         del file[where].attrs[name]
     _fails(path, "its description is damaged")
 
 
 def test_a_step_under_a_name_that_is_not_its_own_is_named(tmp_path: Path) -> None:
     path = made.recording(tmp_path)
-    with h5py.File(path, "r+") as file:
+    with made.changed(path) as file:
         file.move("steps/0002", "steps/0009")
     _fails(path, "the group /steps/0009 says that its index is 2")
 
 
 def test_a_file_without_its_steps_is_named(tmp_path: Path) -> None:
     path = made.recording(tmp_path)
-    with h5py.File(path, "r+") as file:
+    with made.changed(path) as file:
         del file["steps"]
     _fails(path, "is damaged: its steps are gone")
 
 
 def test_what_others_put_beside_the_channels_is_left_alone(tmp_path: Path) -> None:
     path = made.recording(tmp_path)
-    with h5py.File(path, "r+") as file:
+    with made.changed(path) as file:
         file["steps/0002"].create_group("notes").attrs["by"] = "somebody"
     with open_recording(path) as recording:
         assert made.same(recording.step(2), made.step(2))

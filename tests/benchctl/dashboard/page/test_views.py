@@ -26,7 +26,16 @@ pytestmark = pytest.mark.timeout(180)
 
 DESK = (1440, 900)
 SIZES = pytest.mark.parametrize(("size", "name"), [(DESK, "1440"), (TELEPHONE, "390")], ids=["desk", "telephone"])
-THEMES = pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+LOOKS = pytest.mark.parametrize(
+    ("size", "name", "dark"),
+    [
+        pytest.param(DESK, "1440", False, id="desk, light"),
+        pytest.param(TELEPHONE, "390", True, id="telephone, dark"),
+        pytest.param(DESK, "1440", True, id="desk, dark", marks=pytest.mark.slow),
+        pytest.param(TELEPHONE, "390", False, id="telephone, light", marks=pytest.mark.slow),
+    ],
+)
+"""Where a thing stands is a matter of the size: each is looked at in one theme by default, in both slowly."""
 RUNNING, OVER, FORGED = "soaking_SN-1", "over_SN-1", "forged_SN-1"
 TESTS = (
     ("bias_stability", "deg/h", 1.15, "PASS"),
@@ -151,8 +160,7 @@ def seconds(text: str) -> int:
     return 3600 * int(hours) + 60 * int(minutes) + int(rest)
 
 
-@SIZES
-@THEMES
+@LOOKS
 def test_the_live_page_has_one_clock_and_says_what_a_soak_waits_for(
     browser: Browser, served: Served, soaking: Soaking, size: tuple[int, int], name: str, dark: bool
 ) -> None:
@@ -213,8 +221,7 @@ def clock(seconds: float) -> str:
     return f"{int(seconds) // 3600}:{int(seconds) // 60 % 60:02d}:{int(seconds) % 60:02d}"
 
 
-@SIZES
-@THEMES
+@LOOKS
 def test_every_axis_of_a_finished_campaign_has_at_least_three_ticks(
     browser: Browser, served: Served, size: tuple[int, int], name: str, dark: bool
 ) -> None:
@@ -246,8 +253,7 @@ def assert_ticks(page: Page) -> None:
     assert page.locator(".timeline text").filter(has_text=re.compile(r"^\d+:\d\d")).count() >= 3
 
 
-@SIZES
-@THEMES
+@LOOKS
 def test_verdicts_of_an_acceptance_are_on_the_screen(
     browser: Browser, served: Served, size: tuple[int, int], name: str, dark: bool
 ) -> None:

@@ -225,6 +225,7 @@ def _imported(name: str, folder: Path) -> Recording:
     return open_recording(output)
 
 
+@pytest.mark.slow
 @needs_shared("data/table_drive")
 def test_a_motor_bench_rubs_dryly_and_its_torque_is_off_where_both_directions_are_read(tmp_path: Path) -> None:
     names = ("idf_neg_0.045_1", "idf_pos_0.065_1", "idf_pos_0.065_2")

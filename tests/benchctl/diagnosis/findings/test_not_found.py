@@ -44,7 +44,10 @@ def test_what_is_in_the_recording_and_was_not_found_is_not_excluded() -> None:
     assert one is None or (one.smallest or 0.0) > 0.05
 
 
-@pytest.mark.parametrize(("times", "least", "most"), [(1.25, 50, 60), (1.0, 46, 60), (0.25, 0, 5)])
+@pytest.mark.parametrize(
+    ("times", "least", "most"),
+    [pytest.param(1.25, 50, 60, marks=pytest.mark.slow), (1.0, 46, 60), (0.25, 0, 5)],
+)
 def test_an_effect_of_the_smallest_size_is_found_and_one_of_a_quarter_is_not(
     times: float, least: int, most: int
 ) -> None:

@@ -43,6 +43,7 @@ def test_a_step_of_the_bias_within_a_step_that_is_held_out_is_found_at_its_insta
     assert 0.0 < high - low < 1.0
 
 
+@pytest.mark.slow
 def test_a_root_of_the_bias_over_the_temperature_is_not_told_as_its_polynomial(tmp_path: Path) -> None:
     model = model_of(
         tmp_path / "moving.h5", lambda _time_s, _rate_dps, coil_c: 1e-3 * np.sqrt(np.maximum(coil_c - 20.0, 0.0))
@@ -53,6 +54,7 @@ def test_a_root_of_the_bias_over_the_temperature_is_not_told_as_its_polynomial(t
     assert model["parameters"]["high"]["ci95"] == [model["parameters"]["high"]["value"]] * 2
 
 
+@pytest.mark.slow
 def test_a_kink_of_the_scale_factor_over_the_rate_is_not_told_as_two_nonlinearities(tmp_path: Path) -> None:
     def more_v(_time_s: FloatArray, rate_dps: FloatArray, _coil_c: FloatArray) -> FloatArray:
         return K0 * rate_dps * 3e-4 * np.maximum(np.abs(rate_dps) - 25.0, 0.0)

@@ -7,7 +7,7 @@ import re
 import pytest
 
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.physics.effect_contract.behaviour import PROMISES, Promise
+from benchctl_instruments.physics.effect_contract.behaviour import PROMISES
 from benchctl_instruments.physics.effect_contract.description import faults_in
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
 from benchctl_instruments.physics.effects.registry import effect, effects
@@ -39,9 +39,9 @@ def test_it_describes_itself(kind: type[PhysicalEffect]) -> None:
 
 
 @every
-@pytest.mark.parametrize("promise", PROMISES, ids=lambda promise: promise.__name__)
-def test_it_keeps_what_it_promises(kind: type[PhysicalEffect], promise: Promise) -> None:
-    promise(kind)
+def test_it_keeps_what_it_promises(kind: type[PhysicalEffect]) -> None:
+    for promise in PROMISES:  # the traceback of one that is broken begins with its name
+        promise(kind)
 
 
 def test_an_effect_that_is_not_there_is_said_so() -> None:
