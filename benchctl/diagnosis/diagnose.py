@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from benchctl.diagnosis.cleaned import cleaned, coarse_step_of, fault_findings
+from benchctl.diagnosis.data_faults import coarse_step_of, fault_findings, without_data_faults
+from benchctl.diagnosis.earth_rate import other_answer, plainly_better
 from benchctl.diagnosis.findings.figures import figures_of
 from benchctl.diagnosis.findings.findings import findings_of, noise_effects
 from benchctl.diagnosis.findings.in_unit import finding_in, not_found_in, pieces_in_time, unexplained_in
@@ -20,14 +21,13 @@ from benchctl.diagnosis.gyro.points_sine import with_sine
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.next_run.left_open import next_of
 from benchctl.diagnosis.parts import problem_of
-from benchctl.diagnosis.rest.named import named
+from benchctl.diagnosis.quantization import unrounded, without_the_steps_own
+from benchctl.diagnosis.residual.attribution import named
 from benchctl.diagnosis.result import Diagnosis, Part
-from benchctl.diagnosis.rounded import unrounded, without_the_steps_own
 from benchctl.diagnosis.search.select import select, select_between, without_nothing
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.search.subsets import select_subset
 from benchctl.diagnosis.structures.stated import with_structures
-from benchctl.diagnosis.unstated import other_answer, plainly_better
 from benchctl.estimation.point import stands_at
 from benchctl.estimation.problem import Problem
 from benchctl.recordings.reader import Recording
@@ -68,7 +68,7 @@ def _diagnosis(
     without: Collection[str],
     told: Callable[[str, float], None],
 ) -> Diagnosis:
-    problem, faults = cleaned(problem_of(recording, part, model=model, without=without))
+    problem, faults = without_data_faults(problem_of(recording, part, model=model, without=without))
     _require_rows(recording, problem)
     step_v = coarse_step_of(problem, faults)
     rounding_v2 = step_v**2 / 12.0

@@ -133,7 +133,7 @@ def _coarse_v(sample_v: float, step_v: float) -> float:
     return step_v / math.sqrt(12.0) * math.exp(-2.0 * (math.pi * sample_v / step_v) ** 2) if step_v else 0.0
 
 
-def rest_of(recording: Recording) -> StepInfo | None:
+def residual_structure_of(recording: Recording) -> StepInfo | None:
     """Return the longest complete step at rest, except right after a power cycle; None where there is none."""
     infos = recording.infos
     warming = {after.index for on, after in pairwise(infos) if on.kind == "power_cycle"}

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from benchctl.diagnosis.gyro.laid import laid_out
 from benchctl.diagnosis.gyro.problem import GyroProblem
+from benchctl.diagnosis.gyro.stacked import stacked
 from benchctl.diagnosis.parts import problem_of
 from benchctl.diagnosis.result import Part
 from benchctl.diagnosis.search.probes import probes_of
@@ -175,8 +175,8 @@ class Untouched:
     def _change(self, problem: Problem, one: DescribedEffect) -> FloatArray:
         """What an effect changes of what is measured, shape (n,); of a converter, by the samples themselves."""
         if isinstance(problem, GyroProblem) and isinstance(one, PhysicalEffect) and _acts_on_samples(one):
-            laid, signals = laid_out(problem.frame)
-            samples = slice(None) if laid.samples is None else laid.samples
+            stack, signals = stacked(problem.frame)
+            samples = slice(None) if stack.samples is None else stack.samples
             output_v = np.zeros(signals.time_s.size)
             output_v[samples] = problem.frame.volts
             return problem.slow(one.apply(replace(signals, output_v=output_v)).output_v[samples] - problem.frame.volts)

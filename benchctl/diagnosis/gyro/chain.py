@@ -19,7 +19,7 @@ import numpy as np
 
 from benchctl.diagnosis.gyro.filtering import Filters, spline_at
 from benchctl.diagnosis.gyro.frame import Frame
-from benchctl.diagnosis.gyro.laid import Laid, laid_out
+from benchctl.diagnosis.gyro.stacked import Stacked, stacked
 from benchctl.side_by_side import do_all, parts_of
 from benchctl.signals.blocks import in_cache
 from benchctl.signals.motion import rates_of
@@ -90,7 +90,7 @@ class GyroChain:
             others=tuple(effect for effect in effects if not _is_of_motion(effect)),
         )
         signals = self._through("sampling", self._biased(asked), asked.others)
-        volts = self._laid[0].sampled(signals.output_v).view()
+        volts = self._stacked[0].sampled(signals.output_v).view()
         volts.flags.writeable = False
         return volts
 
@@ -102,12 +102,12 @@ class GyroChain:
             self.__dict__.pop("_filters", None)
 
     @cached_property
-    def _laid(self) -> tuple[Laid, Signals]:
-        return laid_out(self.frame)
+    def _stacked(self) -> tuple[Stacked, Signals]:
+        return stacked(self.frame)
 
     @cached_property
     def _filters(self) -> Filters:
-        return Filters([part.rows for part in self._laid[0].stretches], self.frame.interval_s)
+        return Filters([part.rows for part in self._stacked[0].stretches], self.frame.interval_s)
 
     def _biased(self, asked: _Asked) -> Signals:
         """All that comes before the sampling. Where no effect acts, a stage hands on what it was given."""
@@ -184,33 +184,34 @@ class GyroChain:
 
     def _through(self, stage: Stage, signals: Signals, effects: Sequence[PhysicalEffect]) -> Signals:
         """Signals with the effects of a stage, one after the other."""
-        laid = self._laid[0]
+        stack = self._stacked[0]
         for effect in effects:
             if effect.stage != stage:
                 continue
             if isinstance(effect, FilterEffect):
                 values = self._filters(getattr(signals, effect.filtered), effect)
                 signals = _with(signals, {effect.filtered: values})
-            elif effect.pointwise or (effect.timeless and laid.is_one_recording):
+            elif effect.pointwise or (effect.timeless and stack.is_one_recording):
                 signals = effect.apply(replace(signals, memory={}))
             else:
-                signals = laid.each(signals, effect.apply)
+                signals = stack.each(signals, effect.apply)
         return signals
 
     def _moved(self, effects: Sequence[PhysicalEffect]) -> Signals:
         """Motion at the instants of the gyro's samples, with the encoder's errors taken off."""
-        signals = self._laid[1]
+        signals = self._stacked[1]
         for effect in effects:
             if isinstance(effect, EncoderEffect):
                 signals = self._corrected(signals, effect)
             elif isinstance(effect, Structure):
-                signals = self._without_error(signals, self._laid[0].sampled(effect.function_of(signals)[0]) / _ARCSEC)
+                error_deg = self._stacked[0].sampled(effect.function_of(signals)[0]) / _ARCSEC
+                signals = self._without_error(signals, error_deg)
         for effect in effects:
             if isinstance(effect, ClockEffect):
                 signals = self._shifted(signals, effect)
         if self.fast_dps is None:
             return signals
-        sensed, samples = signals.sensed_rate_dps.copy(), self._laid[0].samples
+        sensed, samples = signals.sensed_rate_dps.copy(), self._stacked[0].samples
         sensed[slice(None) if samples is None else samples] += self.fast_dps
         return replace(signals, sensed_rate_dps=sensed)
 
@@ -228,7 +229,7 @@ class GyroChain:
         frame = self.frame
         rate = signals.rate_dps.copy()
         wrong = rates_of(frame.motions, [error_deg[rows] for rows in frame.stretches])
-        for part in self._laid[0].stretches:
+        for part in self._stacked[0].stretches:
             rate[part.rows] -= wrong[part.stretch]
         return replace(signals, rate_dps=rate, sensed_rate_dps=rate)
 
@@ -236,7 +237,7 @@ class GyroChain:
         shift_s = effect.gyro_time_s(signals.time_s) - signals.time_s
         shifted = {name: getattr(signals, name).copy() for name in ("angle_deg", "rate_dps", "acceleration_dps2")}
         temp = signals.coil_c.copy()
-        for part in self._laid[0].stretches:
+        for part in self._stacked[0].stretches:
             rows = part.rows
             place = np.arange(rows.stop - rows.start) + shift_s[rows] / part.interval_s
             for values in shifted.values():

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from benchctl.diagnosis.gyro.taken import AIR, FILLED, NEEDED, THERMISTOR, Taken, taken_of
+from benchctl.diagnosis.gyro.subsample import AIR, FILLED, NEEDED, THERMISTOR, Subsample, subsample_of
 from benchctl.recordings.model import Step, StepInfo, axis_of
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.runs import TOLERANCE, gap_free
@@ -76,7 +76,7 @@ def frame_of(recording: Recording, *, temperature_c: float | None = None, most: 
 
     Raises `UsageError` where it has no scans of encoder and gyro, or too few of them, or they cannot be used.
     """
-    taken = taken_of(recording, most)
+    taken = subsample_of(recording, most)
     steps = taken.steps
     if not steps:
         raise UsageError(
@@ -176,7 +176,7 @@ def _require_even(recording: Recording, time_s: FloatArray, interval_s: float) -
 
 
 def _thermistors(
-    recording: Recording, taken: Taken, origins_s: Sequence[float], temperature_c: float | None
+    recording: Recording, taken: Subsample, origins_s: Sequence[float], temperature_c: float | None
 ) -> tuple[str, Mapping[float, Thermistor]]:
     """What the gyro's temperature was read from, and that temperature by when the recording began that has it."""
     name = taken.thermometer

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from benchctl.diagnosis.gyro.frame import Frame
-from benchctl.diagnosis.gyro.taken import AIR, PIECE, THERMISTOR
+from benchctl.diagnosis.gyro.subsample import AIR, PIECE, THERMISTOR
 from benchctl.signals.free_band import Band
 from benchctl.signals.rate import NARROW, edges_hz
 

@@ -10,16 +10,16 @@ from typing import Any, Self
 
 import numpy as np
 
+from benchctl.diagnosis.gyro.angle_lines import lines_of_angle
 from benchctl.diagnosis.gyro.chain import GyroChain, Law
 from benchctl.diagnosis.gyro.encoder_noise import rate_variance, steadied_rate
 from benchctl.diagnosis.gyro.frame import Frame, frame_of
+from benchctl.diagnosis.gyro.frame_subsample import pieces_of, thinned
 from benchctl.diagnosis.gyro.limits import at_rest, limits_of
 from benchctl.diagnosis.gyro.model import checked_model
 from benchctl.diagnosis.gyro.response import Contrast, Response, contrast_of, response_of
 from benchctl.diagnosis.gyro.rounding import rounding_between
-from benchctl.diagnosis.gyro.seen_by_both import lines_of_angle
-from benchctl.diagnosis.gyro.taken import most_rows
-from benchctl.diagnosis.gyro.thinned import pieces_of, thinned
+from benchctl.diagnosis.gyro.subsample import most_rows
 from benchctl.diagnosis.keys import tables_of
 from benchctl.diagnosis.series import cut
 from benchctl.diagnosis.stepped import Stepped

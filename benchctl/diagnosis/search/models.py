@@ -15,10 +15,10 @@ from benchctl.diagnosis.search.probes import probes_of
 from benchctl.diagnosis.search.scans import SCANNED, proposals
 from benchctl.diagnosis.search.scatter import scatter
 from benchctl.diagnosis.search.screen import Scored, Screening, screen
+from benchctl.estimation.evidence import occam_factor
 from benchctl.estimation.fit import Fit, Point, fit, gain_alone, gain_kept, gain_of
 from benchctl.estimation.noise import Whitener
 from benchctl.estimation.noise_model import NoiseModel
-from benchctl.estimation.occam import occam
 from benchctl.estimation.point import assumed, at_bound, stands_at
 from benchctl.estimation.problem import Problem
 from benchctl.signals.blocks import block_starts
@@ -129,7 +129,7 @@ class Models:
         return Tried(
             fit=fitted,
             promise=self._beyond_chance(fitted, present) - look_elsewhere,
-            evidence=gain_of(fitted, present) - occam(fitted, len(fitted.point.effects) - 1) - look_elsewhere,
+            evidence=gain_of(fitted, present) - occam_factor(fitted, len(fitted.point.effects) - 1) - look_elsewhere,
         )
 
     def _driven_to_bound(self, fitted: Fit, present: Fit) -> bool:

@@ -17,9 +17,9 @@ from benchctl.diagnosis.search.pairs import pairs_of
 from benchctl.diagnosis.search.screen import Scored, Screening
 from benchctl.diagnosis.search.selection import Evidence, Selection
 from benchctl.estimation.disturbance import with_disturbance
+from benchctl.estimation.evidence import occam_factor
 from benchctl.estimation.fit import Fit, Point, fit, gain_kept, gain_of, judged
 from benchctl.estimation.noise import Noisy, Whitener
-from benchctl.estimation.occam import occam
 from benchctl.estimation.point import at_bound, interval_of
 from benchctl.estimation.problem import Problem
 from benchctl.estimation.wandering import PROCESSES
@@ -401,7 +401,9 @@ class _Search(Models):
                 self._needed(both, effect, look_elsewhere) for effect in both.point.effects[-2:]
             ):
                 continue
-            cost = sum(occam(both, place) for place in range(len(present.point.effects), len(both.point.effects)))
+            cost = sum(
+                occam_factor(both, place) for place in range(len(present.point.effects), len(both.point.effects))
+            )
             evidence = gain_of(both, present) - cost - look_elsewhere
             if best is None or evidence > best.evidence + ALIKE:
                 best = Tried(fit=both, promise=promise, evidence=evidence)
@@ -502,7 +504,7 @@ class _Search(Models):
         self, present: Fit, less: Fit, effect: DescribedEffect
     ) -> tuple[dict[str, float], Point | None, Tried | None]:
         """By how much rivals in the effect's place are worse, the model with the nearest, and the best if better."""
-        mine = gain_of(present, less) - occam(present, present.point.effects.index(effect))
+        mine = gain_of(present, less) - occam_factor(present, present.point.effects.index(effect))
         kinds = frozenset({*self._rivals.get(place_of(effect), ()), *effect.look_alikes, effect.identifier})
         rivals: dict[str, float] = {}
         best: Tried | None = None

@@ -16,7 +16,7 @@ import numpy as np
 
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of
-from benchctl.diagnosis.rest.rest import Rest, rest_of
+from benchctl.diagnosis.residual.residual_structure import ResidualStructure, residual_structure_of
 from benchctl.diagnosis.search.held_out import least_gain
 from benchctl.diagnosis.search.pull import pull_of
 from benchctl.diagnosis.search.scans import clock_s
@@ -58,7 +58,7 @@ class Modelled:
     chosen: Selection
     structures: tuple[Structure, ...]
     ties: tuple[str, ...]
-    left: Rest
+    left: ResidualStructure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +77,7 @@ class _Candidate:
 def modelled(
     problem: GyroProblem,
     chosen: Selection,
-    rest: Rest,
+    rest: ResidualStructure,
     *,
     apart_from: Sequence[DescribedEffect] = (),
     most: int = 3,
@@ -107,7 +107,7 @@ def modelled(
         better = max((one for one in candidates if _alike(one, best)), key=lambda one: one.evidence)
         if simple is not better:
             with_simple = _with(problem, chosen, simple.fit)
-            left = rest_of(problem, with_simple.whitener, with_simple.after, seed=seed)
+            left = residual_structure_of(problem, with_simple.whitener, with_simple.after, seed=seed)
             simple = better if left.significant else simple
         best = _sharpened(problem, chosen, simple)
         if not found:
@@ -116,7 +116,7 @@ def modelled(
             ties = tuple(word for word in words if word != best.structure.word)
         found.append(best.structure)
         chosen = _with(problem, chosen, best.fit)
-        rest = rest_of(problem, chosen.whitener, chosen.after, seed=seed)
+        rest = residual_structure_of(problem, chosen.whitener, chosen.after, seed=seed)
     if not found:
         return None
     return Modelled(chosen=chosen, structures=tuple(found), ties=ties, left=rest)

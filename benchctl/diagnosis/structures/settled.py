@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of
-from benchctl.diagnosis.rest.rest import rest_of
+from benchctl.diagnosis.residual.residual_structure import residual_structure_of
 from benchctl.diagnosis.search.select import reduced, without
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.structures.search import Modelled, modelled
@@ -85,7 +85,7 @@ def instead_of_names(
             if found is not None:
                 return less, found
             continue
-        rest = rest_of(problem, less.whitener, less.after, seed=seed)
+        rest = residual_structure_of(problem, less.whitener, less.after, seed=seed)
         found = modelled(problem, less, rest, most=1, worth=_BEGUN * gain, seed=seed)
         if found is None:
             continue
@@ -105,7 +105,7 @@ def _instead_of_process(problem: GyroProblem, less: Selection, gain: float, seed
     process that is left beside it must gain more than the last. None where the process alone does as well.
     """
     best: tuple[float, Modelled] | None = None
-    chosen, rest = less, rest_of(problem, less.whitener, less.after, seed=seed)
+    chosen, rest = less, residual_structure_of(problem, less.whitener, less.after, seed=seed)
     structures: tuple[Structure, ...] = ()
     for _ in range(_STEPS):
         worth = 0.0 if structures else _BEGUN * gain
@@ -129,7 +129,7 @@ def _instead_of_process(problem: GyroProblem, less: Selection, gain: float, seed
 def _beside(problem: GyroProblem, found: Modelled, process: Noisy, seed: int) -> Modelled:
     """Structures with a process beside them, all refitted."""
     chosen = _under(problem, found.chosen, found.chosen.noise.with_(process))
-    return replace(found, chosen=chosen, left=rest_of(problem, chosen.whitener, chosen.after, seed=seed))
+    return replace(found, chosen=chosen, left=residual_structure_of(problem, chosen.whitener, chosen.after, seed=seed))
 
 
 def _under(problem: GyroProblem, chosen: Selection, noise: NoiseModel) -> Selection:
@@ -158,7 +158,7 @@ def as_one_curve(problem: GyroProblem, found: Modelled, seed: int) -> Modelled:
             if over == "rate" or one.stage == ACTS[stage].chain
         ]
         less = reduced(problem, found.chosen, {*shapes, *names})
-        rest = rest_of(problem, less.whitener, less.after, seed=seed)
+        rest = residual_structure_of(problem, less.whitener, less.after, seed=seed)
         curve = modelled(problem, less, rest, most=1, smooth=True, seed=seed)
         if curve is None or (curve.structures[0].acts_on, _same(curve.structures[0].over)) != (stage, over):
             continue

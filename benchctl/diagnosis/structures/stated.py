@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from benchctl.diagnosis.findings.findings import estimates_of
 from benchctl.diagnosis.gyro.problem import GyroProblem
-from benchctl.diagnosis.rest.rest import Rest, rest_of
+from benchctl.diagnosis.residual.residual_structure import ResidualStructure, residual_structure_of
 from benchctl.diagnosis.result import Estimate, StructureModel, Unexplained
 from benchctl.diagnosis.search.scan_mains import swing_hz
 from benchctl.diagnosis.search.scans import clock_s
@@ -100,7 +100,7 @@ def _of_prediction(
     if found is None and not jumps:
         return chosen, unexplained, owed
     if found is None:
-        rest = rest_of(problem, chosen.whitener, chosen.after, seed=seed)
+        rest = residual_structure_of(problem, chosen.whitener, chosen.after, seed=seed)
         by_shapes = Modelled(chosen=chosen, structures=(), ties=(), left=rest)
     else:
         bare, by_shapes, owed = (found[0] if not jumps else bare), found[1], ()
@@ -114,7 +114,7 @@ def _of_prediction(
         by_shapes, chosen=settled(problem, by_shapes.chosen), structures=(*jumps, *by_shapes.structures)
     )
     share = unexplained.share if unexplained.significant else _share(bare, by_shapes)
-    rest = rest_of(problem, bare.whitener, bare.after, seed=seed)
+    rest = residual_structure_of(problem, bare.whitener, bare.after, seed=seed)
     return by_shapes.chosen, _stated(problem, by_shapes, rest, share), owed
 
 
@@ -127,7 +127,7 @@ def _modelled(
         return better
     if not (unexplained.significant or owed):
         return None
-    rest = rest_of(problem, chosen.whitener, chosen.after, seed=seed)
+    rest = residual_structure_of(problem, chosen.whitener, chosen.after, seed=seed)
     findings = () if unexplained.significant else chosen.after.point.effects
     named = tuple(one for one in findings if not isinstance(one, Structure))
     best: Modelled | None = None
@@ -167,7 +167,7 @@ def _named_again(problem: GyroProblem, found: Modelled, seed: int) -> Modelled:
         return found
     if lost + numbers * math.log(again.after.rows) > 0.0:
         return found
-    left = rest_of(problem, again.whitener, again.after, seed=seed)
+    left = residual_structure_of(problem, again.whitener, again.after, seed=seed)
     return Modelled(chosen=again, structures=kept, ties=found.ties, left=left)
 
 
@@ -177,7 +177,7 @@ def _share(chosen: Selection, found: Modelled) -> float:
     return min(max((bare - after) / max(first - after, 1e-300), 0.0), 1.0)
 
 
-def _stated(problem: GyroProblem, found: Modelled, rest: Rest, share: float) -> Unexplained:
+def _stated(problem: GyroProblem, found: Modelled, rest: ResidualStructure, share: float) -> Unexplained:
     models = tuple(_models(problem, found.chosen, found.structures, _explained(rest, found.left)))
     coordinates = (found.structures[0].word, *found.ties)
     says = " ".join(one.says for one in models)
@@ -216,7 +216,7 @@ def _of_noise(noisy: NoiseFound, unexplained: Unexplained) -> Unexplained:
     return replace(unexplained, says=says, models=(*unexplained.models, model) if unexplained.models else ())
 
 
-def _explained(before: Rest, after: Rest) -> float:
+def _explained(before: ResidualStructure, after: ResidualStructure) -> float:
     if not after.significant:
         return 1.0
     return min(max(1.0 - after.power / max(before.power, 1e-300), 0.0), 1.0)

@@ -32,7 +32,7 @@ from benchctl.metrology.points import line
 from benchctl.metrology.propagation import Offsets, as_read, propagated, single
 from benchctl.metrology.result import Measured, Message, Picture, Trace, Uncertainty, message
 from benchctl.metrology.series import series_of_step
-from benchctl.metrology.stretches import rest_of
+from benchctl.metrology.stretches import residual_structure_of
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 
@@ -56,7 +56,7 @@ def rest_tests(obs: Observations) -> Iterator[Measured]:
         yield from (refused(name, message("needs_scale_factor")) for name in ("bias", *_OF_NOISE))
         return
     yield _bias(obs)
-    info = rest_of(obs.recording)
+    info = residual_structure_of(obs.recording)
     length_s = 0.0 if info is None else info.t_end - info.t_start
     if info is None or length_s < obs.settings.rest_s:
         why = message("needs_long_rest", found_s=length_s, needed_s=obs.settings.rest_s)

@@ -114,7 +114,7 @@ def test_a_comparison_with_a_model_says_where_it_did_not_look_at_all_rows(
 ) -> None:
     write_moving(Path("real.h5"), squared_v=1e-5)
     monkeypatch.setattr("benchctl.diagnosis.gyro.problem.most_rows", lambda: 2400)
-    monkeypatch.setattr("benchctl.diagnosis.gyro.taken.PIECE", 200)
+    monkeypatch.setattr("benchctl.diagnosis.gyro.subsample.PIECE", 200)
     assert compare("real.h5", "--json", "out.json") == 0
     assert "The recording has 4,800 rows: 2,400 of them were looked at" in capsys.readouterr().out
     told = json.loads(Path("out.json").read_text())

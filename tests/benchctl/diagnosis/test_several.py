@@ -18,7 +18,7 @@ from benchctl.diagnosis.findings.findings import findings_of
 from benchctl.diagnosis.next_run import left_open
 from benchctl.diagnosis.next_run.experiment import NOTHING_OPEN, OpenPair
 from benchctl.diagnosis.next_run.left_open import next_of
-from benchctl.diagnosis.rest.named import named
+from benchctl.diagnosis.residual.attribution import named
 from benchctl.diagnosis.result import Alternative, NextExperiment, Unexplained
 from benchctl.diagnosis.search.select import reduced, select, without
 from benchctl.diagnosis.search.selection import Selection

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchctl.metrology.stretches import Stretch, rest_of, stretches_of
+from benchctl.metrology.stretches import Stretch, residual_structure_of, stretches_of
 from benchctl.plan import ConstantRate, Mount, PowerCycle, Sine, Soak, Static, Step, ThermalRamp
 from benchctl.recordings.reader import Recording
 from tests.benchctl.metrology.altered import altered, nan_in, stating, without
@@ -153,8 +153,8 @@ def test_the_longest_rest_is_none_after_a_turn_on_or_across_or_cut() -> None:
         Mount(position="across"),
         Static(duration_s=300.0),
     )
-    found = rest_of(made)
+    found = residual_structure_of(made)
     assert found is not None
     assert found.index == 2
-    assert rest_of(altered(made, stating(whole=False))) is None
-    assert rest_of(recording(RATE)) is None
+    assert residual_structure_of(altered(made, stating(whole=False))) is None
+    assert residual_structure_of(recording(RATE)) is None

@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pytest
 
 from benchctl.diagnosis.chamber.problem import chamber_problem
-from benchctl.diagnosis.cleaned import cleaned
+from benchctl.diagnosis.data_faults import without_data_faults
 from benchctl.diagnosis.diagnose import diagnose
 from benchctl.diagnosis.faults import Fault
 from benchctl_instruments.errors import UsageError
@@ -26,7 +26,7 @@ def sound() -> dict[str, FloatArray]:
 
 
 def faults_of(channels: dict[str, FloatArray], **changed: FloatArray) -> tuple[Fault, ...]:
-    return cleaned(chamber_problem(recording_of({**channels, **changed})))[1]
+    return without_data_faults(chamber_problem(recording_of({**channels, **changed})))[1]
 
 
 def read(air_c: FloatArray, *, step_c: float = 0.25, noise_c: float = 0.05) -> FloatArray:
@@ -51,7 +51,7 @@ def test_a_sound_chamber_has_no_faults_of_the_data(sound: dict[str, FloatArray])
 @pytest.mark.parametrize("limit_c", [150.0, 180.0])
 def test_air_at_its_converters_rail_is_told_with_the_limit(sound: dict[str, FloatArray], limit_c: float) -> None:
     clipped = np.minimum(sound["chamber_temp_c"], limit_c)
-    problem, (fault,) = cleaned(chamber_problem(recording_of({**sound, "chamber_temp_c": clipped})))
+    problem, (fault,) = without_data_faults(chamber_problem(recording_of({**sound, "chamber_temp_c": clipped})))
     assert fault.effect == "saturation"
     (limit,) = fault.parameters.values()
     assert limit.value == limit_c
@@ -116,7 +116,7 @@ def test_a_temperature_that_wraps_like_a_counter_is_told_with_its_modulus(
     sound: dict[str, FloatArray], lowest_c: float, modulus_k: float
 ) -> None:
     read_c = np.mod(sound["chamber_temp_c"] - lowest_c, modulus_k) + lowest_c
-    problem, (fault,) = cleaned(chamber_problem(recording_of({**sound, "chamber_temp_c": read_c})))
+    problem, (fault,) = without_data_faults(chamber_problem(recording_of({**sound, "chamber_temp_c": read_c})))
     assert fault.effect == "counter_wrap"
     (modulus,) = fault.parameters.values()
     assert modulus.low < modulus_k < modulus.high
@@ -150,7 +150,7 @@ def test_a_flag_spikes_and_a_rail_in_one_recording_are_each_told(sound: dict[str
 def test_the_lag_beside_a_fault_is_as_right_as_without_it(sound: dict[str, FloatArray], spoil: str) -> None:
     air_c = sound["chamber_temp_c"]
     read_c = np.minimum(air_c, 180.0) if spoil == "rail" else np.mod(air_c, 190.0)
-    problem, faults = cleaned(chamber_problem(recording_of({**sound, "chamber_temp_c": read_c})))
+    problem, faults = without_data_faults(chamber_problem(recording_of({**sound, "chamber_temp_c": read_c})))
     assert len(faults) == 1
     found = found_in(problem)
     assert list(found) == ["second_lag"]

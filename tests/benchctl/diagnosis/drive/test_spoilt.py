@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from benchctl.diagnosis.cleaned import cleaned
+from benchctl.diagnosis.data_faults import without_data_faults
 from benchctl.diagnosis.diagnose import diagnose
 from benchctl.diagnosis.drive.problem import drive_problem
 from benchctl.diagnosis.faults import Fault
@@ -25,7 +25,7 @@ def sound() -> dict[str, FloatArray]:
 
 
 def faults_of(channels: dict[str, FloatArray], **changed: FloatArray) -> tuple[Fault, ...]:
-    return cleaned(drive_problem(recording_of({**channels, **changed})))[1]
+    return without_data_faults(drive_problem(recording_of({**channels, **changed})))[1]
 
 
 def spiked(torque_nm: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
@@ -57,7 +57,7 @@ def test_a_sound_drive_has_no_faults_of_the_data(sound: dict[str, FloatArray]) -
 def test_a_torque_at_its_converters_rail_is_told_with_the_limit(
     sound: dict[str, FloatArray], limits: tuple[float, float], effect: str, parameters: dict[str, float]
 ) -> None:
-    problem, (fault,) = cleaned(
+    problem, (fault,) = without_data_faults(
         drive_problem(recording_of({**sound, "torque_nm": np.clip(sound["torque_nm"], *limits)}))
     )
     assert fault.effect == effect
@@ -74,7 +74,7 @@ def test_a_torque_that_the_drive_itself_limits_is_at_no_rail() -> None:
 
 def test_a_torque_that_wraps_like_a_counter_is_told_with_its_modulus(sound: dict[str, FloatArray]) -> None:
     read_nm = wrapped(np.round(sound["torque_nm"], 3), 0.8)
-    problem, (fault,) = cleaned(drive_problem(recording_of({**sound, "torque_nm": read_nm})))
+    problem, (fault,) = without_data_faults(drive_problem(recording_of({**sound, "torque_nm": read_nm})))
     assert fault.effect == "counter_wrap"
     (modulus,) = fault.parameters.values()
     assert modulus.low < 0.8 < modulus.high
@@ -101,7 +101,7 @@ def test_the_friction_beside_a_fault_is_as_right_as_without_it(sound: dict[str, 
         "wrap": wrapped(torque_nm, 0.8),
         "spikes": spiked(torque_nm, 40)[0],
     }[spoil]
-    problem, faults = cleaned(drive_problem(recording_of({**sound, "torque_nm": spoilt})))
+    problem, faults = without_data_faults(drive_problem(recording_of({**sound, "torque_nm": spoilt})))
     assert len(faults) == 1
     found = found_in(problem)
     assert list(found) == ["coulomb_friction"]
@@ -114,7 +114,9 @@ def test_an_encoder_that_wraps_by_no_turn_is_unwrapped_and_told(
 ) -> None:
     turned = np.unwrap(sound["encoder_deg"], period=360.0)
     sound_problem = drive_problem(recording_of(sound))
-    problem, (fault,) = cleaned(drive_problem(recording_of({**sound, "encoder_deg": np.mod(turned, modulus_deg)})))
+    problem, (fault,) = without_data_faults(
+        drive_problem(recording_of({**sound, "encoder_deg": np.mod(turned, modulus_deg)}))
+    )
     assert fault.effect == "counter_wrap"
     assert fault.parameters["modulus_deg"].value == pytest.approx(modulus_deg, rel=1e-5)
     assert not fault.rows.any()

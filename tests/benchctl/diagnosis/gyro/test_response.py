@@ -9,7 +9,7 @@ import numpy.typing as npt
 import pytest
 from scipy.signal import butter, lfilter
 
-from benchctl.diagnosis.cleaned import cleaned
+from benchctl.diagnosis.data_faults import without_data_faults
 from benchctl.diagnosis.gyro.problem import GyroProblem, _compared, gyro_problem
 from benchctl.diagnosis.search.select import select
 from benchctl.estimation.fit import Point, fit
@@ -125,7 +125,7 @@ def test_an_offset_is_no_difference_of_the_directions() -> None:
 
 
 def test_a_rail_is_seen_in_the_samples_of_a_shaking_shaft_and_stays_in_every_model() -> None:
-    problem, faults = cleaned(stepped(limit=60.0))
+    problem, faults = without_data_faults(stepped(limit=60.0))
     assert [(one.effect, one.parameters["limit_v"].value) for one in faults] == [("saturation", 60.0)]
     assert isinstance(problem, GyroProblem)
     assert not {"saturation", "two_rails"} & set(problem.effects)

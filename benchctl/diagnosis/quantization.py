@@ -12,11 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from benchctl.diagnosis.earth_rate import BEYOND_CHANCE
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.search.select import reduced
 from benchctl.diagnosis.search.selection import Selection
-from benchctl.diagnosis.unstated import BEYOND_CHANCE
 from benchctl.estimation.fit import fit
 from benchctl.estimation.problem import Problem
 from benchctl_instruments.physics.effects.adc_nonlinearity import AdcNonlinearity

@@ -6,10 +6,10 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from benchctl.diagnosis.earth_rate import other_answer, plainly_better
 from benchctl.diagnosis.gyro.problem import GyroProblem, gyro_problem
 from benchctl.diagnosis.search.select import select, select_between
 from benchctl.diagnosis.search.selection import Selection
-from benchctl.diagnosis.unstated import other_answer, plainly_better
 from benchctl.estimation.fit import Fit, Point, fit
 from benchctl.estimation.noise import Whitener
 from benchctl.estimation.noise_model import NoiseModel
@@ -113,7 +113,7 @@ def test_one_step_tells_what_a_fit_of_the_other_answer_gains() -> None:
     gained = (one.squares - two.squares) / fitted.deviation**2
     for beyond, expected in ((gained * 1.01, False), (gained * 0.99, True)):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("benchctl.diagnosis.unstated.BEYOND_CHANCE", beyond)
+            patch.setattr("benchctl.diagnosis.earth_rate.BEYOND_CHANCE", beyond)
             assert (plainly_better(problem, fitted, fitted.whitener) is not None) == expected
 
 

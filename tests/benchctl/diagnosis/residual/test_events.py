@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from benchctl.diagnosis.rest.events import _Blurred, bump, jump, lines
-from benchctl.diagnosis.rest.groups import Group
-from benchctl.diagnosis.rest.leftover import Leftover, Seen
+from benchctl.diagnosis.residual.events import _Blurred, bump, jump, lines
+from benchctl.diagnosis.residual.groups import Group
+from benchctl.diagnosis.residual.score_test import ScoreTest, Seen
 from benchctl_instruments.arrays import FloatArray
 
 DT = 0.01
@@ -14,17 +14,17 @@ TIME_S = np.concatenate([np.arange(0.0, 300.0, DT), np.arange(380.0, 700.0, DT)]
 STEP = (TIME_S // 20.0).astype(np.int64)
 
 
-def left_of(structure: FloatArray, seed: int = 0) -> Leftover:
+def left_of(structure: FloatArray, seed: int = 0) -> ScoreTest:
     noise = np.random.default_rng(seed).standard_normal(TIME_S.size)
     known = np.stack([np.ones(TIME_S.size), np.sin(TIME_S)], axis=1)
-    return Leftover(noise + structure, known, np.ones(TIME_S.size, np.bool_))
+    return ScoreTest(noise + structure, known, np.ones(TIME_S.size, np.bool_))
 
 
-def best_of(left: Leftover, group: Group) -> Seen:
+def best_of(left: ScoreTest, group: Group) -> Seen:
     return left.seen(group.columns())
 
 
-def by_word(left: Leftover) -> dict[str, Group]:
+def by_word(left: ScoreTest) -> dict[str, Group]:
     return {group.words[0]: group for group in lines(left, TIME_S, DT, STEP)}
 
 
@@ -70,7 +70,7 @@ def test_what_swings_only_while_it_moves_so_is_no_line() -> None:
 def test_rows_too_far_apart_for_lines_have_swings_alone() -> None:
     time_s = np.arange(120) * 10.5
     swing = np.random.default_rng(0).standard_normal(120) + 3.0 * np.sin(2 * np.pi * time_s / 200.0)
-    left = Leftover(swing, np.ones((120, 1)), np.ones(120, np.bool_))
+    left = ScoreTest(swing, np.ones((120, 1)), np.ones(120, np.bool_))
     (only,) = lines(left, time_s, 10.5, np.zeros(120, np.int64))
     assert only.words == ("time",)
     assert float(only.form.split()[-2]) == pytest.approx(200.0, rel=0.02)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchctl.diagnosis.gyro.problem import GyroProblem, gyro_problem
-from benchctl.diagnosis.rounded import unrounded, without_the_steps_own
+from benchctl.diagnosis.quantization import unrounded, without_the_steps_own
 from benchctl.diagnosis.search.select import select
 from benchctl.diagnosis.search.selection import Selection
 from benchctl_instruments.physics.effects.adc_nonlinearity import AdcNonlinearity

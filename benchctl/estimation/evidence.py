@@ -17,7 +17,7 @@ from benchctl_instruments.physics.effects.effect import DescribedEffect
 _TURN = 360.0
 
 
-def occam(fitted: Fit, place: int) -> float:
+def occam_factor(fitted: Fit, place: int) -> float:
     """What the parameters of the effect at a place of the model cost, in twice the log likelihood; 0 or more."""
     effect = fitted.point.effects[place]
     own = [

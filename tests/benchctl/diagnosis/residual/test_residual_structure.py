@@ -10,14 +10,14 @@ import pytest
 import scipy.signal
 
 from benchctl.diagnosis.gyro.problem import gyro_problem
-from benchctl.diagnosis.rest.rest import (
-    Rest,
+from benchctl.diagnosis.residual.residual_structure import (
+    ResidualStructure,
     imperfect,
     instead_of,
     is_plain,
     lack_of_fit,
     of_the_motion,
-    rest_of,
+    residual_structure_of,
     threshold_of,
     withdrawn,
 )
@@ -68,10 +68,12 @@ def lab() -> Any:
     return SimpleNamespace(coordinates=coordinates, step=step, time_s=time, interval_s=DT, circumstances={"T0_c": 20.0})
 
 
-def rest_with(structure: FloatArray | float, *, seed: int = 0, gain: float = 0.0, walk: float = 0.0) -> Rest:
+def rest_with(
+    structure: FloatArray | float, *, seed: int = 0, gain: float = 0.0, walk: float = 0.0
+) -> ResidualStructure:
     """The rest of noise and a structure, where offset and scale factor were fitted."""
     problem = lab()
-    return rest_of(problem, Filtered(gain), fitted_to(problem, structure, seed, gain, walk))
+    return residual_structure_of(problem, Filtered(gain), fitted_to(problem, structure, seed, gain, walk))
 
 
 def fitted_to(problem: Any, structure: FloatArray | float, seed: int, gain: float, walk: float) -> Any:
@@ -235,12 +237,12 @@ def test_a_whitener_that_remembers_nothing_is_known() -> None:
     assert not is_plain(Filtered(1e-3), 0)
 
 
-def of_foreign(kind: str, seed: int) -> Rest:
+def of_foreign(kind: str, seed: int) -> ResidualStructure:
     """The rest of another lab's recording when only the lab's own parameters were fitted."""
     problem = gyro_problem(to_recording(*make(draw(kind, seed), seed)))
     whitener = Whitener(interval_s=problem.interval_s, weight=problem.usable.astype(np.float64))
     fitted = fit(problem, whitener, Point(baseline=problem.baseline_start), ~held_out_steps(problem))
-    return rest_of(problem, whitener, fitted)
+    return residual_structure_of(problem, whitener, fitted)
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ import pytest
 from benchctl.diagnosis.diagnose import diagnose
 from benchctl.diagnosis.gyro import taken as taking
 from benchctl.diagnosis.gyro.problem import GyroProblem, gyro_problem
-from benchctl.diagnosis.gyro.taken import Taken, most_rows, taken_of
+from benchctl.diagnosis.gyro.subsample import Subsample, most_rows, subsample_of
 from benchctl.recordings.model import Step
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.writer import write_recording
@@ -31,9 +31,9 @@ def small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(taking, "PIECE", PIECE)
 
 
-def taken(path: Path, most: int | None) -> Taken:
+def taken(path: Path, most: int | None) -> Subsample:
     with open_recording(path) as recording:
-        return taken_of(recording, most)
+        return subsample_of(recording, most)
 
 
 def problem(path: Path, most: int, monkeypatch: pytest.MonkeyPatch) -> GyroProblem:

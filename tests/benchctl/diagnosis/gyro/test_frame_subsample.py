@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from benchctl.diagnosis.gyro import problem as made
 from benchctl.diagnosis.gyro import thinned as cut
+from benchctl.diagnosis.gyro.frame_subsample import _begins, pieces_of, thinned
 from benchctl.diagnosis.gyro.problem import GyroProblem, gyro_problem
-from benchctl.diagnosis.gyro.thinned import _begins, pieces_of, thinned
 from benchctl.recordings.reader import open_recording
 from benchctl_instruments.physics.effects.registry import effects
 from tests.benchctl.diagnosis.gyro.ramps import STEPS, recorded

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.rest.groups import groups_of
-from benchctl.diagnosis.rest.leftover import Leftover
+from benchctl.diagnosis.residual.groups import groups_of
+from benchctl.diagnosis.residual.score_test import ScoreTest
 from benchctl.diagnosis.result import COORDINATES
 from benchctl_instruments.arrays import FloatArray
 
@@ -78,7 +78,7 @@ def test_a_smooth_function_of_a_coordinate_is_followed_by_its_columns(
 ) -> None:
     known = coordinates()
     shape = structure(known)
-    left = Leftover(shape, np.ones((N, 1)), np.ones(N, np.bool_))
+    left = ScoreTest(shape, np.ones((N, 1)), np.ones(N, np.bool_))
     shares = [
         left.seen(group.columns()).drop / left.squares
         for group in groups_of(known, output=known["output"], reference_c=23.0)

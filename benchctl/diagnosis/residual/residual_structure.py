@@ -17,9 +17,9 @@ from typing import Protocol
 
 import numpy as np
 
-from benchctl.diagnosis.rest.events import bump, jump, lines
-from benchctl.diagnosis.rest.groups import Group, groups_of
-from benchctl.diagnosis.rest.leftover import Columns, Leftover, Seen, for_entries
+from benchctl.diagnosis.residual.events import bump, jump, lines
+from benchctl.diagnosis.residual.groups import Group, groups_of
+from benchctl.diagnosis.residual.score_test import Columns, ScoreTest, Seen, for_entries
 from benchctl.diagnosis.result import COORDINATE_UNITS
 from benchctl.estimation.problem import Problem
 from benchctl.side_by_side import shared_out
@@ -103,7 +103,7 @@ class Looked:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rest:
+class ResidualStructure:
     """What is left. `gain` is what the best coordinate would bring in twice the log likelihood, with `dof` numbers.
 
     `log_p` and `threshold` are natural logarithms of chances. `power` is the mean square [whitened unit²] that it would
@@ -127,7 +127,7 @@ class Rest:
     looked: tuple[Looked, ...]
     event: Group | None = None
 
-    def share_of(self, ceiling: Rest) -> float:
+    def share_of(self, ceiling: ResidualStructure) -> float:
         """What is left as a share of what could be explained from the baseline alone, 0 to 1."""
         if not self.significant or ceiling.power <= 0.0:
             return 0.0
@@ -144,17 +144,17 @@ class View:
     rows: float
 
 
-def rest_of(problem: Problem, whitener: Whitens, fit: Fitted, *, seed: int = 0) -> Rest:
+def residual_structure_of(problem: Problem, whitener: Whitens, fit: Fitted, *, seed: int = 0) -> ResidualStructure:
     """What a fit leaves on the steps that it was fitted to.
 
     Where the whitener has slow noise in it, white noise with a structure in its stead is looked at first.
     """
     weight = whitener.weight
     rows = fit.fitted[problem.step] & (weight > 0.0)
-    white = Leftover(fit.white, fit.derivatives, rows)
+    white = ScoreTest(fit.white, fit.derivatives, rows)
     if is_plain(whitener, seed):
         return _told(look(white, _groups(problem, fit, white), _weighted(weight)), 0.0)
-    plain = Leftover(fit.residual * weight, fit.raw_derivatives * weight[:, None], rows)
+    plain = ScoreTest(fit.residual * weight, fit.raw_derivatives * weight[:, None], rows)
     noise_gain = plain.freedom * math.log(max(plain.squares, 1e-300) / max(white.squares, 1e-300))
     structure = look(plain, _groups(problem, fit, plain), _weighted(weight))
     if _is_for_noise(structure, plain, whitener, noise_gain):
@@ -162,14 +162,14 @@ def rest_of(problem: Problem, whitener: Whitens, fit: Fitted, *, seed: int = 0) 
     return _told(look(white, _groups(problem, fit, white, slow=True), _through(whitener)), noise_gain)
 
 
-def rest_beside(problem: Problem, whitener: Whitens, fit: Fitted) -> Rest:
+def residual_structure_beside(problem: Problem, whitener: Whitens, fit: Fitted) -> ResidualStructure:
     """The same beside a disturbance that is known to be there, which the whitener makes white."""
     rows = fit.fitted[problem.step] & (whitener.weight > 0.0)
-    white = Leftover(fit.white, fit.derivatives, rows)
+    white = ScoreTest(fit.white, fit.derivatives, rows)
     return _told(look(white, _groups(problem, fit, white, slow=True), _through(whitener)), 0.0)
 
 
-def _is_for_noise(structure: View, plain: Leftover, whitener: Whitens, noise_gain: float) -> bool:
+def _is_for_noise(structure: View, plain: ScoreTest, whitener: Whitens, noise_gain: float) -> bool:
     """Whether a structure explains as much as slow noise does, and leaves nothing for it."""
     if max(one.promise for one in structure.looked) <= noise_gain:
         return False
@@ -181,7 +181,9 @@ def _is_for_noise(structure: View, plain: Leftover, whitener: Whitens, noise_gai
     return bool(still < noise_gain / SHORT)
 
 
-def instead_of(problem: Problem, whitener: Whitens, without: Fitted, rest: Rest, *, seed: int = 0) -> float:
+def instead_of(
+    problem: Problem, whitener: Whitens, without: Fitted, rest: ResidualStructure, *, seed: int = 0
+) -> float:
     """What the coordinate of a rest brings in the place of a finding, less what its numbers are worth.
 
     `without` is the fit of everything but the finding. A finding that is right brings more than anything smooth in a
@@ -190,7 +192,7 @@ def instead_of(problem: Problem, whitener: Whitens, without: Fitted, rest: Rest,
     counts: another one, at another place, is nothing that the rest shows.
     """
     rows = without.fitted[problem.step] & (whitener.weight > 0.0)
-    left = Leftover(without.white, without.derivatives, rows)
+    left = ScoreTest(without.white, without.derivatives, rows)
     plain = is_plain(whitener, seed)
     whitened = _weighted(whitener.weight) if plain else _through(whitener)
     words = {word for word in rest.coordinates if "step" not in word.split("*")}
@@ -202,7 +204,9 @@ def instead_of(problem: Problem, whitener: Whitens, without: Fitted, rest: Rest,
     return max((one.promise - beside.get((one.words, one.form), 0.0) for one in looked), default=0.0)
 
 
-def withdrawn(gains: Mapping[str, float], rest: Rest, instead: Mapping[str, float] | None = None) -> tuple[str, ...]:
+def withdrawn(
+    gains: Mapping[str, float], rest: ResidualStructure, instead: Mapping[str, float] | None = None
+) -> tuple[str, ...]:
     """Findings that the rest forbids to name; `gains` are in twice the log likelihood, what each alone brings.
 
     A right model of an effect leaves nearly nothing of what it explains, a wrong one that follows it half leaves much:
@@ -225,7 +229,7 @@ def withdrawn(gains: Mapping[str, float], rest: Rest, instead: Mapping[str, floa
     return tuple(name for name, gain in gains.items() if falls(name, gain))
 
 
-def lack_of_fit(rest: Rest) -> float:
+def lack_of_fit(rest: ResidualStructure) -> float:
     """The ratio of the lack of fit along the motion to pure error, per degree of freedom; at least 1.
 
     Pure error gains 1 per degree of freedom. If the best function of the motion gains more, a false finding along the
@@ -241,7 +245,7 @@ def of_the_motion(*coordinates: str) -> bool:
     return {word for one in coordinates for word in one.split("*")} <= _OF_MOTION
 
 
-def imperfect(gains: Mapping[str, float], rest: Rest, instead: Mapping[str, float] | None = None) -> bool:
+def imperfect(gains: Mapping[str, float], rest: ResidualStructure, instead: Mapping[str, float] | None = None) -> bool:
     """Whether what is left is so little beside what a finding that stands explains that it is owed to its model."""
     standing = set(gains) - set(withdrawn(gains, rest, instead)) - set(NOISES)
     return rest.significant and any(gains[name] >= _OWED * rest.gain for name in standing)
@@ -253,7 +257,7 @@ def is_plain(whitener: Whitens, seed: int) -> bool:
     return bool(np.array_equal(whitener(column), whitener.weight * column))
 
 
-def look(left: Leftover, groups: Iterable[Group], whitened: Whitened) -> View:
+def look(left: ScoreTest, groups: Iterable[Group], whitened: Whitened) -> View:
     """Look at what is left along every group's coordinate."""
 
     def look_along(group: Group) -> tuple[Looked, Group, Seen]:
@@ -297,7 +301,7 @@ def _smooth_groups(problem: Problem, fit: Fitted, *, slow: bool) -> Iterator[Gro
     yield from groups_of(problem.coordinates, output=fit.predicted, reference_c=reference_c, slow=slow)
 
 
-def _groups(problem: Problem, fit: Fitted, left: Leftover, *, slow: bool = False) -> Iterator[Group]:
+def _groups(problem: Problem, fit: Fitted, left: ScoreTest, *, slow: bool = False) -> Iterator[Group]:
     """All that can be looked at; what happens at one instant only where the noise is white."""
     time_s = problem.time_s
     yield from _smooth_groups(problem, fit, slow=slow)
@@ -333,13 +337,13 @@ def _through(whitener: Whitens) -> Whitened:
     return whitened
 
 
-def _told(view: View, noise_gain: float) -> Rest:
+def _told(view: View, noise_gain: float) -> ResidualStructure:
     threshold = threshold_of(len(view.looked))
     best = max(view.looked, key=_rank)
     significant = best.log_p < threshold
     named = _named(view.looked, best) if significant else ()
     ranges = _ranges(view) if significant else ()
-    return Rest(
+    return ResidualStructure(
         significant=significant,
         gain=best.gain,
         dof=best.dof,

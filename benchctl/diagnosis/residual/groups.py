@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse
 
-from benchctl.diagnosis.rest.leftover import Columns
+from benchctl.diagnosis.residual.score_test import Columns
 from benchctl.signals.binning import hats, pairs
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.thermal_hysteresis import play

@@ -51,7 +51,7 @@ class Seen:
     profile: FloatArray
 
 
-class Leftover:
+class ScoreTest:
     """A whitened residual (n,) with the whitened derivatives (n, p) of what was fitted, on the rows of a mask (n,)."""
 
     def __init__(self, white: FloatArray, derivatives: FloatArray, rows: BoolArray) -> None:
@@ -78,9 +78,9 @@ class Leftover:
             return 0.0
         return float(-self.freedom) * math.log1p(-min(drop / self.squares, 1.0 - 1e-12))
 
-    def without(self, profile: FloatArray) -> Leftover:
+    def without(self, profile: FloatArray) -> ScoreTest:
         """What is left when a profile (n,) has been explained."""
-        other = Leftover.__new__(Leftover)
+        other = ScoreTest.__new__(ScoreTest)
         other.rows, other.known, other.inverse = self.rows, self.known, self.inverse
         other.white = self.white - profile
         other.squares = float(other.white @ other.white)

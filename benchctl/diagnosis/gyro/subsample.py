@@ -34,7 +34,7 @@ _NOTHING = Readings(np.empty(0), np.empty(0), np.empty(0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Taken:
+class Subsample:
     """Steps with scans of motion and output, and the thermometer (a channel, "" for none) that they have.
 
     `unseen` is what that thermometer said in the `left_out` rows, as means of an eighth of a second.
@@ -54,11 +54,11 @@ def most_rows() -> int:
     return min(_MOST_ROWS, max(int(_SHARE * there / _BYTES_A_ROW) // _MILLION, 1) * _MILLION)
 
 
-def taken_of(recording: Recording, most: int | None = None) -> Taken:
+def subsample_of(recording: Recording, most: int | None = None) -> Subsample:
     """All rows of the steps that have scans of encoder and gyro, or, where they have more, `most` of these rows."""
     if most is None or sum(info.samples for info in recording.infos if not info.is_left_out) <= most:
         steps = [step for step in recording.steps() if _has_scans(step.info, step.channels) and len(step["time_s"]) > 1]
-        return Taken(steps=steps, thermometer=_thermometer([step.channels for step in steps]))
+        return Subsample(steps=steps, thermometer=_thermometer([step.channels for step in steps]))
     steps, readings, left_out = [], list[Mapping[str, Readings]](), 0
     for info, firsts in _drawn([info for info in recording.infos if not info.is_left_out], most):
         step = recording.stored_step(info.index)
@@ -75,7 +75,7 @@ def taken_of(recording: Recording, most: int | None = None) -> Taken:
             steps.append(Step(info, {**seen, **polls.channels}))
     thermometer = _thermometer(readings)
     unseen_by_it = [one[thermometer] for one in readings] if thermometer else []
-    return Taken(steps=steps, thermometer=thermometer, unseen=unseen_by_it, left_out=left_out)
+    return Subsample(steps=steps, thermometer=thermometer, unseen=unseen_by_it, left_out=left_out)
 
 
 def _has_scans(info: StepInfo, channels: Collection[str]) -> bool:

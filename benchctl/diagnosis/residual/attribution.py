@@ -9,15 +9,15 @@ import numpy as np
 
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import place_of
-from benchctl.diagnosis.rest.commanded import owed_to_the_table, without_the_tables_own
-from benchctl.diagnosis.rest.rest import (
-    Rest,
+from benchctl.diagnosis.residual.commanded import owed_to_the_table, without_the_tables_own
+from benchctl.diagnosis.residual.residual_structure import (
+    ResidualStructure,
     imperfect,
     instead_of,
     lack_of_fit,
     of_the_motion,
-    rest_beside,
-    rest_of,
+    residual_structure_beside,
+    residual_structure_of,
     withdrawn,
 )
 from benchctl.diagnosis.result import Unexplained
@@ -48,7 +48,7 @@ def named(
         return chosen, _beside_disturbance(problem, chosen), ()
     chosen, noted = without_the_tables_own(problem, chosen)
     for _ in range(_ROUNDS):
-        rest = rest_of(problem, chosen.whitener, chosen.after, seed=seed)
+        rest = residual_structure_of(problem, chosen.whitener, chosen.after, seed=seed)
         if not rest.significant or owed_to_the_table(problem, math.sqrt(rest.power)):
             return chosen, NOTHING, noted
         if rest.power < _ROUNDED * rounding_v2:
@@ -74,14 +74,14 @@ def named(
     if imperfect(gains, judged, instead):
         return chosen, NOTHING, (f"{rest.says} It is little enough to be owed to the model of what was found.",)
     before = fit(problem, chosen.noise.plain, chosen.before.point, chosen.before.fitted)
-    ceiling = rest_of(problem, chosen.noise.plain, before, seed=seed)
+    ceiling = residual_structure_of(problem, chosen.noise.plain, before, seed=seed)
     unexplained = Unexplained(
         significant=True, share=rest.share_of(ceiling), coordinates=rest.coordinates, says=rest.says
     )
     return chosen, unexplained, ()
 
 
-def _too_small(problem: Problem, chosen: Selection, rest: Rest, agreed: set[str]) -> tuple[str, ...]:
+def _too_small(problem: Problem, chosen: Selection, rest: ResidualStructure, agreed: set[str]) -> tuple[str, ...]:
     """The key of the weakest finding along the motion, if chance beside that residual may gain as much; none otherwise.
 
     The gain of quantities that are compared beside the rows counts in full, because the residual is not in them. So
@@ -109,7 +109,7 @@ def _is_rounding(problem: Problem, effect: EncoderEffect) -> bool:
     return steps.size > 0 and size < _ARCSEC * float(np.median(steps))
 
 
-def _as_uncertain(chosen: Selection, rest: Rest) -> Selection:
+def _as_uncertain(chosen: Selection, rest: ResidualStructure) -> Selection:
     """The selection, the losses of its rivals divided by the lack of fit along the motion."""
     share = 1.0 / lack_of_fit(rest)
     evidence = {
@@ -146,14 +146,14 @@ def _beside_disturbance(problem: Problem, chosen: Selection) -> Unexplained:
     """What is left beside the disturbance that a selection leaves: every finding has competed with it already."""
     whitener = chosen.noise.plain.beside(disturbance_beside(problem, chosen.after).slow)
     after, before = (fit(problem, whitener, one, one.fitted, rounds=0) for one in (chosen.after, chosen.before))
-    rest = rest_beside(problem, whitener, after)
+    rest = residual_structure_beside(problem, whitener, after)
     if not rest.significant:
         return NOTHING
-    share = rest.share_of(rest_beside(problem, whitener, before))
+    share = rest.share_of(residual_structure_beside(problem, whitener, before))
     return Unexplained(significant=True, share=share, coordinates=rest.coordinates, says=rest.says)
 
 
-def _beside(rest: Rest, fitted: Fit, less: Fit) -> float:
+def _beside(rest: ResidualStructure, fitted: Fit, less: Fit) -> float:
     """What a finding explains, in the measure of the gain of the rest: by power, which no logarithm makes small."""
     power = (less.squares - fitted.squares) / max(fitted.rows, 1.0)
     return max(power, 0.0) / max(rest.power, 1e-300) * rest.gain
@@ -166,7 +166,7 @@ def _in_rows(problem: Problem, fitted: Fit, less: Fit) -> float:
     return max(fitted.rows * math.log(bad / good), 0.0)
 
 
-def _beside_time(rest: Rest, fitted: Fit) -> Rest:
+def _beside_time(rest: ResidualStructure, fitted: Fit) -> ResidualStructure:
     """What is left along coordinates other than time and step, as of a drive or a chamber.
 
     They move once or twice in a recording: time and step follow anything that is left, and speak against no name.
@@ -178,6 +178,6 @@ def _beside_time(rest: Rest, fitted: Fit) -> Rest:
     return replace(rest, gain=gain, power=power, coordinates=words)
 
 
-def _noises(chosen: Selection, rest: Rest) -> dict[str, float]:
+def _noises(chosen: Selection, rest: ResidualStructure) -> dict[str, float]:
     """What was found of the noise gains; a wandering bias what it does beside the effects that are left."""
     return {name: rest.noise_gain if name in PROCESSES else one.gain for name, one in chosen.noise.found.items()}

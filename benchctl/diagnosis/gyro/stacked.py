@@ -35,7 +35,7 @@ _ARRAYS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Part:
-    """A stretch, or the pause before one: its rows, in the frame and as laid; when its recording began."""
+    """A stretch, or the pause before one: its rows, in the frame and in the stack; when its recording began."""
 
     rows: slice
     interval_s: float
@@ -50,7 +50,7 @@ class Part:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Laid:
+class Stacked:
     """All parts of a frame in their order, and which of the rows are samples; None where all are."""
 
     parts: tuple[Part, ...]
@@ -88,7 +88,7 @@ class Laid:
         return replace(signals, **changed)
 
 
-def laid_out(frame: Frame) -> tuple[Laid, Signals]:
+def stacked(frame: Frame) -> tuple[Stacked, Signals]:
     """The parts of a frame, and its signals before any effect."""
     parts: list[Part] = []
     time_s: list[FloatArray] = []
@@ -112,19 +112,19 @@ def laid_out(frame: Frame) -> tuple[Laid, Signals]:
     samples = None
     if any(part.is_pause for part in parts):
         samples = np.concatenate([np.full(part.rows.stop - part.rows.start, not part.is_pause) for part in parts])
-    laid = Laid(parts=tuple(parts), samples=samples)
-    return laid, _signals(frame, laid, np.concatenate(time_s))
+    stack = Stacked(parts=tuple(parts), samples=samples)
+    return stack, _signals(frame, stack, np.concatenate(time_s))
 
 
-def _signals(frame: Frame, laid: Laid, time_s: FloatArray) -> Signals:
+def _signals(frame: Frame, stack: Stacked, time_s: FloatArray) -> Signals:
     def all_rows(values: FloatArray, of_pauses: Sequence[FloatArray] = ()) -> FloatArray:
         """The samples' values with those of pauses between them: the table rests then."""
-        if laid.samples is None:
+        if stack.samples is None:
             return values
-        whole = np.zeros(laid.samples.size)
-        whole[laid.samples] = values
+        whole = np.zeros(stack.samples.size)
+        whole[stack.samples] = values
         if of_pauses:
-            whole[~laid.samples] = np.concatenate(of_pauses)
+            whole[~stack.samples] = np.concatenate(of_pauses)
         return whole
 
     pauses = [pause for pause in frame.pauses if pause is not None]

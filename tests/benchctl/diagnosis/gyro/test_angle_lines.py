@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.gyro.seen_by_both import lines_of_angle
+from benchctl.diagnosis.gyro.angle_lines import lines_of_angle
 
 INTERVAL_S = 0.01
 NOISE_DPS = 0.3

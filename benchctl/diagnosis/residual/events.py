@@ -14,8 +14,8 @@ import numpy.typing as npt
 import scipy.fft
 from scipy.ndimage import uniform_filter1d
 
-from benchctl.diagnosis.rest.groups import Group
-from benchctl.diagnosis.rest.leftover import Leftover
+from benchctl.diagnosis.residual.groups import Group
+from benchctl.diagnosis.residual.score_test import ScoreTest
 from benchctl.diagnosis.search.scan_mains import FAINTEST
 from benchctl.side_by_side import shared_out
 from benchctl.signals.blocks import BLOCK, block_starts
@@ -36,7 +36,7 @@ _SCATTER = 3.0
 """Share of what lines of each step's own explain that one line through all of them must reach."""
 
 
-def jump(left: Leftover, time_s: FloatArray) -> Group:
+def jump(left: ScoreTest, time_s: FloatArray) -> Group:
     """The instant at which a jump of the bias explains most."""
     sums = _summed(left)
     after = sums[::-1].cumsum(axis=0)[::-1]
@@ -61,7 +61,7 @@ def jump(left: Leftover, time_s: FloatArray) -> Group:
     )
 
 
-def bump(left: Leftover, time_s: FloatArray, interval_s: float) -> Group:
+def bump(left: ScoreTest, time_s: FloatArray, interval_s: float) -> Group:
     """The instant and the width at which a bump of the bias explains most."""
     cell_s = BLOCK * interval_s
     cell = ((time_s - time_s[0]) / cell_s).astype(np.int64)
@@ -97,7 +97,7 @@ def bump(left: Leftover, time_s: FloatArray, interval_s: float) -> Group:
     )
 
 
-def lines(left: Leftover, time_s: FloatArray, interval_s: float, step: npt.NDArray[np.int64]) -> Iterator[Group]:
+def lines(left: ScoreTest, time_s: FloatArray, interval_s: float, step: npt.NDArray[np.int64]) -> Iterator[Group]:
     """The likeliest line below 0.1 Hz, and above it; there the steps that a line is in must be most of them."""
     place = np.rint((time_s - time_s[0]) / interval_s).astype(np.int64)
     if int(place[-1]) > 8 * time_s.size:
@@ -130,7 +130,7 @@ def lines(left: Leftover, time_s: FloatArray, interval_s: float, step: npt.NDArr
         )
 
 
-def _refined(left: Leftover, time_s: FloatArray, frequency: float, width: float) -> float:
+def _refined(left: ScoreTest, time_s: FloatArray, frequency: float, width: float) -> float:
     """The frequency within `width` [Hz] of one at which a line explains most."""
     sums = np.add.reduceat(left.white * np.exp(-2j * np.pi * frequency * time_s), block_starts(time_s.size))
     near = np.linspace(-width, width, _FINE)
@@ -142,7 +142,7 @@ def _line(both: FloatArray, slowly: FloatArray) -> Callable[[], FloatArray]:
     return lambda: np.hstack([both, both * slowly[:, None]])
 
 
-def _is_everywhere(left: Leftover, both: FloatArray, step: npt.NDArray[np.int64]) -> bool:
+def _is_everywhere(left: ScoreTest, both: FloatArray, step: npt.NDArray[np.int64]) -> bool:
     """Whether a line is the same in all steps: lines of their own in each step then explain hardly more.
 
     What follows the motion has its frequency too, but only while it moves so.
@@ -175,14 +175,14 @@ class _Blurred:
         return np.asarray(blurred[: self._rows])
 
 
-def _summed(left: Leftover) -> FloatArray:
+def _summed(left: ScoreTest) -> FloatArray:
     """Sums over blocks of what is left, of the rows and of what was fitted, shape (blocks, 2 + p)."""
     starts = block_starts(left.rows.size)
     parts = [np.add.reduceat(left.white, starts), np.add.reduceat(left.rows, starts)]
     return np.column_stack([*parts, np.add.reduceat(left.known, starts, axis=0)])
 
 
-def _gain(score: FloatArray, power: FloatArray, crossed: FloatArray, left: Leftover) -> FloatArray:
+def _gain(score: FloatArray, power: FloatArray, crossed: FloatArray, left: ScoreTest) -> FloatArray:
     """Fall of the sum of squares for one column at each place, all that was fitted beside it, shape (places,)."""
     own = power - np.einsum("ij,jk,ik->i", crossed, left.inverse, crossed)
     return np.where(own > 1e-3 * np.maximum(power, 1e-300), score**2 / np.maximum(own, 1e-300), 0.0)

@@ -24,7 +24,7 @@ _HASTIEST = 0.05
 """Share of the rows that count as sudden by their acceleration."""
 
 
-def cleaned(problem: Problem) -> tuple[Problem, tuple[Fault, ...]]:
+def without_data_faults(problem: Problem) -> tuple[Problem, tuple[Fault, ...]]:
     """The problem without its spoilt rows, and the faults that spoilt them.
 
     Those of a gyro are found where its samples are compared one by one, else its rails alone; an overload in its static

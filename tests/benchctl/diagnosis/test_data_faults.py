@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchctl.diagnosis.cleaned import cleaned, fault_findings
+from benchctl.diagnosis.data_faults import fault_findings, without_data_faults
 from benchctl.diagnosis.gyro.problem import GyroProblem, gyro_problem
 from benchctl.recordings.reader import open_recording
 from benchctl_instruments.physics.effects.registry import effect
@@ -48,14 +48,14 @@ def held(problem: GyroProblem) -> GyroProblem:
 
 
 def test_sound_data_stay_as_they_are(sound: GyroProblem) -> None:
-    clean, faults = cleaned(sound)
+    clean, faults = without_data_faults(sound)
     assert faults == ()
     assert np.array_equal(clean.usable, sound.usable)
 
 
 def test_spikes_are_masked_and_stated_and_no_longer_pull_the_fit(sound: GyroProblem) -> None:
     problem, thrown = spiky(sound)
-    clean, faults = cleaned(problem)
+    clean, faults = without_data_faults(problem)
     assert [one.effect for one in faults] == ["outliers"]
     assert not clean.usable[thrown > 0.0].any()
     assert clean.usable[thrown == 0.0].mean() > 0.99 * sound.usable[thrown == 0.0].mean()
@@ -66,7 +66,7 @@ def test_spikes_are_masked_and_stated_and_no_longer_pull_the_fit(sound: GyroProb
 
 
 def test_held_samples_are_masked_and_stated(sound: GyroProblem) -> None:
-    clean, faults = cleaned(held(sound))
+    clean, faults = without_data_faults(held(sound))
     assert [one.effect for one in faults] == ["dropouts"]
     assert not clean.usable[faults[0].rows].any()
     assert faults[0].rows.sum() > 0.5 * 25 * len(range(400, sound.frame.rows - 100, 700))
@@ -74,7 +74,7 @@ def test_held_samples_are_masked_and_stated(sound: GyroProblem) -> None:
 
 def test_a_rail_is_found_where_the_output_stands_at_it(sound: GyroProblem) -> None:
     rail = 1.0
-    clean, faults = cleaned(with_volts(sound, np.minimum(sound.frame.volts, rail)))
+    clean, faults = without_data_faults(with_volts(sound, np.minimum(sound.frame.volts, rail)))
     assert [one.effect for one in faults] == ["saturation"]
     assert not clean.usable[sound.frame.volts > rail + 5.0 * NOISE_V].any()
 
@@ -82,21 +82,21 @@ def test_a_rail_is_found_where_the_output_stands_at_it(sound: GyroProblem) -> No
 def test_what_is_withheld_is_neither_stated_nor_taken_out(sound: GyroProblem) -> None:
     for problem, name in ((spiky(sound)[0], "outliers"), (held(sound), "dropouts")):
         withheld = replace(problem, without=frozenset({name}))
-        clean, faults = cleaned(withheld)
+        clean, faults = without_data_faults(withheld)
         assert [one.effect for one in faults] == []
-        assert clean.usable.sum() > cleaned(problem)[0].usable.sum()
+        assert clean.usable.sum() > without_data_faults(problem)[0].usable.sum()
 
 
 def test_of_a_part_other_than_the_gyro_nothing_is_known() -> None:
     problem = toy(added_v=np.where(np.arange(2400) % 100 == 0, 1.0, 0.0))
-    clean, faults = cleaned(problem)
+    clean, faults = without_data_faults(problem)
     assert clean is problem
     assert faults == ()
 
 
 def test_a_fault_is_a_finding_with_what_was_found_of_it(sound: GyroProblem) -> None:
     problem, thrown = spiky(sound)
-    clean, faults = cleaned(problem)
+    clean, faults = without_data_faults(problem)
     (one,) = fault_findings(clean, faults)
     assert one.effect == "outliers"
     assert one.parameters == faults[0].parameters
@@ -108,7 +108,7 @@ def test_a_fault_is_a_finding_with_what_was_found_of_it(sound: GyroProblem) -> N
 
 
 def test_a_fault_without_rows_lives_in_its_coordinate_alone(sound: GyroProblem) -> None:
-    _, faults = cleaned(spiky(sound)[0])
+    _, faults = without_data_faults(spiky(sound)[0])
     bare = replace(faults[0], rows=np.zeros(sound.frame.rows, np.bool_))
     (one,) = fault_findings(sound, (bare,))
     assert one.where.ranges == ()
