@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchctl.diagnosis.gyro import frame_subsample as cut
 from benchctl.diagnosis.gyro import problem as made
-from benchctl.diagnosis.gyro import thinned as cut
 from benchctl.diagnosis.gyro.frame_subsample import _begins, pieces_of, thinned
 from benchctl.diagnosis.gyro.problem import GyroProblem, gyro_problem
 from benchctl.recordings.reader import open_recording

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchctl.diagnosis.diagnose import diagnose
-from benchctl.diagnosis.gyro import taken as taking
+from benchctl.diagnosis.gyro import subsample as taking
 from benchctl.diagnosis.gyro.problem import GyroProblem, gyro_problem
 from benchctl.diagnosis.gyro.subsample import Subsample, most_rows, subsample_of
 from benchctl.recordings.model import Step
