@@ -24,6 +24,8 @@ FAINTEST = 0.02
 """Rms of a line over that of the noise, below which it may be the encoder's steps, which repeat with the motion."""
 _UNEVEN = 0.1
 """A line whose parts disagree by less than this share of its gain is one line, however well each of them is known."""
+_HARMONICS = 50.5
+"""Multiples of a swing's frequency beyond which nothing is left of its motion: that of a backlash falls as 1/n²."""
 _SWING = 0.7
 """Share of a rate's power in one line, from which on a table swings at one frequency."""
 
@@ -52,7 +54,7 @@ def mains_places(
     """The frequencies [Hz] of the strongest lines, up to half the sampling rate, the most promising first.
 
     `time_s` (n,) has one phase all along; rows are `interval_s` apart but for gaps; `group` (n,) are rows of one kind
-    of motion: a line that only one of them has is the motion's own, and so is a multiple of `swinging_hz`, the one
+    of motion: a line that only one of them has is the motion's own, and so is a low multiple of `swinging_hz`, the one
     frequency at which the table swings (0: there is none). A line above half the sampling rate stands at its alias, and
     is reported there: the samples hold nothing that tells which of its aliases is meant, and the mains are never so
     exact that a match with one of their harmonics would.
@@ -67,7 +69,7 @@ def mains_places(
     least = FAINTEST**2 * float(np.count_nonzero(pull.rows))
     for index in peaks(honest, _TRIED, max(2, math.ceil(3.0 / (frequency[1] * max(lasts_s, interval_s))))):
         value = float(between(honest, index) * frequency[1])
-        if swinging_hz and abs(math.remainder(value, swinging_hz)) * lasts_s < 1.0:
+        if value < _HARMONICS * swinging_hz and abs(math.remainder(value, swinging_hz)) * lasts_s < 1.0:
             continue
         if gain[index] > least and 0.0 < value <= 0.5 / interval_s and _is_one_line(pull, time_s, group, value):
             found.append(Place(value, float(gain[index]), paid(places, float(gain[index]), float(level[index]))))
