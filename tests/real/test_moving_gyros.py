@@ -58,3 +58,16 @@ def test_a_mount_that_gives_way_has_a_delay_and_a_gain_that_rises(tmp_path: Path
     assert mount["frequency_hz"].value > 10.0  # beyond the motion, whose gain it makes rise
     assert (mount["damping"].low, mount["damping"].high) == (0.002, 0.5)
     assert diagnosis.fit.heldout_after < 7.0
+
+
+@pytest.mark.slow
+@needs_shared("data/servo_mount")
+def test_a_slow_swing_alone_shows_that_the_output_is_late_and_not_by_which_of_four_effects(tmp_path: Path) -> None:
+    file = tmp_path / "1.h5"
+    import_recording(SHARED / "data" / "servo_mount" / "10_22_1.dat", MAPS / "servo_mount.toml", file)
+    with open_recording(file) as recording:
+        diagnosis = diagnose(recording)
+    (finding,) = diagnosis.findings
+    stated = {finding.effect, *(one.effect for one in finding.alternatives)}
+    assert stated == {"timing_offset", "mount_resonance", "sensor_bandwidth", "angular_acceleration"}
+    assert diagnosis.fit.heldout_after < diagnosis.fit.heldout_before

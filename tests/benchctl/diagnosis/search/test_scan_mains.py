@@ -83,3 +83,11 @@ def test_a_line_near_half_the_sampling_rate_beats_and_is_one_line_all_the_same()
     noise = np.random.default_rng(5).standard_normal(time_s.size)
     best = mains_places(pulled(noise + line), time_s, INTERVAL_S, kind, 0.1, 1)[0]
     assert best.value == pytest.approx(49.9978, abs=1e-4)
+
+
+def test_a_line_far_above_a_swing_is_found_where_it_is_a_multiple_of_it() -> None:
+    time_s = _clock(4000)
+    noise = np.random.default_rng(8).standard_normal(time_s.size)
+    pull = pulled(noise + 0.5 * np.sin(2 * np.pi * 41.1 * time_s))
+    best = mains_places(pull, time_s, INTERVAL_S, np.zeros(time_s.size, np.int64), 0.1, 1, 41.1 / 60.0)[0]
+    assert best.value == pytest.approx(41.1, abs=0.01)
