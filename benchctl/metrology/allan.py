@@ -25,6 +25,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.optimize import lsq_linear
 from scipy.special import chdtr, chdtrc, chdtri
+from threadpoolctl import threadpool_limits
 
 from benchctl.metrology.deviations import deviation
 from benchctl.metrology.series import Series
@@ -351,6 +352,12 @@ def analysed(series: Series) -> Allan:
     UsageError
         Where it has too few samples, or they do not change, or change by no finite amount.
     """
+    # matrices are small: threads of BLAS only wait for each other
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _analysed(series)
+
+
+def _analysed(series: Series) -> Allan:
     samples = series.values.size
     if samples < LEAST_SAMPLES:
         raise UsageError(f"{series.source}: {samples} samples are too few; expected at least {LEAST_SAMPLES}")

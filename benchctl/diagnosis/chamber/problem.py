@@ -115,7 +115,7 @@ class ChamberProblem(MadeOfRows):
         gain = told[self.baseline_names[0]] if rows.kind == "power" else 1.0
         air = np.empty_like(rows.air_c)
         for run in rows.runs:
-            start_c = told.get(_START, float(np.median(rows.air_c[run][:5])))
+            start_c = told[_START] if _START in told else float(np.median(rows.air_c[run][:5]))
             signals = self._signals(run, told)
             for effect in ordered:
                 if effect.stage == "transport" and signals.before is None:
