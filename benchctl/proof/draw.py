@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 from scipy.optimize import brentq
@@ -12,7 +13,6 @@ from scipy.optimize import brentq
 from benchctl.plan import Plan
 from benchctl.plan.find import find_procedure
 from benchctl.proof.classes import CLASSES, FAINT_GAIN, ClassName, TrialClass
-from benchctl.proof.outsiders import OUTSIDERS
 from benchctl.proof.planned import Planned, planned
 from benchctl.proof.sizes import DRAWN, STATISTICAL, WANDERING, Values, drawn_size, shrunk
 from benchctl.proof.structures import drawn_structures, structure_size
@@ -185,3 +185,35 @@ def _least_share(truth: Truth, name: str, full: Values) -> float:
 def _rounded(value: float) -> float:
     """To four digits: the last bits of a sum depend on the machine and its threads, a sealed truth must not."""
     return float(f"{value:.4g}")
+
+
+OUTSIDERS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = MappingProxyType(
+    {
+        "heading_dependent_bias": (("encoder_eccentricity", "encoder_interpolation"), ("angle",)),
+        "encoder_eccentricity": (("heading_dependent_bias", "encoder_interpolation"), ("angle", "rate")),
+        "rate_squared": (("scale_asymmetry", "adc_nonlinearity"), ("rate", "abs_rate", "rate_sign", "output")),
+        "scale_asymmetry": (
+            ("rate_squared", "dead_zone", "adc_nonlinearity"),
+            ("rate", "abs_rate", "rate_sign", "output"),
+        ),
+        "dead_zone": (
+            ("scale_asymmetry", "adc_nonlinearity", "rate_nonlinearity"),
+            ("rate", "abs_rate", "rate_sign", "output"),
+        ),
+        "adc_nonlinearity": (("adc_coarse",), ("output", "rate", "abs_rate")),
+        "bias_temperature": (
+            ("bias_temperature_rate", "warm_up", "bias_drift", *WANDERING),
+            ("gyro_temp", "chamber_temp", "time", "step"),
+        ),
+        "bias_temperature_rate": (
+            ("bias_temperature", "thermal_lag", *WANDERING),
+            ("gyro_temp_rate", "gyro_temp", "chamber_temp", "time", "step"),
+        ),
+        "warm_up": (("bias_drift", "bias_temperature", *WANDERING), ("time", "step")),
+        "angular_acceleration": (
+            ("timing_offset", "sensor_bandwidth", "mount_resonance", "clock_drift"),
+            ("acceleration", "frequency"),
+        ),
+    }
+)
+"""Effects whose own hypothesis is withheld: their look-alikes that are withheld too, and where they live."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from benchctl.diagnosis.faults.clipping import rail_in
@@ -9,7 +11,6 @@ from benchctl.diagnosis.faults.coarse import coarse_in, stairs_in
 from benchctl.diagnosis.faults.dropouts import holds_in
 from benchctl.diagnosis.faults.fault import Faults
 from benchctl.diagnosis.faults.grid import grid_of
-from benchctl.diagnosis.faults.quiet import quiet_noise_v
 from benchctl.diagnosis.faults.standing import Output, standing_runs
 from benchctl.recordings.runs import gaps
 from benchctl_instruments.arrays import BoolArray, FloatArray
@@ -58,3 +59,24 @@ def faults_in(
     found = tuple(one for one in (lost, rail, holds) if one is not None)
     standing = railed if holds is None else railed | holds.rows
     return Faults(found=found, masked=stairs | standing, standing=standing, step_v=grid.step_v)
+
+
+_WINDOW_S = 1.0
+_QUIETEST = 0.1
+"""Share of the windows that may be quieter: those in which the output is held, or stands at a rail."""
+
+
+def quiet_noise_v(residual: FloatArray, interval_s: float, step_v: float) -> float:
+    """A lower estimate of the deviation of the noise ahead of the converter [V]; 0 where its steps hide it.
+
+    From the differences of successive residuals (n,) in windows of a second, of which a low quantile counts. A slow
+    error of the model does not matter, and one that does makes windows louder. Rounding adds step²/12 where noise or
+    motion reach over a step; windows below that stand on stairs.
+    """
+    window = max(2, round(_WINDOW_S / interval_s))
+    windows = residual.size // window
+    if windows == 0:
+        return 0.0
+    changes = np.diff(residual[: windows * window].reshape(windows, window), axis=1)
+    variance = float(np.quantile(np.mean(changes**2, axis=1), _QUIETEST)) / 2.0
+    return math.sqrt(max(variance - step_v**2 / 12.0, 0.0))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
+from benchctl.diagnosis.drive.problem import DriveProblem
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of_names
-from benchctl.diagnosis.next_run.by_hand import next_by_hand
 from benchctl.diagnosis.next_run.candidates import bench_of_recording
 from benchctl.diagnosis.next_run.experiment import NOTHING_OPEN, OpenPair, next_experiment
 from benchctl.diagnosis.next_run.repeated import repeat_along, rest_longer
@@ -52,3 +52,32 @@ def _pairs(problem: GyroProblem, chosen: Selection, findings: Sequence[Finding])
             continue
         second = fit(problem, chosen.whitener, evidence.nearest, chosen.after.fitted)
         yield OpenPair(finding=one.effect, rival=one.alternatives[0].effect, first=chosen.after, second=second)
+
+
+_TOGETHER = "and diagnose both recordings together"
+
+
+def next_by_hand(problem: Problem, findings: Sequence[Finding], unexplained: Unexplained) -> NextExperiment:
+    """The run that parts the findings from their alternatives, or that shows more of what is unexplained."""
+    open_ones = [one for one in findings if one.alternatives]
+    names = tuple(dict.fromkeys(name for one in open_ones for name in (one.effect, one.alternatives[0].effect)))
+    if isinstance(problem, DriveProblem) and problem.turns_one_way and (findings or unexplained.significant):
+        cannot = f", which cannot separate {' from '.join(names)}" if names else ""
+        return NextExperiment(
+            says=f"The table turned one way only{cannot}: run it in the other direction of rotation, {_TOGETHER}.",
+            separates=names,
+        )
+    if names:
+        wanted = "; ".join(dict.fromkeys(problem.effects[name].excited_by for name in names if name in problem.effects))
+        return NextExperiment(
+            says=f"This recording does not separate {' from '.join(names)}: record {wanted}, {_TOGETHER}.",
+            separates=names,
+        )
+    if unexplained.significant:
+        along = " and ".join(unexplained.coordinates) or "no single coordinate"
+        how = "for longer" if along == "time" else "over a wider range of it where possible"
+        return NextExperiment(
+            says=f"The unexplained part depends on {along}: record once more, {how}, {_TOGETHER}; what repeats belongs"
+            " to the bench."
+        )
+    return NOTHING_OPEN

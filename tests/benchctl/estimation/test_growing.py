@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from benchctl.estimation.growing import Growing, growing
+from benchctl.estimation.noise_model import Growing, growing
 
 FloatArray = npt.NDArray[np.float64]
 ROWS = 4000

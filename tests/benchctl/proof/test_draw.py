@@ -6,8 +6,7 @@ import pytest
 
 from benchctl.campaign.check import problems
 from benchctl.proof.classes import CLASSES, FAINT_GAIN, ClassName
-from benchctl.proof.draw import LEAST_GAIN, draw, plan_of
-from benchctl.proof.outsiders import OUTSIDERS
+from benchctl.proof.draw import LEAST_GAIN, OUTSIDERS, draw, plan_of
 from benchctl.proof.planned import planned
 from benchctl.proof.sizes import STATISTICAL, WANDERING
 from benchctl_instruments.physics.effects.registry import effects

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchctl.proof.generic.arm import available, regress
-from benchctl.proof.generic.boosted import boosted
+from benchctl.proof.generic.arm import available, boosted, regress
 from benchctl.proof.generic.library import TERMS, baseline, library
 from benchctl.proof.generic.rows import Rows, rows_of
 from benchctl.proof.generic.sparse import sparse
