@@ -27,6 +27,7 @@ from benchctl.estimation.disturbance import disturbance_beside
 from benchctl.estimation.fit import Fit, fit, gain_of
 from benchctl.estimation.problem import Problem
 from benchctl.estimation.wandering import PROCESSES
+from benchctl_instruments.arrays import BoolArray
 from benchctl_instruments.physics.effects.kinds import ClockEffect, EncoderEffect, FilterEffect
 
 _ROUNDS = 5
@@ -84,9 +85,10 @@ def named(
 def _too_small(problem: Problem, chosen: Selection, rest: ResidualStructure, agreed: set[str]) -> tuple[str, ...]:
     """The key of the weakest finding along the motion, if chance beside that residual may gain as much; none otherwise.
 
-    The gain of quantities that are compared beside the rows counts in full, because the residual is not in them. So
-    does a finding on which several recordings have `agreed`. An encoder error smaller than one step of the encoder is
-    rounding, which repeats with the motion.
+    What it explains in the rows is set against the lack of fit there, by power (an F-test): the logarithm of a
+    likelihood is small where much is left. The gain of quantities that are compared beside the rows counts in full,
+    because the residual is not in them. So does a finding on which several recordings have `agreed`. An encoder error
+    smaller than one step of the encoder is rounding, which repeats with the motion.
     """
     ratio = lack_of_fit(rest)
     gains: dict[str, float] = {}
@@ -95,7 +97,9 @@ def _too_small(problem: Problem, chosen: Selection, rest: ResidualStructure, agr
             return (key,)
         if key not in agreed and of_the_motion(effect.coordinate) and chosen.evidence[key].gain < ratio * chosen.least:
             gain, less = chosen.evidence[key].gain, without(problem, chosen, key)
-            gains[key] = gain - (1.0 - 1.0 / ratio) * min(_in_rows(problem, chosen.after, less), gain)
+            rows = chosen.after.fitted[problem.step]
+            gains[key] = max(gain - _in_rows(problem, chosen.after, less), 0.0)
+            gains[key] += _by_power(rest, chosen.after, _squares(less, rows) - _squares(chosen.after, rows)) / ratio
     return tuple(key for key, gain in gains.items() if gain == min(gains.values()) and gain < chosen.least)
 
 
@@ -155,14 +159,22 @@ def _beside_disturbance(problem: Problem, chosen: Selection) -> Unexplained:
 
 def _beside(rest: ResidualStructure, fitted: Fit, less: Fit) -> float:
     """What a finding explains, in the measure of the gain of the rest: by power, which no logarithm makes small."""
-    power = (less.squares - fitted.squares) / max(fitted.rows, 1.0)
-    return max(power, 0.0) / max(rest.power, 1e-300) * rest.gain
+    return _by_power(rest, fitted, less.squares - fitted.squares)
+
+
+def _by_power(rest: ResidualStructure, fitted: Fit, squares: float) -> float:
+    """A sum of squares that something explains, in the measure of the gain of the rest."""
+    return max(squares, 0.0) / max(fitted.rows, 1.0) / max(rest.power, 1e-300) * rest.gain
+
+
+def _squares(fitted: Fit, rows: BoolArray) -> float:
+    return float(fitted.white[rows] @ fitted.white[rows])
 
 
 def _in_rows(problem: Problem, fitted: Fit, less: Fit) -> float:
     """What a finding gains in the rows alone: a coordinate explains nothing of what is compared beside them."""
     rows = fitted.fitted[problem.step]
-    good, bad = (max(float(one.white[rows] @ one.white[rows]), 1e-300) for one in (fitted, less))
+    good, bad = (max(_squares(one, rows), 1e-300) for one in (fitted, less))
     return max(fitted.rows * math.log(bad / good), 0.0)
 
 
