@@ -117,16 +117,14 @@ def band_of(stretches: tuple[slice, ...], sample_rate_hz: float, rate_dps: Float
     """The band in which what encoder and gyro do not share is as even as noise: from rates and volts of shape (n,).
 
     What is not in proportion to the rate, frequency by frequency, is noise, an error of either, or motion faster than
-    half the sampling rate, folded back into lines. The band ends before the first of these. Every
-    minute is measured by itself: a scale factor that changes meanwhile makes no noise.
+    half the sampling rate, folded back into lines. The band ends before the first of these. Its
+    noise is measured in every minute by itself: a scale factor that changes meanwhile is none.
     """
     longest = max(stretches, key=lambda part: part.stop - part.start)
     rate, output = rate_dps[longest], volts[longest]
     size = min(1 << round(math.log2(_RESOLUTION_S * sample_rate_hz)), rate.size)
     frequency = np.fft.rfftfreq(size, 1.0 / sample_rate_hz)
-    piece = _PIECE * size
-    pieces = [slice(first, first + piece) for first in range(0, rate.size - piece + 1, piece)] or [slice(None)]
-    left = np.mean([_not_shared(rate[one], output[one], sample_rate_hz, size) for one in pieces], axis=0)
+    left = _not_shared(rate, output, sample_rate_hz, size)
     wide = max(1, round(_BIN_HZ / float(frequency[1])))
     inside = (frequency > 0.0) & (frequency <= edges_hz(NARROW, sample_rate_hz)[1])
     bins = left[inside][: inside.sum() // wide * wide].reshape(-1, wide).mean(axis=1)
@@ -134,8 +132,12 @@ def band_of(stretches: tuple[slice, ...], sample_rate_hz: float, rate_dps: Float
     count = max(even.index(False) if False in even else len(even), _FEWEST_BINS)
     stop_hz = count * wide * float(frequency[1])
     passed = (frequency > 0.0) & (frequency <= 0.5 * (1.0 + _PASSING) * stop_hz)
-    noise = math.sqrt(float(left[passed].sum() * frequency[1]))
-    return Band(stretches=stretches, sample_rate_hz=sample_rate_hz, stop_hz=stop_hz, noise=noise)
+    piece = _PIECE * size
+    pieces = [slice(first, first + piece) for first in range(0, rate.size - piece + 1, piece)] or [slice(None)]
+    power = float(np.mean([_not_shared(rate[one], output[one], sample_rate_hz, size)[passed].sum() for one in pieces]))
+    return Band(
+        stretches=stretches, sample_rate_hz=sample_rate_hz, stop_hz=stop_hz, noise=math.sqrt(power * frequency[1])
+    )
 
 
 def _not_shared(rate_dps: FloatArray, volts: FloatArray, sample_rate_hz: float, size: int) -> FloatArray:
