@@ -117,8 +117,8 @@ def band_of(stretches: tuple[slice, ...], sample_rate_hz: float, rate_dps: Float
     """The band in which what encoder and gyro do not share is as even as noise: from rates and volts of shape (n,).
 
     What is not in proportion to the rate, frequency by frequency, is noise, an error of either, or motion faster than
-    half the sampling rate, folded back into lines. The band ends before the first of these. Its
-    noise is measured in every minute by itself: a scale factor that changes meanwhile is none.
+    half the sampling rate, folded back into lines. The band ends before the first of these. Its noise is measured in
+    every minute by itself, so that a scale factor that changes during the recording does not count as noise.
     """
     longest = max(stretches, key=lambda part: part.stop - part.start)
     rate, output = rate_dps[longest], volts[longest]

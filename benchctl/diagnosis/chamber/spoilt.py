@@ -9,6 +9,7 @@ import numpy as np
 from benchctl.diagnosis.faults.fault import Fault, bounded_gain
 from benchctl.diagnosis.faults.wrapping import EFFECT, wraps_in
 from benchctl.diagnosis.result import Estimate
+from benchctl.recordings.runs import holding
 from benchctl_instruments.arrays import BoolArray, FloatArray
 
 _AROUND = 4
@@ -29,10 +30,11 @@ def open_in(flags: FloatArray) -> tuple[Fault | None, BoolArray]:
         return None, rows
     count = int(rows.sum())
     share = count / rows.size
+    times = float(len(holding(rows)))
     return (
         Fault(
             effect="dropouts",
-            parameters={"count": Estimate(value=_starts(rows), low=_starts(rows), high=_starts(rows), unit="1")},
+            parameters={"count": Estimate(value=times, low=times, high=times, unit="1")},
             rows=rows,
             gain=bounded_gain(math.inf),
             says=(
@@ -113,8 +115,3 @@ def spikes_in(
         ),
         rows,
     )
-
-
-def _starts(rows: BoolArray) -> float:
-    """How often a run of such rows begins."""
-    return float(np.count_nonzero(np.diff(rows.astype(np.int8), prepend=0) > 0))
