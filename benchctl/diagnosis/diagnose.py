@@ -23,10 +23,11 @@ from benchctl.diagnosis.next_run.left_open import next_of
 from benchctl.diagnosis.parts import problem_of
 from benchctl.diagnosis.quantization import unrounded, without_the_steps_own
 from benchctl.diagnosis.residual.attribution import named
-from benchctl.diagnosis.result import Diagnosis, Part
+from benchctl.diagnosis.result import Diagnosis, Part, Unexplained
 from benchctl.diagnosis.search.select import select, select_between, without_nothing
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.search.subsets import select_subset
+from benchctl.diagnosis.structures.settled import names_do_better
 from benchctl.diagnosis.structures.stated import with_structures
 from benchctl.estimation.point import stands_at
 from benchctl.estimation.problem import Problem
@@ -90,13 +91,9 @@ def _diagnosis(
         chosen = select(problem, seed=seed, progress=told, rounding_v2=rounding_v2, chosen=chosen)
     told("what is left", 0.95)
     problem.forget()  # what is left is found without predictions
-    tried = {effect.identifier for effect in chosen.after.point.effects}
-    chosen, unexplained, owed = named(problem, chosen, rounding_v2=rounding_v2, seed=seed)
-    fallen = tried - {effect.identifier for effect in chosen.after.point.effects}
+    tried = _names(chosen)
     spikes = any(fault.effect == "outliers" for fault in faults)
-    chosen, unexplained, owed = with_structures(
-        problem, chosen, unexplained, owed, fallen=fallen, spikes=spikes, seed=seed
-    )
+    chosen, unexplained, owed = _attributed(problem, chosen, rounding_v2=rounding_v2, spikes=spikes, seed=seed)
     chosen = without_nothing(problem, chosen)
     found = (*with_sine(problem, findings_of(problem, chosen)), *fault_findings(problem, faults))
     findings = tuple(finding_in(one, problem.unit) for one in found)
@@ -130,6 +127,29 @@ def _diagnosis(
         threshold=chosen.screening.threshold,
         seed=seed,
     )
+
+
+def _attributed(
+    problem: Problem, searched: Selection, *, rounding_v2: float, spikes: bool, seed: int
+) -> tuple[Selection, Unexplained, tuple[str, ...]]:
+    """What is named of what was searched, what is unexplained, with its model, and what is to be noted.
+
+    Names that something else may be behind stand all the same where nothing else was found that does as well.
+    """
+    tried = _names(searched)
+    left = named(problem, searched, rounding_v2=rounding_v2, seed=seed)
+    fallen = tried - _names(left[0])
+    modelled = with_structures(problem, *left, fallen=fallen, spikes=spikes, seed=seed)
+    if not fallen or not names_do_better(problem, searched, modelled[0]):
+        return modelled
+    left = named(problem, searched, rounding_v2=rounding_v2, contested=True, seed=seed)
+    if _names(left[0]) == tried - fallen:
+        return modelled
+    return with_structures(problem, *left, fallen=tried - _names(left[0]), spikes=spikes, seed=seed)
+
+
+def _names(chosen: Selection) -> set[str]:
+    return {effect.identifier for effect in chosen.after.point.effects}
 
 
 def _require_rows(recording: Recording, problem: Problem) -> None:

@@ -38,12 +38,13 @@ NOTHING = Unexplained(significant=False, share=0.0)
 
 
 def named(
-    problem: Problem, chosen: Selection, *, rounding_v2: float = 0.0, seed: int
+    problem: Problem, chosen: Selection, *, rounding_v2: float = 0.0, contested: bool = False, seed: int
 ) -> tuple[Selection, Unexplained, tuple[str, ...]]:
     """The selection without the names that what is left forbids, what is left then, and what is to be noted.
 
     `rounding_v2` is the variance of what a coarse converter rounds off: it repeats with the motion, and is no noise.
-    A name that falls uncovers what it had followed; so the rest is looked at again until no more fall.
+    A name that falls uncovers what it had followed; so the rest is looked at again until no more fall. Where the names
+    have been `contested`, and nothing does as well in their stead, only those fall that are small beside what is left.
     """
     if problem.disturbed:
         return chosen, _beside_disturbance(problem, chosen), ()
@@ -57,7 +58,8 @@ def named(
         judged = rest if isinstance(problem, GyroProblem) else _beside_time(rest, chosen.after)
         less = {name: without(problem, chosen, *shared) for name, shared in _shared(chosen).items()}
         agreed = _agreed(problem, chosen)
-        gains = {name: _beside(judged, chosen.after, one) for name, one in less.items()} | _noises(chosen, rest)
+        noises = _noises(chosen, rest)
+        gains = {name: _beside(judged, chosen.after, one) for name, one in less.items()} | noises
         instead = dict.fromkeys(agreed, 0.0)
         for name, one in less.items():
             if name not in agreed:
@@ -65,7 +67,8 @@ def named(
                 own = min(own, _in_rows(problem, chosen.after, one))
                 instead[name] = own * gains[name] / max(gain_of(chosen.after, one), 1.0)
         effects = dict(zip(chosen.evidence, chosen.after.point.effects, strict=True))
-        forbidden = withdrawn(gains, judged, instead) or _too_small(problem, chosen, rest, agreed)
+        forbidden = withdrawn(noises if contested else gains, judged, instead)
+        forbidden = forbidden or _too_small(problem, chosen, rest, agreed)
         if not forbidden:
             break
         fallen = {place_of(effect) for key, effect in effects.items() if key in forbidden}
@@ -90,11 +93,11 @@ def _too_small(problem: Problem, chosen: Selection, rest: ResidualStructure, agr
     because the residual is not in them. So does a finding on which several recordings have `agreed`. An encoder error
     smaller than one step of the encoder is rounding, which repeats with the motion.
     """
-    ratio = lack_of_fit(rest)
     gains: dict[str, float] = {}
     for key, effect in zip(chosen.evidence, chosen.after.point.effects, strict=True):
         if isinstance(effect, EncoderEffect) and _is_rounding(problem, effect):
             return (key,)
+        ratio = lack_of_fit(rest, effect.coordinate)
         if key not in agreed and of_the_motion(effect.coordinate) and chosen.evidence[key].gain < ratio * chosen.least:
             gain, less = chosen.evidence[key].gain, without(problem, chosen, key)
             rows = chosen.after.fitted[problem.step]

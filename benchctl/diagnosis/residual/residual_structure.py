@@ -229,15 +229,16 @@ def withdrawn(
     return tuple(name for name, gain in gains.items() if falls(name, gain))
 
 
-def lack_of_fit(rest: ResidualStructure) -> float:
+def lack_of_fit(rest: ResidualStructure, along: str = "") -> float:
     """The ratio of the lack of fit along the motion to pure error, per degree of freedom; at least 1.
 
     Pure error gains 1 per degree of freedom. If the best function of the motion gains more, a false finding along the
-    motion, or the difference of two findings, may gain as much more.
+    motion, or the difference of two findings, may gain as much more; so may one `along` a coordinate of its own if a
+    function of that one does.
     """
-    of_motion = (one for one in rest.looked if one.log_p < rest.threshold and of_the_motion(*one.words))
-    best = next(of_motion, None)  # they come in order
-    return 1.0 if best is None else max(best.gain / best.dof, 1.0)
+    of_motion = [one for one in rest.looked if one.log_p < rest.threshold and of_the_motion(*one.words)]
+    its = [one for one in of_motion if one.words == (along,)]
+    return max((one.gain / one.dof for one in (*of_motion[:1], *its)), default=1.0)  # they come in order
 
 
 def of_the_motion(*coordinates: str) -> bool:

@@ -7,6 +7,8 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 
+import numpy as np
+
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.residual.residual_structure import residual_structure_of
@@ -16,6 +18,7 @@ from benchctl.diagnosis.structures.search import Modelled, modelled
 from benchctl.estimation.fit import Point, fit, gain_of
 from benchctl.estimation.noise import Noisy
 from benchctl.estimation.noise_model import NoiseModel
+from benchctl.estimation.problem import Problem
 from benchctl.estimation.wandering import PROCESSES
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
 from benchctl_instruments.physics.effects.kinds import ClockEffect, FilterEffect
@@ -96,6 +99,22 @@ def instead_of_names(
         ):
             return less, found
     return None
+
+
+def names_do_better(problem: Problem, names: Selection, instead: Selection) -> bool:
+    """Whether findings foretell held-out steps better than what took their place: structures, or nothing.
+
+    A name falls where a structure may be behind it. Where none was found that does as well, the name says more than its
+    absence.
+    """
+    if not isinstance(problem, GyroProblem):
+        return False
+    deciding = names.heldout if names.heldout.any() else ~names.heldout
+
+    def left(one: Selection) -> float:
+        return float(np.sum(one.after.residual[deciding[problem.step] & (one.whitener.weight > 0.0)] ** 2))
+
+    return left(names) < left(instead)
 
 
 def _instead_of_process(problem: GyroProblem, less: Selection, gain: float, seed: int) -> Modelled | None:
