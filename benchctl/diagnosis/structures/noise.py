@@ -77,7 +77,7 @@ def noise_structure(problem: GyroProblem, chosen: Selection) -> NoiseFound | Non
     if first.size < _FEWEST:
         return None
     held = chosen.heldout[problem.step[first]]
-    coordinates = coordinates_of(problem)
+    coordinates = coordinates_of(problem, chosen.after)
     tried: list[tuple[float, Structure, int]] = []
     places = 0
     for over in (one for one in _COORDINATES if one in coordinates):
@@ -114,7 +114,7 @@ def noise_structure(problem: GyroProblem, chosen: Selection) -> NoiseFound | Non
 
 def with_noise(problem: GyroProblem, chosen: Selection, found: NoiseFound) -> Selection:
     """The selection with rows weighed by the noise that was found, all refitted."""
-    more = (1.0 + found.structure.value_at(coordinates_of(problem)[found.structure.over])) ** 2 - 1.0
+    more = (1.0 + found.structure.value_at(coordinates_of(problem, chosen.after)[found.structure.over])) ** 2 - 1.0
 
     def weighed(weight: FloatArray) -> FloatArray:
         relative = np.divide(1.0, weight, out=np.ones_like(weight), where=weight > 0.0)

@@ -114,16 +114,20 @@ def begun_everywhere(problem: GyroProblem, pull: Pull, in_time: Pull) -> list[Be
 
     `in_time` is the pull of all steps: what happens at an instant can be seen in the step of that instant alone.
     """
-    coordinates = coordinates_of(problem)
     seen = {
-        over_time: (one, [one.of_known(i) for i in range(len(one.fitted.numbers))], factors_of(problem, one.fitted))
+        over_time: (
+            one,
+            [one.of_known(i) for i in range(len(one.fitted.numbers))],
+            factors_of(problem, one.fitted),
+            coordinates_of(problem, one.fitted),
+        )
         for over_time, one in ((False, pull), (True, in_time))
     }
     places = [(stage, over, "") for stage, all_of_it in _OF_STAGE.items() for over in all_of_it]
 
     def begun(place: _Place) -> list[Begun]:
         stage, over, times = place
-        pulling, known, factors = seen[over == "time"]
+        pulling, known, factors, coordinates = seen[over == "time"]
         factor = factors[stage] * coordinates[times] if times else factors[stage]
         return list(_places_along(problem, pulling, known, place, coordinates[over], factor))
 
@@ -131,7 +135,7 @@ def begun_everywhere(problem: GyroProblem, pull: Pull, in_time: Pull) -> list[Be
         known = [
             one
             for one in places
-            if {*one[1:]} - {""} <= coordinates.keys()
+            if {*one[1:]} - {""} <= seen[False][-1].keys()
             and (problem.band is None or not structure(one[0], one[1], "line", times=one[2]).momentary)
         ]
         return list(itertools.chain.from_iterable(shared_out(begun, known)))
@@ -141,10 +145,13 @@ def begun_everywhere(problem: GyroProblem, pull: Pull, in_time: Pull) -> list[Be
     return [*alone, *(one for one in best_of(_PRODUCTS) if one.gain > _CLEARLY_MORE * most)]
 
 
-def coordinates_of(problem: GyroProblem) -> dict[str, FloatArray]:
-    """Every coordinate that varies in a recording, as structures know it; arrays of shape (n,)."""
+def coordinates_of(problem: GyroProblem, fitted: Fit) -> dict[str, FloatArray]:
+    """Every coordinate that varies in a recording, as structures know it; arrays of shape (n,).
+
+    The output is the one that a fit predicts: a function of the measured one follows any residual, being made of it.
+    """
     frame, band = problem.frame, problem.band
-    values = {name: one for name, one in problem.coordinates.items() if name in OVER}
+    values = {name: one for name, one in problem.coordinates.items() if name in OVER} | {"output": fitted.predicted}
     values["time"] = clock_s(problem)
     made = {"last_sign": last_sign(frame.rate_dps)}
     made["chamber_temp"] = frame.auxiliary.get(CHAMBER_C, np.zeros(frame.rows))

@@ -291,7 +291,7 @@ def curve_of(problem: GyroProblem, chosen: Selection, key: str) -> Curve | None:
     after = chosen.after
     place = keys_of(after.point.effects).index(key)
     effect = after.point.effects[place]
-    coordinates, factors = coordinates_of(problem), factors_of(problem, after)
+    coordinates, factors = coordinates_of(problem, after), factors_of(problem, after)
     if not isinstance(effect, Structure) or not effect.pointwise:
         return None
     if effect.acts_on not in factors or effect.over not in coordinates:
