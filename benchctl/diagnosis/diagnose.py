@@ -140,7 +140,7 @@ def _attributed(
     left = named(problem, searched, rounding_v2=rounding_v2, seed=seed)
     fallen = tried - _names(left[0])
     modelled = with_structures(problem, *left, fallen=fallen, spikes=spikes, seed=seed)
-    if not fallen or not names_do_better(problem, searched, modelled[0]):
+    if not fallen or not names_do_better(problem, searched, modelled[0], seed=seed):
         return modelled
     left = named(problem, searched, rounding_v2=rounding_v2, contested=True, seed=seed)
     if _names(left[0]) == tried - fallen:

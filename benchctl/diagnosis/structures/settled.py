@@ -28,6 +28,9 @@ from benchctl_instruments.physics.structures import Structure, freed
 _CLEARLY = 20.0
 """In twice the log likelihood, beyond what its parameters cost: by that much a structure must be better than names."""
 
+_CLEARLY_LESS = 0.5
+"""Structures that take more numbers than names do must leave so much less, in power."""
+
 _OF_THE_RATE = {"output": "rate", "abs_rate": "rate"}
 """Coordinates that are one: what is a function of the rate is nearly one of the output."""
 
@@ -101,20 +104,23 @@ def instead_of_names(
     return None
 
 
-def names_do_better(problem: Problem, names: Selection, instead: Selection) -> bool:
-    """Whether findings foretell held-out steps better than what took their place: structures, or nothing.
+def names_do_better(problem: Problem, names: Selection, instead: Selection, *, seed: int) -> bool:
+    """Whether findings do better on held-out steps than what took their place: structures, or nothing.
 
-    A name falls where a structure may be behind it. Where none was found that does as well, the name says more than its
-    absence.
+    A name falls where a structure may be behind it. Where none was found beside which nothing is left, the name says
+    more than its absence; and more than structures of more numbers that leave not much less.
     """
     if not isinstance(problem, GyroProblem):
+        return False
+    if not residual_structure_of(problem, instead.whitener, instead.after, seed=seed).significant:
         return False
     deciding = names.heldout if names.heldout.any() else ~names.heldout
 
     def left(one: Selection) -> float:
         return float(np.sum(one.after.residual[deciding[problem.step] & (one.whitener.weight > 0.0)] ** 2))
 
-    return left(names) < left(instead)
+    simpler = len(names.after.numbers) < len(instead.after.numbers)
+    return (_CLEARLY_LESS if simpler else 1.0) * left(names) < left(instead)
 
 
 def _instead_of_process(problem: GyroProblem, less: Selection, gain: float, seed: int) -> Modelled | None:
