@@ -12,6 +12,8 @@ import numpy as np
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.residual.residual_structure import residual_structure_of
+from benchctl.diagnosis.search.scan_mains import swing_hz
+from benchctl.diagnosis.search.scans import clock_s
 from benchctl.diagnosis.search.select import reduced, without
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.structures.search import Modelled, modelled
@@ -108,10 +110,13 @@ def names_do_better(problem: Problem, names: Selection, instead: Selection, *, s
     """Whether findings do better on held-out steps than what took their place: structures, or nothing.
 
     A name falls where a structure may be behind it. Where none was found beside which nothing is left, the name says
-    more than its absence; and more than structures of more numbers that leave not much less.
+    more than its absence; and more than structures of more numbers that leave not much less. Of a swing at one
+    frequency all coordinates of the motion are one, along which a structure follows anything: it speaks against no name.
     """
     if not isinstance(problem, GyroProblem):
         return False
+    if swing_hz(problem.coordinates["rate"], clock_s(problem), problem.interval_s):
+        return True
     if not residual_structure_of(problem, instead.whitener, instead.after, seed=seed).significant:
         return False
     deciding = names.heldout if names.heldout.any() else ~names.heldout
