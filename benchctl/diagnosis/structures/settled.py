@@ -111,7 +111,8 @@ def names_do_better(problem: Problem, names: Selection, instead: Selection, *, s
 
     A name falls where a structure may be behind it. Where none was found beside which nothing is left, the name says
     more than its absence; and more than structures of more numbers that leave not much less. Of a swing at one
-    frequency all coordinates of the motion are one, along which a structure follows anything: it speaks against no name.
+    frequency all coordinates of the motion are one, along which a structure follows anything: none speaks against a
+    name.
     """
     if not isinstance(problem, GyroProblem):
         return False
