@@ -36,10 +36,6 @@ It then learns how each of them is felt, and hides a part of what differs betwee
 _FEWEST_BINS = 2
 _EVEN = 4.0
 """A bin's power over the median of the band's, up to which it still passes for white noise."""
-_ORDERS = 4
-"""So often in a turn a bias may repeat."""
-_SAME = 1e-9
-"""Columns that differ by less, as a share, are one: of a swing over a part of a turn many orders nearly are."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,19 +113,15 @@ def shared_motion(
     return filtered_along(stretches, seen, kernel[1:])
 
 
-def band_of(
-    stretches: tuple[slice, ...], sample_rate_hz: float, angle_deg: FloatArray, rate_dps: FloatArray, volts: FloatArray
-) -> Band:
-    """The band in which what encoder and gyro do not share is as even as noise: of arrays of shape (n,).
+def band_of(stretches: tuple[slice, ...], sample_rate_hz: float, rate_dps: FloatArray, volts: FloatArray) -> Band:
+    """The band in which what encoder and gyro do not share is as even as noise: from rates and volts of shape (n,).
 
-    What neither is a function of angle or rate nor is in proportion to the rate, frequency by frequency, is noise, or
-    motion faster than half the sampling rate, folded back into lines. The band ends before the first of these. A bias
-    that depends on the heading has lines too, of the slow motion itself: they are to be compared. The band's noise is
-    measured in every minute by itself, so that a scale factor that changes meanwhile does not count as noise.
+    What is not in proportion to the rate, frequency by frequency, is noise, an error of either, or motion faster than
+    half the sampling rate, folded back into lines. The band ends before the first of these. Its noise is measured in
+    every minute by itself, so that a scale factor that changes during the recording does not count as noise.
     """
     longest = max(stretches, key=lambda part: part.stop - part.start)
-    rate = rate_dps[longest]
-    output = _without_functions(volts[longest], angle_deg[longest], rate)
+    rate, output = rate_dps[longest], volts[longest]
     size = min(1 << round(math.log2(_RESOLUTION_S * sample_rate_hz)), rate.size)
     frequency = np.fft.rfftfreq(size, 1.0 / sample_rate_hz)
     left = _not_shared(rate, output, sample_rate_hz, size)
@@ -146,16 +138,6 @@ def band_of(
     return Band(
         stretches=stretches, sample_rate_hz=sample_rate_hz, stop_hz=stop_hz, noise=math.sqrt(power * frequency[1])
     )
-
-
-def _without_functions(volts: FloatArray, angle_deg: FloatArray, rate_dps: FloatArray) -> FloatArray:
-    """Volts without what a bias that depends on the heading, or a law of the rate that is not straight, may bring."""
-    straight = [np.ones_like(rate_dps), rate_dps]
-    turns = np.outer(np.arange(1, _ORDERS + 1), np.radians(angle_deg))
-    columns = np.array([*straight, *np.cos(turns), *np.sin(turns), np.abs(rate_dps), rate_dps**2, rate_dps**3]).T
-    columns /= np.maximum(np.abs(columns).max(axis=0), 1e-300)
-    shares = np.linalg.lstsq(columns, volts, rcond=_SAME)[0]
-    return np.asarray(volts - columns[:, len(straight) :] @ shares[len(straight) :])
 
 
 def _not_shared(rate_dps: FloatArray, volts: FloatArray, sample_rate_hz: float, size: int) -> FloatArray:
