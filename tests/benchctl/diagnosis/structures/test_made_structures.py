@@ -42,6 +42,15 @@ def test_a_bias_that_differs_between_heating_and_cooling_is_a_hysteresis_over_te
 
 
 def test_a_bias_that_depends_on_temperature_and_direction_together_is_modelled_over_both(tmp_path: Path) -> None:
+    kink = {"at": 20.0, "above": 4e-4}
+    told = diagnosed(tmp_path, 9207, {"kink_of_bias_over_gyro_temp_times_rate_sign": kink})
+    assert {stage for stage, _ in models_of(told).values()} == {"bias"}
+    assert {words for _, words in models_of(told).values()} == {("gyro_temp*rate_sign",)}
+    assert told.findings == ()
+    assert told.fit.heldout_after < 1.05 * told.fit.noise
+
+
+def test_a_strong_bump_over_temperature_and_direction_is_modelled_with_its_values(tmp_path: Path) -> None:
     bump = {"at": 27.0, "width": 7.0, "change": 0.03}  # far above the noise: what follows it promises much, too
     told = diagnosed(tmp_path, 9207, {"bump_of_bias_over_gyro_temp_times_rate_sign": bump})
     assert models_of(told) == {"bump_of_bias_over_gyro_temp_times_rate_sign": ("bias", ("gyro_temp*rate_sign",))}
