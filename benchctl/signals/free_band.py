@@ -36,6 +36,10 @@ It then learns how each of them is felt, and hides a part of what differs betwee
 _FEWEST_BINS = 2
 _EVEN = 4.0
 """A bin's power over the median of the band's, up to which it still passes for white noise."""
+_ORDERS = 2
+"""So often in a turn the Earth's rotation (once) and a magnetic field (twice, too) make a bias repeat."""
+_SAME = 1e-6
+"""Columns that differ by less, as a share, are one: of a swing over a part of a turn they nearly are."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,15 +117,19 @@ def shared_motion(
     return filtered_along(stretches, seen, kernel[1:])
 
 
-def band_of(stretches: tuple[slice, ...], sample_rate_hz: float, rate_dps: FloatArray, volts: FloatArray) -> Band:
-    """The band in which what encoder and gyro do not share is as even as noise: from rates and volts of shape (n,).
+def band_of(
+    stretches: tuple[slice, ...], sample_rate_hz: float, angle_deg: FloatArray, rate_dps: FloatArray, volts: FloatArray
+) -> Band:
+    """The band in which what encoder and gyro do not share is as even as noise: from arrays of shape (n,).
 
     What is not in proportion to the rate, frequency by frequency, is noise, an error of either, or motion faster than
-    half the sampling rate, folded back into lines. The band ends before the first of these. Its noise is measured in
+    half the sampling rate, folded back into lines. The band ends before the first of these. A bias that depends on the
+    heading has lines too, of the slow motion itself: they are compared and end nothing. The band's noise is measured in
     every minute by itself, so that a scale factor that changes during the recording does not count as noise.
     """
     longest = max(stretches, key=lambda part: part.stop - part.start)
-    rate, output = rate_dps[longest], volts[longest]
+    rate = rate_dps[longest]
+    output = _without_heading(volts[longest], angle_deg[longest], rate)
     size = min(1 << round(math.log2(_RESOLUTION_S * sample_rate_hz)), rate.size)
     frequency = np.fft.rfftfreq(size, 1.0 / sample_rate_hz)
     left = _not_shared(rate, output, sample_rate_hz, size)
@@ -138,6 +146,16 @@ def band_of(stretches: tuple[slice, ...], sample_rate_hz: float, rate_dps: Float
     return Band(
         stretches=stretches, sample_rate_hz=sample_rate_hz, stop_hz=stop_hz, noise=math.sqrt(power * frequency[1])
     )
+
+
+def _without_heading(volts: FloatArray, angle_deg: FloatArray, rate_dps: FloatArray) -> FloatArray:
+    """Volts without what a bias that depends on the heading may bring beside a bias and a scale factor."""
+    turns = np.outer(np.arange(1, _ORDERS + 1), np.radians(angle_deg))
+    headings = np.concatenate([np.cos(turns), np.sin(turns)])
+    peak_dps = max(float(np.abs(rate_dps).max()), 1e-300)
+    columns = np.vstack([headings, np.ones_like(rate_dps), rate_dps / peak_dps]).T
+    shares = np.linalg.lstsq(columns, volts, rcond=_SAME)[0]
+    return np.asarray(volts - shares[: 2 * _ORDERS] @ headings)
 
 
 def _not_shared(rate_dps: FloatArray, volts: FloatArray, sample_rate_hz: float, size: int) -> FloatArray:

@@ -429,7 +429,7 @@ def _compared(frame: Frame, limit_v: float) -> tuple[Band | None, BoolArray]:
     Stretches may be too short for a band's low pass: then all of their motion is compared.
     """
     if frame.beyond:
-        band = band_of(frame.stretches, 1.0 / frame.interval_s, frame.rate_dps, frame.volts)
+        band = band_of(frame.stretches, 1.0 / frame.interval_s, frame.encoder_deg, frame.rate_dps, frame.volts)
         usable = _usable(frame, limit_v, band)
         if np.count_nonzero(usable[band.rows]) >= _FEWEST_IN_BAND:
             return band, usable

@@ -22,22 +22,36 @@ def test_a_band_passes_what_is_slow_and_nothing_else() -> None:
 
 
 def test_the_band_ends_before_a_line_that_only_one_of_the_two_has() -> None:
-    time_s, _, rate = sweeping(0.0)
+    time_s, angle, rate = sweeping(0.0)
     chance = np.random.default_rng(1)
     rate = rate + 5.0 * chance.standard_normal(time_s.size)
     noise = 0.3 * chance.standard_normal(time_s.size)
     alone = 0.5 * np.sin(2 * np.pi * 5.3 * time_s)
     whole = (slice(0, time_s.size),)
-    assert band_of(whole, SWEPT_HZ, rate, 0.02 * (rate + noise)).stop_hz > 15.0
-    assert 4.0 < band_of(whole, SWEPT_HZ, rate, 0.02 * (rate + noise + alone)).stop_hz < 5.3
+    assert band_of(whole, SWEPT_HZ, angle, rate, 0.02 * (rate + noise)).stop_hz > 15.0
+    assert 4.0 < band_of(whole, SWEPT_HZ, angle, rate, 0.02 * (rate + noise + alone)).stop_hz < 5.3
 
 
 def test_a_scale_factor_that_changes_meanwhile_is_no_noise_of_a_band() -> None:
-    time_s, _, rate = sweeping(0.0)
+    time_s, angle, rate = sweeping(0.0)
     chance = np.random.default_rng(2)
     rate = rate + 5.0 * chance.standard_normal(time_s.size)
     noise = 0.3 * chance.standard_normal(time_s.size)
     whole = (slice(0, time_s.size),)
-    ageing = band_of(whole, SWEPT_HZ, rate, 0.02 * ((1.0 + 0.01 * time_s / 600.0) * rate + noise))
+    ageing = band_of(whole, SWEPT_HZ, angle, rate, 0.02 * ((1.0 + 0.01 * time_s / 600.0) * rate + noise))
     white = 0.02 * 0.3 * np.sqrt(2.0 * 0.8 * ageing.stop_hz / SWEPT_HZ)  # its share of the band
     assert ageing.noise == pytest.approx(white, rel=0.15)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_a_bias_that_depends_on_the_heading_does_not_end_the_band_in_which_it_is_looked_for(order: int) -> None:
+    time_s, angle, rate = sweeping(0.0)
+    chance = np.random.default_rng(3)
+    rate = rate + 5.0 * chance.standard_normal(time_s.size)
+    noise = 0.3 * chance.standard_normal(time_s.size)
+    whole = (slice(0, time_s.size),)
+    without = band_of(whole, SWEPT_HZ, angle, rate, 0.02 * (rate + noise))
+    heading = 2.0 * np.cos(order * np.radians(angle))
+    beside = band_of(whole, SWEPT_HZ, angle, rate, 0.02 * (rate + noise + heading))
+    assert beside.stop_hz == pytest.approx(without.stop_hz, rel=0.05)
+    assert beside.noise == pytest.approx(without.noise, rel=0.05)
