@@ -61,6 +61,15 @@ class NoiseModel:
         plain = replace(self.plain, weight=weight)
         return replace(self, plain=plain, whitener=plain, level=level)
 
+    def leaving_out(self, rows: BoolArray) -> Self:
+        """With some rows, shape (n,), that do not count."""
+
+        def less(whitener: Whitener) -> Whitener:
+            return replace(whitener, weight=np.where(rows, 0.0, whitener.weight))
+
+        found = {name: replace(one, whitener=less(one.whitener)) for name, one in self.found.items()}
+        return replace(self, plain=less(self.plain), whitener=less(self.whitener), found=found)
+
     def with_(self, noisy: Noisy) -> Self:
         """With one thing more found; a wandering bias of another kind gives way."""
         rivals = set(PROCESSES) if noisy.effect in PROCESSES else {noisy.effect}

@@ -18,7 +18,7 @@ SETPOINT_WAY = "setpoint_way"
 """Auxiliary signal: −1 while the chamber's set point falls, 1 while it rises, 0 while it stands."""
 CHAMBER_C = "chamber_temp_c"
 """Auxiliary signal: the chamber's air."""
-_LEAST_TURNING_DPS = 0.5
+LEAST_TURNING_DPS = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,7 +107,7 @@ def _auxiliary(name: str) -> Callable[[Signals], FloatArray]:
 
 def last_sign(rate_dps: FloatArray, before: float = 0.0) -> FloatArray:
     """The direction in which the table turned last, −1, 0 or 1, shape (n,); `before` is that before the first row."""
-    turning = np.abs(rate_dps) > _LEAST_TURNING_DPS
+    turning = np.abs(rate_dps) > LEAST_TURNING_DPS
     place = np.maximum.accumulate(np.where(turning, np.arange(rate_dps.size), -1))
     return np.where(place >= 0, np.sign(rate_dps[np.maximum(place, 0)]), before)
 
@@ -142,7 +142,7 @@ OVER: Mapping[str, _Over] = {
         unit="1",
         printed="",
         phrase="the direction of rotation",
-        values=lambda signals: np.where(np.abs(signals.rate_dps) < _LEAST_TURNING_DPS, 0.0, np.sign(signals.rate_dps)),
+        values=lambda signals: np.where(np.abs(signals.rate_dps) < LEAST_TURNING_DPS, 0.0, np.sign(signals.rate_dps)),
         momentary=True,
         signed=True,
         ways=("the table turns clockwise", "the table turns counter-clockwise", "the table turns"),

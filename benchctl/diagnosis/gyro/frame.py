@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -18,11 +19,15 @@ from benchctl.signals.setpoint import way_of_setpoint
 from benchctl.signals.temperature import Pause, Readings, Thermistor, thermistor_of
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.physics.structure_places import CHAMBER_C, SETPOINT_WAY
+from benchctl_instruments.physics.structure_places import CHAMBER_C, LEAST_TURNING_DPS, SETPOINT_WAY
 
 _FEWEST_ROWS = 2000
 _LEAST_AIR_C = 1.0
 """Less is noise and control: such air says nothing."""
+
+_STEADY, _STEADY_S = 0.05, 0.5
+"""A rate that changes by no more than such a share in so long is steady: a table that then stops does not turn back."""
+_SAME_ANGLE_DEG = 0.01
 
 _UNEVEN, _MOST_UNEVEN = 0.1, 0.01
 """Share of an interval that a stamp may be off, and share of the stamps that may be off by more."""
@@ -67,6 +72,32 @@ class Frame:
     def rows(self) -> int:
         """The number of samples."""
         return int(self.time_s.size)
+
+
+def turned_unseen(frame: Frame) -> BoolArray:
+    """Rows of rests of which nobody knows in which direction the table turned before, shape (n,).
+
+    Motion between the stretches is not recorded. A table that turned steadily just before stopped without turning back;
+    one that was at rest at the same angle did not turn. Until the table turns again the direction stays unknown.
+    """
+    unseen = np.zeros(frame.rows, np.bool_)
+    last = max(round(_STEADY_S / frame.interval_s), 1)
+    known, before, origin_s = False, slice(0, 0), math.nan
+    for part, its_origin_s in zip(frame.stretches, frame.origins_s, strict=True):
+        turning = np.abs(frame.rate_dps[part]) > LEAST_TURNING_DPS
+        if its_origin_s != origin_s:
+            known = False
+        else:
+            ended_dps = frame.rate_dps[max(before.stop - last, before.start) : before.stop]
+            turned_deg = math.remainder(float(frame.angle_deg[part.start] - frame.angle_deg[before.stop - 1]), 360.0)
+            steady = np.ptp(ended_dps) <= _STEADY * np.abs(ended_dps).max()
+            at_rest = np.abs(ended_dps).max() <= LEAST_TURNING_DPS
+            known = (known and abs(turned_deg) <= _SAME_ANGLE_DEG) if at_rest else bool(steady)
+        if not known:
+            unseen[part.start : part.start + (int(np.argmax(turning)) if turning.any() else turning.size)] = True
+        known = known or bool(turning.any())
+        before, origin_s = part, its_origin_s
+    return unseen
 
 
 def frame_of(recording: Recording, *, temperature_c: float | None = None, most: int | None = None) -> Frame:

@@ -22,6 +22,7 @@ from benchctl.estimation.noise import Noisy
 from benchctl.estimation.noise_model import NoiseModel
 from benchctl.estimation.problem import Problem
 from benchctl.estimation.wandering import PROCESSES
+from benchctl_instruments.arrays import BoolArray
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
 from benchctl_instruments.physics.effects.kinds import ClockEffect, FilterEffect
 from benchctl_instruments.physics.structure_places import ACTS
@@ -161,6 +162,11 @@ def _beside(problem: GyroProblem, found: Modelled, process: Noisy, seed: int) ->
     """Structures with a process beside them, all refitted."""
     chosen = _under(problem, found.chosen, found.chosen.noise.with_(process))
     return replace(found, chosen=chosen, left=residual_structure_of(problem, chosen.whitener, chosen.after, seed=seed))
+
+
+def leaving_out(problem: GyroProblem, chosen: Selection, rows: BoolArray) -> Selection:
+    """A selection refitted without some of its rows, shape (n,)."""
+    return _under(problem, chosen, chosen.noise.leaving_out(rows))
 
 
 def _under(problem: GyroProblem, chosen: Selection, noise: NoiseModel) -> Selection:

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchctl.diagnosis.findings.findings import estimates_of
+from benchctl.diagnosis.gyro.frame import turned_unseen
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.residual.residual_structure import ResidualStructure, residual_structure_of
@@ -20,7 +21,7 @@ from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.structures.noise import NoiseFound, noise_structure, with_noise
 from benchctl.diagnosis.structures.scan import coordinates_of, factors_of
 from benchctl.diagnosis.structures.search import Modelled, modelled, with_jumps
-from benchctl.diagnosis.structures.settled import as_one_curve, instead_of_names, settled
+from benchctl.diagnosis.structures.settled import as_one_curve, instead_of_names, leaving_out, settled
 from benchctl.estimation.problem import Problem
 from benchctl.signals.binning import bin_of
 from benchctl.signals.normal import Z95
@@ -55,6 +56,7 @@ _OF_STAGE: Mapping[str, tuple[str, ...]] = {
     "noise": ("a connection that is about to fail", "a source that loses light", "interference"),
     "sampling": ("a clock that drifts", "a filter whose delay changes", "processing whose time depends on load"),
 }
+_UNSEEN = "Rests behind motion that was not recorded are left out: in which direction the table turned last is not known there."
 _BY_WAY = ("friction in a winding, a glue or a mount", "a magnetic shield that keeps its state")
 _BY_SETPOINT = ("the chamber's compressor or heater, which runs while the set point moves", "a supply that it loads")
 _AT_INSTANTS = ("a device that is switched", "a slipping coupling", "a knock")
@@ -103,6 +105,8 @@ def _of_prediction(
     # a spike of one row that was not recognised as one looks like a jump of the angle
     chosen, jumps = (chosen, ()) if spikes else with_jumps(problem, chosen)
     found = _modelled(problem, chosen, unexplained, owed, seed)
+    known = _where_direction_is_known(problem, chosen, unexplained, found, seed)
+    found = found if known is None else known
     if found is None and not jumps:
         return chosen, unexplained, owed
     if found is None:
@@ -110,6 +114,8 @@ def _of_prediction(
         by_shapes = Modelled(chosen=chosen, structures=(), ties=(), left=rest)
     else:
         bare, by_shapes, owed = (found[0] if not jumps else bare), found[1], ()
+    if known is not None:
+        owed = (_UNSEEN,)
     instead = chosen.noise.found.keys() - by_shapes.chosen.noise.found.keys()  # of a process that names may follow, too
     by_shapes = as_one_curve(problem, by_shapes, seed)
     if instead or by_shapes.left.significant:
@@ -146,6 +152,27 @@ def _modelled(
         if best is None or found.left.power < _CLEARLY_LESS * best.left.power:
             best = found
     return None if best is None or _explained(rest, best.left) < _MOST_OF_IT else (chosen, best)
+
+
+def _where_direction_is_known(
+    problem: GyroProblem,
+    chosen: Selection,
+    unexplained: Unexplained,
+    found: tuple[Selection, Modelled] | None,
+    seed: int,
+) -> tuple[Selection, Modelled] | None:
+    """The same where it is known in which direction the table turned last, if that direction alone explains it all."""
+    alone = found is not None and len(found[1].structures) == 1 and not found[1].left.significant
+    if alone or "rate_sign" not in unexplained.coordinates:
+        return None
+    rows = turned_unseen(problem.frame)
+    rows = rows if problem.band is None else rows[problem.band.rows]
+    known = leaving_out(problem, chosen, rows)
+    rest = residual_structure_of(problem, known.whitener, known.after, seed=seed)
+    again = modelled(problem, known, rest, most=1, seed=seed) if rows.any() else None
+    if again is None or again.left.significant or again.structures[0].over != "last_sign":
+        return None
+    return known, again
 
 
 def _knowing(problem: GyroProblem, names: Collection[str], chosen: Selection) -> GyroProblem:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchctl.diagnosis.gyro.chain import GyroChain, Law
-from benchctl.diagnosis.gyro.frame import frame_of
+from benchctl.diagnosis.gyro.frame import frame_of, turned_unseen
 from benchctl.diagnosis.gyro.problem import gyro_problem
 from benchctl.diagnosis.series import series_of
 from benchctl.recordings.importing import import_recording
@@ -72,6 +72,41 @@ def lagging(tau_s):
     for i in range(1, time_s.size):
         coil[i] = coil[i - 1] + 0.01 / tau_s * (air_c(time_s[i]) - coil[i - 1])
     return np.interp(280.0 + np.arange(0.0, 20.0, 1 / RATE_HZ), time_s, coil)
+
+
+MOVES = {
+    "steady": lambda s: 30.0 * s,
+    "swinging": lambda s: 20.0 * np.sin(s),
+    "still": lambda s: np.full_like(s, 10.0),
+    "moved": lambda s: np.full_like(s, 11.0),
+    "starting": lambda s: 10.0 + 30.0 * np.maximum(s - 10.0, 0.0),
+}
+
+
+@pytest.mark.parametrize(
+    ("moves", "unknown"),
+    [
+        (("still",), 1.0),
+        (("steady", "still"), 0.0),  # a table stops without turning back
+        (("swinging", "still"), 1.0),
+        (("steady", "still", "still"), 0.0),
+        (("steady", "still", "moved"), 1.0),
+        (("swinging", "starting"), 0.5),
+        (("swinging", "starting", "still"), 0.0),
+    ],
+)
+def test_the_direction_of_a_turn_that_nobody_recorded_is_unknown_until_the_table_turns(moves, unknown, tmp_path):
+    steps = []
+    for number, move in enumerate(moves):
+        step = stream(number + 1, 30.0 * number)
+        turned_deg = MOVES[move](step["time_s"] - step["time_s"][0])
+        steps.append(Step(step.info, {**step.channels, "encoder_deg": np.mod(turned_deg, 360.0)}))
+    bench = BenchFacts(sample_rate_hz=RATE_HZ, encoder_counts_per_rev=3600000)
+    meta = Meta(status="complete", unit=Unit(serial="G-1", range_dps=100.0), bench=bench)
+    write_recording(tmp_path / "r.h5", meta, steps)
+    with open_recording(tmp_path / "r.h5") as recording:
+        frame = frame_of(recording)
+    assert np.mean(turned_unseen(frame)[frame.stretches[-1]]) == pytest.approx(unknown, abs=0.02)
 
 
 @pytest.mark.parametrize(("soaked", "error_c"), [(True, 0.1), (False, None)])

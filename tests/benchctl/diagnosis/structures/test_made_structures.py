@@ -58,3 +58,14 @@ def test_a_strong_bump_over_temperature_and_direction_is_modelled_with_its_value
     (model,) = told.unexplained.models
     assert {name: one.value for name, one in model.parameters.items()} == pytest.approx(bump, rel=0.02)
     assert told.fit.heldout_after < 1.05 * told.fit.noise
+
+
+def test_a_bias_of_the_last_direction_is_found_where_the_table_stopped_out_of_sight(tmp_path: Path) -> None:
+    told = diagnosed(tmp_path, 9211, {"positive_of_bias_over_last_sign": {"change": 4e-3}})
+    (model,) = told.unexplained.models
+    assert (model.stage, model.coordinates) == ("bias", ("rate_sign",))
+    assert model.identifier.endswith("over_last_sign")
+    assert told.findings == ()
+    assert abs(model.parameters["change"].value) == pytest.approx(4e-3, rel=0.02)
+    assert told.fit.heldout_after < 1.05 * told.fit.noise
+    assert any("in which direction the table turned last" in note for note in told.notes)
