@@ -56,7 +56,7 @@ _OF_STAGE: Mapping[str, tuple[str, ...]] = {
     "noise": ("a connection that is about to fail", "a source that loses light", "interference"),
     "sampling": ("a clock that drifts", "a filter whose delay changes", "processing whose time depends on load"),
 }
-_UNSEEN = "Rests behind motion that was not recorded are left out: in which direction the table turned last is not known there."
+_UNSEEN = "Rests behind motion that was not recorded are left out: which way the table turned last is not known there."
 _BY_WAY = ("friction in a winding, a glue or a mount", "a magnetic shield that keeps its state")
 _BY_SETPOINT = ("the chamber's compressor or heater, which runs while the set point moves", "a supply that it loads")
 _AT_INSTANTS = ("a device that is switched", "a slipping coupling", "a knock")

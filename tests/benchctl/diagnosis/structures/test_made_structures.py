@@ -68,4 +68,4 @@ def test_a_bias_of_the_last_direction_is_found_where_the_table_stopped_out_of_si
     assert told.findings == ()
     assert abs(model.parameters["change"].value) == pytest.approx(4e-3, rel=0.02)
     assert told.fit.heldout_after < 1.05 * told.fit.noise
-    assert any("in which direction the table turned last" in note for note in told.notes)
+    assert any("which way the table turned last" in note for note in told.notes)
