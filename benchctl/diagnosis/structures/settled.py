@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy.sparse
 
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of
@@ -17,12 +18,13 @@ from benchctl.diagnosis.search.scans import clock_s
 from benchctl.diagnosis.search.select import reduced, without
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.structures.search import Modelled, modelled
-from benchctl.estimation.fit import Point, fit, gain_of
+from benchctl.estimation.fit import Fit, Point, fit, gain_of
 from benchctl.estimation.noise import Noisy
 from benchctl.estimation.noise_model import NoiseModel
 from benchctl.estimation.problem import Problem
 from benchctl.estimation.wandering import PROCESSES
-from benchctl_instruments.arrays import BoolArray
+from benchctl.signals.binning import hats
+from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
 from benchctl_instruments.physics.effects.kinds import ClockEffect, FilterEffect
 from benchctl_instruments.physics.structure_places import ACTS
@@ -39,6 +41,9 @@ _OF_THE_RATE = {"output": "rate", "abs_rate": "rate"}
 
 _STEPS, _BEGUN = 3, 0.3
 """So many structures may take the place of a process, where the first of them gains such a share of what it does."""
+
+_PIECES, _RIDGE = (24, 96), 1e-9
+"""So many straight pieces, few or many, over each of two coordinates, and as many together over one."""
 
 _SEVERAL = 2
 """So many structures over one coordinate at one stage are one curve, where one fits."""
@@ -134,14 +139,18 @@ def _instead_of_process(problem: GyroProblem, less: Selection, gain: float, seed
     """Structures that explain more than a process which gains so much, by themselves or beside a smaller one.
 
     A process follows anything slow, structures follow a process: so they are added one by one, and each with the
-    process that is left beside it must gain more than the last. None where the process alone does as well.
+    process that is left beside it must gain more than the last. What does not wander is no process: then structures
+    stand by themselves, though no shape may be quite what is there. None where the process alone does as well.
     """
+    wandering = _wanders(problem, less, gain)
     best: tuple[float, Modelled] | None = None
     chosen, rest = less, residual_structure_of(problem, less.whitener, less.after, seed=seed)
     structures: tuple[Structure, ...] = ()
     for _ in range(_STEPS):
-        worth = 0.0 if structures else _BEGUN * gain
+        worth = _BEGUN * gain if wandering and not structures else 0.0
         found = modelled(problem, chosen, rest, most=1, worth=worth, seed=seed) if rest.significant else None
+        if found is None and rest.significant and not (wandering or structures):
+            found = modelled(problem, chosen, rest, most=1, smooth=True, seed=seed)
         if found is None:
             break
         chosen, rest, structures = found.chosen, found.left, (*structures, *found.structures)
@@ -152,10 +161,53 @@ def _instead_of_process(problem: GyroProblem, less: Selection, gain: float, seed
         if gained > _NEARLY_ALL * gain and (beside is None or beside.gain < (1.0 - _NEARLY_ALL) * gained):
             return found
         total = gained + (0.0 if beside is None else beside.gain)
-        if total < gain + _CLEARLY or (best is not None and total < best[0]):
+        if wandering and total < gain + _CLEARLY:
             continue
-        best = total, found if beside is None else _beside(problem, found, beside, seed)
+        if beside is None or not _wanders(problem, chosen, beside.gain):
+            best = total, found
+        elif best is None or total > best[0]:
+            best = total, _beside(problem, found, beside, seed)
     return None if best is None else best[1]
+
+
+def _wanders(problem: GyroProblem, without: Selection, gain: float) -> bool:
+    """Whether what a process follows, which gains so much, is no function of time or of temperature.
+
+    A chain of straight pieces over time, or over the temperature and its rate, explains a function better than a
+    process does, which knows the next row from the last ones alone; and a function of the temperature better than one
+    of time as fine. What wanders is followed by none of them as well.
+    """
+
+    def evidence(names: Sequence[str], pieces: int) -> float:
+        lines = [_lines_along(problem.coordinates[name], pieces, without.whitener.weight) for name in names]
+        return _evidence_of(problem, without.after, scipy.sparse.hstack(lines).tocsr())
+
+    by_temperature = {pieces: evidence(("gyro_temp", "gyro_temp_rate"), pieces) for pieces in _PIECES}
+    by_time = {pieces: evidence(("time",), 2 * pieces) for pieces in _PIECES}
+    if by_temperature[_PIECES[0]] > by_time[_PIECES[0]]:
+        return False
+    return max(*by_temperature.values(), *by_time.values()) < gain
+
+
+def _lines_along(values: FloatArray, pieces: int, weight: FloatArray) -> scipy.sparse.csr_array:
+    counted = values[weight > 0.0]
+    return hats(values, np.linspace(counted.min(), counted.max(), pieces + 1), weight)
+
+
+def _evidence_of(problem: GyroProblem, fitted: Fit, columns: scipy.sparse.csr_array) -> float:
+    """What columns (n, k) explain beside a fit, in twice the log likelihood less what their numbers cost (Schwarz)."""
+    rows = np.flatnonzero(fitted.fitted[problem.step])
+    sparse, dense, white = columns[rows], fitted.derivatives[rows], fitted.white[rows]
+    mixed = sparse.T @ dense
+    information = np.block([[(sparse.T @ sparse).toarray(), mixed], [mixed.T, dense.T @ dense]])
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    information /= np.outer(scale, scale)
+    information[np.diag_indices_from(information)] += _RIDGE
+    gradient = np.concatenate([sparse.T @ white, dense.T @ white]) / scale
+    explained = float(gradient @ np.linalg.solve(information, gradient))
+    squares = float(white @ white)
+    gain = fitted.rows * math.log(squares / max(squares - explained, 1e-12 * squares))
+    return gain - columns.shape[1] * math.log(fitted.rows)
 
 
 def _beside(problem: GyroProblem, found: Modelled, process: Noisy, seed: int) -> Modelled:

@@ -69,3 +69,11 @@ def test_a_bias_of_the_last_direction_is_found_where_the_table_stopped_out_of_si
     assert abs(model.parameters["change"].value) == pytest.approx(4e-3, rel=0.02)
     assert told.fit.heldout_after < 1.05 * told.fit.noise
     assert any("which way the table turned last" in note for note in told.notes)
+
+
+def test_a_function_of_the_temperature_rate_that_no_shape_follows_quite_is_no_wandering_bias(tmp_path: Path) -> None:
+    growth = {"change": 0.025, "at": 0.032, "width": 0.014}  # exponential
+    told = diagnosed(tmp_path, 9212, {"growth_of_bias_over_gyro_temp_rate": growth})
+    assert told.findings == ()
+    assert {(stage, words[0]) for stage, words in models_of(told).values()} == {("bias", "gyro_temp_rate")}
+    assert told.fit.heldout_after < 0.1 * told.fit.heldout_before
