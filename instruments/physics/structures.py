@@ -99,7 +99,7 @@ class Structure(PhysicalEffect):
             played = play(x, self.values["width"], float(x[0] if kept is None else kept[0]))
             x, carried = played - x, played[-1:].copy()
         if self.shape == "memory":
-            x, carried = _lagged(x, signals, self.values["tau"], kept)
+            x, carried = lagged(x, signals.time_s, signals.interval_s, self.values["tau"], kept)
         return self.value_at(x), replace(signals, memory={**signals.memory, self.identifier: carried})
 
     @property
@@ -148,14 +148,22 @@ class Structure(PhysicalEffect):
         return SHAPES[self.shape].says(Said(stage=self.acts_on, over=self.over, times=self.times, values=self.values))
 
 
-def _lagged(x: FloatArray, signals: Signals, tau_s: float, kept: FloatArray | None) -> tuple[FloatArray, FloatArray]:
-    """The first-order lag of x, which goes on from what was `kept`, and what is to be kept of it."""
-    share = -math.expm1(-signals.interval_s / tau_s)
+def lagged(
+    x: FloatArray, time_s: FloatArray, interval_s: float, tau_s: float, kept: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """The first-order lag of x, shape (n,), which goes on from what was `kept`, and what is to be kept of it.
+
+    It begins settled. In a pause x is taken to have been what it was before for one half, and what it is then for the
+    other: a table that turns back passes rest about in the middle.
+    """
+    share = -math.expm1(-interval_s / tau_s)
     value = float(x[0])
     if kept is not None:
-        value += (float(kept[1]) - value) * math.exp(-max(float(signals.time_s[0]) - float(kept[0]), 0.0) / tau_s)
+        since_s, y_kept, x_kept = kept.tolist()
+        left = math.exp(-0.5 * max(float(time_s[0]) - since_s, 0.0) / tau_s)
+        value += (x_kept - value + (y_kept - x_kept) * left) * left
     y, _ = scipy.signal.lfilter([share], [1.0, share - 1.0], x, zi=[(1.0 - share) * value])
-    return y, np.array([signals.time_s[-1] + signals.interval_s, y[-1]])
+    return y, np.array([time_s[-1] + interval_s, y[-1], x[-1]])
 
 
 @lru_cache(maxsize=1024)

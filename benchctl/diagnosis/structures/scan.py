@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.optimize
-import scipy.signal
 from scipy.signal import oaconvolve
 
 from benchctl.diagnosis.gyro.problem import GyroProblem
@@ -26,7 +25,7 @@ from benchctl.signals.binning import bin_of
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.thermal_hysteresis import play
 from benchctl_instruments.physics.structure_places import CHAMBER_C, OVER, Span, StructureStage, last_sign
-from benchctl_instruments.physics.structures import Structure, structure
+from benchctl_instruments.physics.structures import Structure, lagged, structure
 
 _BINS = 1000
 _EDGES, _STEPS = 60, 160
@@ -388,7 +387,7 @@ def _remembered(
         kind = structure(stage, over, shape, span)
         best: tuple[float, float, float] | None = None
         for length in lengths:
-            column = factor * (_lag(values, problem.interval_s, length) if shape == "memory" else _held(values, length))
+            column = factor * (_lag(problem, values, length) if shape == "memory" else _held(values, length))
             score = float(column @ pull.pull)
             power = float(np.sum(column**2 * pull.information))
             crossed = np.array([float(column @ one) for one in known])
@@ -399,10 +398,16 @@ def _remembered(
             yield Begun(effect=kind.make({"c1": best[1], name: best[2]}), gain=best[0], places=len(lengths))
 
 
-def _lag(values: FloatArray, interval_s: float, tau_s: float) -> FloatArray:
-    share = -math.expm1(-interval_s / tau_s)
-    y, _ = scipy.signal.lfilter([share], [1.0, share - 1.0], values, zi=[(1.0 - share) * values[0]])
-    return np.asarray(y)
+def _lag(problem: GyroProblem, values: FloatArray, tau_s: float) -> FloatArray:
+    """The first-order lag of values, through every pause and anew in every recording, shape (n,)."""
+    time_s, parts = problem.time_s, []
+    kept, begun_s = None, math.nan
+    for part, origin_s in zip(problem.stretches, problem.frame.origins_s, strict=True):
+        kept = kept if origin_s == begun_s else None
+        y, kept = lagged(values[part], time_s[part], problem.interval_s, tau_s, kept)
+        begun_s = origin_s
+        parts.append(y)
+    return np.concatenate(parts)
 
 
 def _held(values: FloatArray, half_width: float) -> FloatArray:

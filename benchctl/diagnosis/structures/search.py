@@ -16,7 +16,7 @@ import numpy as np
 
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of
-from benchctl.diagnosis.residual.residual_structure import ResidualStructure, residual_structure_of
+from benchctl.diagnosis.residual.residual_structure import OWED, ResidualStructure, residual_structure_of
 from benchctl.diagnosis.search.held_out import least_gain
 from benchctl.diagnosis.search.pull import pull_of
 from benchctl.diagnosis.search.scans import clock_s
@@ -88,13 +88,16 @@ def modelled(
     """The selection with what is left modelled by at most so many structures; None where no shape explains it.
 
     Shapes over coordinates along which one of the effects `apart_from` acts are not tried, and smooth curves only where
-    they are asked for. The first must gain what it is `worth`.
+    they are asked for. The first must gain what it is `worth`. What is little beside what was found, and may be what
+    its shape misses, is not modelled.
     """
     taken = {_kind(word) for effect in apart_from for word in _own(effect.coordinate)}
     found: list[Structure] = []
     ties: tuple[str, ...] = ()
+    bare = chosen.after
     while len(found) < most and rest.significant:
-        candidates = _candidates(problem, chosen, taken, smooth)
+        owed = bool(found) and is_owed(rest, chosen.after, bare)
+        candidates = _candidates(problem, chosen, taken | (_followed(found) if owed else set()), smooth)
         if not candidates or (not found and max(one.gain for one in candidates) < worth):
             break
         best = max(candidates, key=lambda one: one.evidence)
@@ -120,6 +123,11 @@ def modelled(
     if not found:
         return None
     return Modelled(chosen=chosen, structures=tuple(found), ties=ties, left=rest)
+
+
+def is_owed(rest: ResidualStructure, after: Fit, bare: Fit) -> bool:
+    """Whether what is left is so little beside what structures explain that it may be what their shapes miss."""
+    return gain_of(after, bare) >= OWED * rest.gain
 
 
 def _simplest(best: _Candidate, candidates: Sequence[_Candidate]) -> _Candidate:
@@ -207,6 +215,12 @@ def _with(problem: GyroProblem, chosen: Selection, after: Fit) -> Selection:
 def _kind(word: str) -> str:
     """What a coordinate is of: motion, temperature, angle, time."""
     return _KINDS.get(word, "motion")
+
+
+def _followed(found: Sequence[Structure]) -> set[str]:
+    """Kinds of coordinates over which what the shapes of structures miss may show; a temperature follows the time."""
+    kinds = {_kind(word) for one in found for word in one.word.split("*")}
+    return kinds | ({"temperature", "time"} if kinds & {"temperature", "time"} else set())
 
 
 def _own(coordinate: str) -> list[str]:

@@ -42,7 +42,7 @@ _OF_THE_RATE = {"output": "rate", "abs_rate": "rate"}
 _STEPS, _BEGUN = 3, 0.3
 """So many structures may take the place of a process, where the first of them gains such a share of what it does."""
 
-_PIECES, _RIDGE = (24, 96), 1e-9
+_PIECES, _RIDGE = (24, 48, 96), 1e-9
 """So many straight pieces, few or many, over each of two coordinates, and as many together over one."""
 
 _SEVERAL = 2
@@ -116,9 +116,9 @@ def names_do_better(problem: Problem, names: Selection, instead: Selection, *, s
     """Whether findings do better on held-out steps than what took their place: structures, or nothing.
 
     A name falls where a structure may be behind it. Where none was found beside which nothing is left, the name says
-    more than its absence; and more than structures of more numbers that leave not much less. Of a swing at one
-    frequency all coordinates of the motion are one, along which a structure follows anything: none speaks against a
-    name.
+    more than its absence; and more than structures of more numbers that leave not much less beyond the noise. Of a
+    swing at one frequency all coordinates of the motion are one, along which a structure follows anything: none speaks
+    against a name.
     """
     if not isinstance(problem, GyroProblem):
         return False
@@ -129,7 +129,9 @@ def names_do_better(problem: Problem, names: Selection, instead: Selection, *, s
     deciding = names.heldout if names.heldout.any() else ~names.heldout
 
     def left(one: Selection) -> float:
-        return float(np.sum(one.after.residual[deciding[problem.step] & (one.whitener.weight > 0.0)] ** 2))
+        rows = deciding[problem.step] & (one.whitener.weight > 0.0)
+        noise = min(names.noise.level, instead.noise.level)
+        return max(float(np.sum(one.after.residual[rows] ** 2 - noise**2)), 0.0)
 
     simpler = len(names.after.numbers) < len(instead.after.numbers)
     return (_CLEARLY_LESS if simpler else 1.0) * left(names) < left(instead)

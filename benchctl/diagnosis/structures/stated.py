@@ -20,7 +20,7 @@ from benchctl.diagnosis.search.select import select
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.structures.noise import NoiseFound, noise_structure, with_noise
 from benchctl.diagnosis.structures.scan import coordinates_of, factors_of
-from benchctl.diagnosis.structures.search import Modelled, modelled, with_jumps
+from benchctl.diagnosis.structures.search import Modelled, is_owed, modelled, with_jumps
 from benchctl.diagnosis.structures.settled import as_one_curve, instead_of_names, leaving_out, settled
 from benchctl.estimation.problem import Problem
 from benchctl.signals.binning import bin_of
@@ -147,7 +147,7 @@ def _modelled(
         found = modelled(problem, chosen, rest, apart_from=named, smooth=smooth, seed=seed)
         if found is None:
             continue
-        if not found.left.significant:
+        if not found.left.significant or is_owed(found.left, found.chosen.after, chosen.after):
             return chosen, found
         if best is None or found.left.power < _CLEARLY_LESS * best.left.power:
             best = found
