@@ -112,6 +112,17 @@ def test_what_remembers_does_not_depend_on_how_a_run_is_cut() -> None:
     np.testing.assert_allclose(np.concatenate(parts), memory.apply(whole).output_v, rtol=1e-12)
 
 
+def test_what_remembers_takes_a_change_in_a_pause_to_be_in_its_middle() -> None:
+    (memory,) = make_effects({"memory_of_bias_over_gyro_temp": {"c1": 1e-3, "tau": 0.3}})
+    whole = signals([20.0] * 30 + [40.0] * 30, output_v=0.0)
+    first, then = (
+        replace(whole, **{name: getattr(whole, name)[part] for name in ARRAYS}, first_index=part.start)
+        for part in (slice(0, 20), slice(40, 60))
+    )
+    behind = memory.apply(replace(then, memory=memory.apply(first).memory)).output_v
+    np.testing.assert_allclose(behind, memory.apply(whole).output_v[40:], rtol=1e-9)
+
+
 def test_a_function_of_two_coordinates_is_in_proportion_to_the_second() -> None:
     name = "kink_of_bias_over_gyro_temp_times_abs_rate"
     (kink,) = make_effects({name: {"at": 30.0, "above": 1e-5}})
