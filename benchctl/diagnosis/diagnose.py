@@ -24,6 +24,7 @@ from benchctl.diagnosis.parts import problem_of
 from benchctl.diagnosis.quantization import unrounded, without_the_steps_own
 from benchctl.diagnosis.residual.attribution import named
 from benchctl.diagnosis.result import Diagnosis, Part, Unexplained
+from benchctl.diagnosis.search.scans import swinging_hz
 from benchctl.diagnosis.search.select import select, select_between, without_nothing
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.search.subsets import select_subset
@@ -134,16 +135,22 @@ def _attributed(
 ) -> tuple[Selection, Unexplained, tuple[str, ...]]:
     """What is named of what was searched, what is unexplained, with its model, and what is to be noted.
 
-    Names that something else may be behind stand all the same where nothing else was found that does as well.
+    Names that something else may be behind stand all the same where nothing else was found that does as well. Of a
+    swing at one frequency all coordinates of the motion are one, along which a structure follows anything: none speaks
+    against a name.
     """
     tried = _names(searched)
     left = named(problem, searched, rounding_v2=rounding_v2, seed=seed)
     fallen = tried - _names(left[0])
-    modelled = with_structures(problem, *left, fallen=fallen, spikes=spikes, seed=seed)
-    if not fallen or not names_do_better(problem, searched, modelled[0], seed=seed):
-        return modelled
+    if not fallen or not isinstance(problem, GyroProblem):
+        return with_structures(problem, *left, fallen=fallen, spikes=spikes, seed=seed)
+    modelled = None
+    if not swinging_hz(problem):
+        modelled = with_structures(problem, *left, fallen=fallen, spikes=spikes, seed=seed)
+        if not names_do_better(problem, searched, modelled[0], seed=seed):
+            return modelled
     left = named(problem, searched, rounding_v2=rounding_v2, contested=True, seed=seed)
-    if _names(left[0]) == tried - fallen:
+    if modelled is not None and _names(left[0]) == tried - fallen:
         return modelled
     return with_structures(problem, *left, fallen=tried - _names(left[0]), spikes=spikes, seed=seed)
 

@@ -72,8 +72,8 @@ def _places(problem: Problem, pull: Pull, name: str) -> Iterator[tuple[Mapping[s
         kinds = np.unique(problem.step_kinds, return_inverse=True)[1][problem.step]
         lowest = parameters["frequency_hz"].low
         clock, rate = clock_s(problem), problem.coordinates.get("rate")
-        swinging_hz = 0.0 if rate is None else swing_hz(rate, clock, problem.interval_s)
-        for place in mains_places(pull, clock, problem.interval_s, kinds, lowest, _COUNT, swinging_hz):
+        swings_hz = 0.0 if rate is None else swing_hz(rate, clock, problem.interval_s)
+        for place in mains_places(pull, clock, problem.interval_s, kinds, lowest, _COUNT, swings_hz):
             yield {"frequency_hz": place.value}, place.places, 0.0
     elif name == "adc_nonlinearity":
         for place in converter_places(pull, pull.fitted.predicted, parameters["period_v"].low, _COUNT):
@@ -97,6 +97,11 @@ def _places(problem: Problem, pull: Pull, name: str) -> Iterator[tuple[Mapping[s
     elif isinstance(problem, GyroProblem):
         for place in line_places(problem, pull, int(parameters["lines_per_rev"].high), _COUNT):
             yield {"lines_per_rev": place.value}, place.places, 0.0
+
+
+def swinging_hz(problem: GyroProblem) -> float:
+    """The one frequency [Hz] at which the table of a recording swings; 0 where there is no such."""
+    return swing_hz(problem.coordinates["rate"], clock_s(problem), problem.interval_s)
 
 
 def clock_s(problem: Problem) -> FloatArray:

@@ -13,15 +13,12 @@ import scipy.sparse
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.residual.residual_structure import residual_structure_of
-from benchctl.diagnosis.search.scan_mains import swing_hz
-from benchctl.diagnosis.search.scans import clock_s
 from benchctl.diagnosis.search.select import reduced, without
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.structures.search import Modelled, modelled
 from benchctl.estimation.fit import Fit, Point, fit, gain_of
 from benchctl.estimation.noise import Noisy
 from benchctl.estimation.noise_model import NoiseModel
-from benchctl.estimation.problem import Problem
 from benchctl.estimation.wandering import PROCESSES
 from benchctl.signals.binning import hats
 from benchctl_instruments.arrays import BoolArray, FloatArray
@@ -112,7 +109,7 @@ def instead_of_names(
     return None
 
 
-def names_do_better(problem: Problem, names: Selection, instead: Selection, *, seed: int) -> bool:
+def names_do_better(problem: GyroProblem, names: Selection, instead: Selection, *, seed: int) -> bool:
     """Whether findings do better on held-out steps than what took their place: structures, or nothing.
 
     A name falls where a structure may be behind it. Where none was found beside which nothing is left, the name says
@@ -120,10 +117,6 @@ def names_do_better(problem: Problem, names: Selection, instead: Selection, *, s
     swing at one frequency all coordinates of the motion are one, along which a structure follows anything: none speaks
     against a name.
     """
-    if not isinstance(problem, GyroProblem):
-        return False
-    if swing_hz(problem.coordinates["rate"], clock_s(problem), problem.interval_s):
-        return True
     if not residual_structure_of(problem, instead.whitener, instead.after, seed=seed).significant:
         return False
     deciding = names.heldout if names.heldout.any() else ~names.heldout

@@ -14,8 +14,7 @@ from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.residual.residual_structure import ResidualStructure, residual_structure_of
 from benchctl.diagnosis.result import Curve, Estimate, StructureModel, Unexplained
-from benchctl.diagnosis.search.scan_mains import swing_hz
-from benchctl.diagnosis.search.scans import clock_s
+from benchctl.diagnosis.search.scans import swinging_hz
 from benchctl.diagnosis.search.select import select
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.structures.noise import NoiseFound, noise_structure, with_noise
@@ -167,9 +166,11 @@ def _where_direction_is_known(
         return None
     rows = turned_unseen(problem.frame)
     rows = rows if problem.band is None else rows[problem.band.rows]
+    if not rows.any():
+        return None
     known = leaving_out(problem, chosen, rows)
     rest = residual_structure_of(problem, known.whitener, known.after, seed=seed)
-    again = modelled(problem, known, rest, most=1, seed=seed) if rows.any() else None
+    again = modelled(problem, known, rest, most=1, seed=seed)
     if again is None or again.left.significant or again.structures[0].over != "last_sign":
         return None
     return known, again
@@ -186,7 +187,7 @@ def _named_again(problem: GyroProblem, found: Modelled, seed: int) -> Modelled:
 
     Of a swing at one frequency all coordinates of the motion are one, and any name has a structure that completes it.
     """
-    if swing_hz(problem.coordinates["rate"], clock_s(problem), problem.interval_s):
+    if swinging_hz(problem):
         return found
     structures = [one for one in found.chosen.after.point.effects if isinstance(one, Structure)]
     kinds = {one.identifier for one in structures}
