@@ -37,7 +37,9 @@ _FEWEST_BINS = 2
 _EVEN = 4.0
 """A bin's power over the median of the band's, up to which it still passes for white noise."""
 _ORDERS = 2
-"""So often in a turn the Earth's rotation (once) and a magnetic field (twice, too) make a bias repeat."""
+"""So often in a turn a bias over the heading repeats (the Earth's rotation once, a field twice), or an encoder errs."""
+_MEAN_S = 0.25
+"""How much of them there is, is asked of means over so long, in which a shaking shaft does not show."""
 _SAME = 1e-6
 """Columns that differ by less, as a share, are one: of a swing over a part of a turn they nearly are."""
 
@@ -124,12 +126,13 @@ def band_of(
 
     What is not in proportion to the rate, frequency by frequency, is noise, an error of either, or motion faster than
     half the sampling rate, folded back into lines. The band ends before the first of these. A bias that depends on the
-    heading has lines too, of the slow motion itself: they are compared and end nothing. The band's noise is measured in
-    every minute by itself, so that a scale factor that changes during the recording does not count as noise.
+    heading, and an eccentric encoder, have lines too, of the slow motion itself: they are compared and end nothing. The
+    band's noise is measured in every minute by itself, so that a scale factor that changes during the recording does
+    not count as noise.
     """
     longest = max(stretches, key=lambda part: part.stop - part.start)
     rate = rate_dps[longest]
-    output = _without_heading(volts[longest], angle_deg[longest], rate)
+    output = _without_heading(volts[longest], angle_deg[longest], rate, max(round(_MEAN_S * sample_rate_hz), 1))
     size = min(1 << round(math.log2(_RESOLUTION_S * sample_rate_hz)), rate.size)
     frequency = np.fft.rfftfreq(size, 1.0 / sample_rate_hz)
     left = _not_shared(rate, output, sample_rate_hz, size)
@@ -148,14 +151,16 @@ def band_of(
     )
 
 
-def _without_heading(volts: FloatArray, angle_deg: FloatArray, rate_dps: FloatArray) -> FloatArray:
-    """Volts without what a bias that depends on the heading may bring beside a bias and a scale factor."""
+def _without_heading(volts: FloatArray, angle_deg: FloatArray, rate_dps: FloatArray, rows: int) -> FloatArray:
+    """Volts without what the heading may bring beside a bias and a scale factor, by means over so many rows."""
     turns = np.outer(np.arange(1, _ORDERS + 1), np.radians(angle_deg))
-    headings = np.concatenate([np.cos(turns), np.sin(turns)])
-    peak_dps = max(float(np.abs(rate_dps).max()), 1e-300)
-    columns = np.vstack([headings, np.ones_like(rate_dps), rate_dps / peak_dps]).T
-    shares = np.linalg.lstsq(columns, volts, rcond=_SAME)[0]
-    return np.asarray(volts - shares[: 2 * _ORDERS] @ headings)
+    share = rate_dps / max(float(np.abs(rate_dps).max()), 1e-300)
+    of_bias = np.concatenate([np.cos(turns), np.sin(turns)])
+    columns = np.vstack([of_bias, of_bias * share, np.ones_like(share), share])
+    whole = share.size // rows * rows
+    means, mean_volts = (one[..., :whole].reshape(*one.shape[:-1], -1, rows).mean(axis=-1) for one in (columns, volts))
+    shares = np.linalg.lstsq(means.T, mean_volts, rcond=_SAME)[0]
+    return np.asarray(volts - shares[:-2] @ columns[:-2])
 
 
 def _not_shared(rate_dps: FloatArray, volts: FloatArray, sample_rate_hz: float, size: int) -> FloatArray:

@@ -44,14 +44,15 @@ def test_a_scale_factor_that_changes_meanwhile_is_no_noise_of_a_band() -> None:
 
 
 @pytest.mark.parametrize("order", [1, 2])
-def test_a_bias_that_depends_on_the_heading_does_not_end_the_band_in_which_it_is_looked_for(order: int) -> None:
+@pytest.mark.parametrize("of_rate", [False, True])
+def test_what_depends_on_the_heading_does_not_end_the_band_in_which_it_is_looked_for(of_rate: bool, order: int) -> None:
     time_s, angle, rate = sweeping(0.0)
     chance = np.random.default_rng(3)
     rate = rate + 5.0 * chance.standard_normal(time_s.size)
     noise = 0.3 * chance.standard_normal(time_s.size)
     whole = (slice(0, time_s.size),)
     without = band_of(whole, SWEPT_HZ, angle, rate, 0.02 * (rate + noise))
-    heading = 2.0 * np.cos(order * np.radians(angle))
+    heading = np.cos(order * np.radians(angle)) * (0.02 * rate if of_rate else 2.0)
     beside = band_of(whole, SWEPT_HZ, angle, rate, 0.02 * (rate + noise + heading))
     assert beside.stop_hz == pytest.approx(without.stop_hz, rel=0.05)
     assert beside.noise == pytest.approx(without.noise, rel=0.05)
