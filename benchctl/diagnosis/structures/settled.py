@@ -113,9 +113,7 @@ def names_do_better(problem: GyroProblem, names: Selection, instead: Selection, 
     """Whether findings do better on held-out steps than what took their place: structures, or nothing.
 
     A name falls where a structure may be behind it. Where none was found beside which nothing is left, the name says
-    more than its absence; and more than structures of more numbers that leave not much less beyond the noise. Of a
-    swing at one frequency all coordinates of the motion are one, along which a structure follows anything: none speaks
-    against a name.
+    more than its absence; and more than structures of more numbers that leave not much less beyond the noise.
     """
     if not residual_structure_of(problem, instead.whitener, instead.after, seed=seed).significant:
         return False
