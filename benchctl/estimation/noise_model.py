@@ -120,6 +120,13 @@ class NoiseModel:
             return None
         return replace(best, rivals={one.effect: best.gain - one.gain for one in tried if one is not best})
 
+    def beside(self, problem: Problem, fitted: Fit, relative: FloatArray, *, least_gain: float) -> Self:
+        """Without growth over the rate that gains too little where rows have `relative` times the noise, shape (n,)."""
+        if GROWING not in self.found:
+            return self
+        even = replace(fitted, white=fitted.white / relative)
+        return self if self._growing(problem, even).gain > least_gain else self.dropped({GROWING})
+
     def _growing(self, problem: Problem, fitted: Fit) -> Noisy:
         weight = self.plain.weight
         counted = (weight > 0.0) & fitted.fitted[problem.step]

@@ -113,14 +113,18 @@ def noise_structure(problem: GyroProblem, chosen: Selection) -> NoiseFound | Non
 
 
 def with_noise(problem: GyroProblem, chosen: Selection, found: NoiseFound) -> Selection:
-    """The selection with rows weighed by the noise that was found, all refitted."""
-    more = (1.0 + found.structure.value_at(coordinates_of(problem, chosen.after)[found.structure.over])) ** 2 - 1.0
+    """The selection with rows weighed by the noise that was found, all refitted.
+
+    Noise that grows with the rate stays where it still shows beside that.
+    """
+    relative = 1.0 + found.structure.value_at(coordinates_of(problem, chosen.after)[found.structure.over])
+    more = relative**2 - 1.0
 
     def weighed(weight: FloatArray) -> FloatArray:
         relative = np.divide(1.0, weight, out=np.ones_like(weight), where=weight > 0.0)
         return np.asarray(np.where(weight > 0.0, 1.0 / np.sqrt(relative**2 + more), 0.0))
 
-    noise = chosen.noise
+    noise = chosen.noise.beside(problem, chosen.after, relative, least_gain=chosen.least)
     whitener = replace(noise.whitener, weight=weighed(noise.whitener.weight))
     plain = replace(noise.plain, weight=weighed(noise.plain.weight))
     noise = replace(noise, whitener=whitener, plain=plain)
