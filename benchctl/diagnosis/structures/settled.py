@@ -86,10 +86,9 @@ def instead_of_names(
     """A structure in the place of several findings along one coordinate, or of a wandering bias, where it is better.
 
     It must have fewer parameters than the findings have together; one finding beside which something is `left` gives
-    way to a structure beside which nothing is, or clearly less. Beside it comes the selection without them. None
-    where there are no such findings, or they do as well.
+    way to a structure beside which nothing is. Beside it comes the selection without them. None where there are no such
+    findings, or they do as well.
     """
-    beside = residual_structure_of(problem, chosen.whitener, chosen.after, seed=seed)
     for keys, parameters, gain in _replaceable(problem, chosen, 1 if left else 2):
         less = reduced(problem, chosen, keys)
         if keys[0] in PROCESSES:
@@ -103,10 +102,9 @@ def instead_of_names(
             continue
         fewer = parameters - sum(len(one.parameters) for one in found.structures)
         gained = gain_of(found.chosen.after, less.after)
-        if gained - gain + fewer * math.log(chosen.after.rows) <= _CLEARLY:
-            continue
-        clearly_less = not found.left.significant or found.left.power < _CLEARLY_LESS * beside.power
-        if fewer > 0 if len(keys) > 1 else clearly_less:
+        if gained - gain + fewer * math.log(chosen.after.rows) > _CLEARLY and (
+            fewer > 0 if len(keys) > 1 else not found.left.significant
+        ):
             return less, found
     return None
 
