@@ -75,7 +75,7 @@ class Frame:
 
 
 def turned_unseen(frame: Frame) -> BoolArray:
-    """Rows of rests of which nobody knows in which direction the table turned before, shape (n,).
+    """Rows of rests before which the table turned in an unknown direction, shape (n,).
 
     Motion between the stretches is not recorded. A table that turned steadily just before stopped without turning back;
     one that was at rest at the same angle did not turn. Until the table turns again the direction stays unknown.
@@ -94,7 +94,7 @@ def turned_unseen(frame: Frame) -> BoolArray:
             at_rest = np.abs(ended_dps).max() <= LEAST_TURNING_DPS
             known = (known and abs(turned_deg) <= _SAME_ANGLE_DEG) if at_rest else bool(steady)
         if not known:
-            unseen[part.start : part.start + (int(np.argmax(turning)) if turning.any() else turning.size)] = True
+            unseen[part] = ~np.logical_or.accumulate(turning)
         known = known or bool(turning.any())
         before, origin_s = part, its_origin_s
     return unseen

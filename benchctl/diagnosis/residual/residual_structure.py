@@ -37,7 +37,7 @@ NOISES = ("bias_random_walk", "flicker_noise")
 
 _HALF = 0.5
 """What a coordinate must bring in a finding's stead, as a share, for the finding to be doubted at all."""
-OWED = 100.0
+_OWED = 100.0
 """What is left is owed to the model of a finding that explains so many times more: a tenth of it, in amplitude."""
 _AS_GOOD = 0.02
 """Share of the best gain by which another coordinate may fall short and still be named beside it."""
@@ -246,10 +246,15 @@ def of_the_motion(*coordinates: str) -> bool:
     return {word for one in coordinates for word in one.split("*")} <= _OF_MOTION
 
 
+def is_owed(rest: ResidualStructure, gain: float) -> bool:
+    """Whether what is left is so little beside what gains so much that it may be what its model misses."""
+    return gain >= _OWED * rest.gain
+
+
 def imperfect(gains: Mapping[str, float], rest: ResidualStructure, instead: Mapping[str, float] | None = None) -> bool:
     """Whether what is left is so little beside what a finding that stands explains that it is owed to its model."""
     standing = set(gains) - set(withdrawn(gains, rest, instead)) - set(NOISES)
-    return rest.significant and any(gains[name] >= OWED * rest.gain for name in standing)
+    return rest.significant and any(is_owed(rest, gains[name]) for name in standing)
 
 
 def is_plain(whitener: Whitens, seed: int) -> bool:

@@ -71,9 +71,9 @@ def _places(problem: Problem, pull: Pull, name: str) -> Iterator[tuple[Mapping[s
     if name == "mains_pickup":
         kinds = np.unique(problem.step_kinds, return_inverse=True)[1][problem.step]
         lowest = parameters["frequency_hz"].low
-        clock, rate = clock_s(problem), problem.coordinates.get("rate")
-        swings_hz = 0.0 if rate is None else swing_hz(rate, clock, problem.interval_s)
-        for place in mains_places(pull, clock, problem.interval_s, kinds, lowest, _COUNT, swings_hz):
+        for place in mains_places(
+            pull, clock_s(problem), problem.interval_s, kinds, lowest, _COUNT, swinging_hz(problem)
+        ):
             yield {"frequency_hz": place.value}, place.places, 0.0
     elif name == "adc_nonlinearity":
         for place in converter_places(pull, pull.fitted.predicted, parameters["period_v"].low, _COUNT):
@@ -99,9 +99,10 @@ def _places(problem: Problem, pull: Pull, name: str) -> Iterator[tuple[Mapping[s
             yield {"lines_per_rev": place.value}, place.places, 0.0
 
 
-def swinging_hz(problem: GyroProblem) -> float:
+def swinging_hz(problem: Problem) -> float:
     """The one frequency [Hz] at which the table of a recording swings; 0 where there is no such."""
-    return swing_hz(problem.coordinates["rate"], clock_s(problem), problem.interval_s)
+    rate = problem.coordinates.get("rate")
+    return 0.0 if rate is None else swing_hz(rate, clock_s(problem), problem.interval_s)
 
 
 def clock_s(problem: Problem) -> FloatArray:

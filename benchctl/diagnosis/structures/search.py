@@ -16,7 +16,7 @@ import numpy as np
 
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of
-from benchctl.diagnosis.residual.residual_structure import OWED, ResidualStructure, residual_structure_of
+from benchctl.diagnosis.residual.residual_structure import ResidualStructure, is_owed, residual_structure_of
 from benchctl.diagnosis.search.held_out import least_gain
 from benchctl.diagnosis.search.pull import pull_of
 from benchctl.diagnosis.search.scans import clock_s
@@ -96,7 +96,7 @@ def modelled(
     ties: tuple[str, ...] = ()
     bare = chosen.after
     while len(found) < most and rest.significant:
-        owed = bool(found) and is_owed(rest, chosen.after, bare)
+        owed = bool(found) and is_owed(rest, gain_of(chosen.after, bare))
         candidates = _candidates(problem, chosen, taken | (_followed(found) if owed else set()), smooth)
         if not candidates or (not found and max(one.gain for one in candidates) < worth):
             break
@@ -123,11 +123,6 @@ def modelled(
     if not found:
         return None
     return Modelled(chosen=chosen, structures=tuple(found), ties=ties, left=rest)
-
-
-def is_owed(rest: ResidualStructure, after: Fit, bare: Fit) -> bool:
-    """Whether what is left is so little beside what structures explain that it may be what their shapes miss."""
-    return gain_of(after, bare) >= OWED * rest.gain
 
 
 def _simplest(best: _Candidate, candidates: Sequence[_Candidate]) -> _Candidate:

@@ -13,10 +13,11 @@ import scipy.sparse
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.residual.residual_structure import residual_structure_of
+from benchctl.diagnosis.residual.score_test import ScoreTest
 from benchctl.diagnosis.search.select import reduced, without
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.structures.search import Modelled, modelled
-from benchctl.estimation.fit import Fit, Point, fit, gain_of
+from benchctl.estimation.fit import Point, fit, gain_of
 from benchctl.estimation.noise import Noisy
 from benchctl.estimation.noise_model import NoiseModel
 from benchctl.estimation.wandering import PROCESSES
@@ -39,7 +40,7 @@ _OF_THE_RATE = {"output": "rate", "abs_rate": "rate"}
 _STEPS, _BEGUN = 3, 0.3
 """So many structures may take the place of a process, where the first of them gains such a share of what it does."""
 
-_PIECES, _RIDGE = (24, 48, 96), 1e-9
+_PIECES = (24, 48, 96)
 """So many straight pieces, few or many, over each of two coordinates, and as many together over one."""
 
 _SEVERAL = 2
@@ -170,10 +171,13 @@ def _wanders(problem: GyroProblem, without: Selection, gain: float) -> bool:
     process does, which knows the next row from the last ones alone; and a function of the temperature better than one
     of time as fine. What wanders is followed by none of them as well.
     """
+    fitted, weight = without.after, without.whitener.weight
+    left = ScoreTest(fitted.white, fitted.derivatives, fitted.fitted[problem.step] & (weight > 0.0))
 
     def evidence(names: Sequence[str], pieces: int) -> float:
-        lines = [_lines_along(problem.coordinates[name], pieces, without.whitener.weight) for name in names]
-        return _evidence_of(problem, without.after, scipy.sparse.hstack(lines).tocsr())
+        lines = [_lines_along(problem.coordinates[name], pieces, weight) for name in names]
+        seen = left.seen(scipy.sparse.hstack(lines).tocsr())
+        return seen.gain - seen.dof * math.log(left.freedom)
 
     by_temperature = {pieces: evidence(("gyro_temp", "gyro_temp_rate"), pieces) for pieces in _PIECES}
     by_time = {pieces: evidence(("time",), 2 * pieces) for pieces in _PIECES}
@@ -185,22 +189,6 @@ def _wanders(problem: GyroProblem, without: Selection, gain: float) -> bool:
 def _lines_along(values: FloatArray, pieces: int, weight: FloatArray) -> scipy.sparse.csr_array:
     counted = values[weight > 0.0]
     return hats(values, np.linspace(counted.min(), counted.max(), pieces + 1), weight)
-
-
-def _evidence_of(problem: GyroProblem, fitted: Fit, columns: scipy.sparse.csr_array) -> float:
-    """What columns (n, k) explain beside a fit, in twice the log likelihood less what their numbers cost (Schwarz)."""
-    rows = np.flatnonzero(fitted.fitted[problem.step])
-    sparse, dense, white = columns[rows], fitted.derivatives[rows], fitted.white[rows]
-    mixed = sparse.T @ dense
-    information = np.block([[(sparse.T @ sparse).toarray(), mixed], [mixed.T, dense.T @ dense]])
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    information /= np.outer(scale, scale)
-    information[np.diag_indices_from(information)] += _RIDGE
-    gradient = np.concatenate([sparse.T @ white, dense.T @ white]) / scale
-    explained = float(gradient @ np.linalg.solve(information, gradient))
-    squares = float(white @ white)
-    gain = fitted.rows * math.log(squares / max(squares - explained, 1e-12 * squares))
-    return gain - columns.shape[1] * math.log(fitted.rows)
 
 
 def _beside(problem: GyroProblem, found: Modelled, process: Noisy, seed: int) -> Modelled:

@@ -12,15 +12,16 @@ from benchctl.diagnosis.findings.findings import estimates_of
 from benchctl.diagnosis.gyro.frame import turned_unseen
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of
-from benchctl.diagnosis.residual.residual_structure import ResidualStructure, residual_structure_of
+from benchctl.diagnosis.residual.residual_structure import ResidualStructure, is_owed, residual_structure_of
 from benchctl.diagnosis.result import Curve, Estimate, StructureModel, Unexplained
 from benchctl.diagnosis.search.scans import swinging_hz
 from benchctl.diagnosis.search.select import select
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.structures.noise import NoiseFound, noise_structure, with_noise
 from benchctl.diagnosis.structures.scan import coordinates_of, factors_of
-from benchctl.diagnosis.structures.search import Modelled, is_owed, modelled, with_jumps
+from benchctl.diagnosis.structures.search import Modelled, modelled, with_jumps
 from benchctl.diagnosis.structures.settled import as_one_curve, instead_of_names, leaving_out, settled
+from benchctl.estimation.fit import gain_of
 from benchctl.estimation.problem import Problem
 from benchctl.signals.binning import bin_of
 from benchctl.signals.normal import Z95
@@ -146,7 +147,7 @@ def _modelled(
         found = modelled(problem, chosen, rest, apart_from=named, smooth=smooth, seed=seed)
         if found is None:
             continue
-        if not found.left.significant or is_owed(found.left, found.chosen.after, chosen.after):
+        if not found.left.significant or is_owed(found.left, gain_of(found.chosen.after, chosen.after)):
             return chosen, found
         if best is None or found.left.power < _CLEARLY_LESS * best.left.power:
             best = found
