@@ -21,6 +21,7 @@ from benchctl.diagnosis.search.held_out import least_gain
 from benchctl.diagnosis.search.pull import pull_of
 from benchctl.diagnosis.search.scans import clock_s
 from benchctl.diagnosis.search.scatter import scatter
+from benchctl.diagnosis.search.select import reduced
 from benchctl.diagnosis.search.selection import Evidence, Selection
 from benchctl.diagnosis.structures.scan import Begun, begun_everywhere, encoder_jumps
 from benchctl.estimation.fit import Fit, Point, fit, gain_of
@@ -95,7 +96,9 @@ def modelled(
     found: list[Structure] = []
     ties: tuple[str, ...] = ()
     bare = chosen.after
-    while len(found) < most and rest.significant:
+    for _ in range(2 * most):  # of which some make others needless
+        if len(found) == most or not rest.significant:
+            break
         owed = bool(found) and is_owed(rest, gain_of(chosen.after, bare))
         candidates = _candidates(problem, chosen, taken | (_followed(found) if owed else set()), smooth)
         if not candidates or (not found and max(one.gain for one in candidates) < worth):
@@ -117,12 +120,29 @@ def modelled(
             near = [one for one in candidates if one.evidence > most_evidence - _TIE]
             words = dict.fromkeys(one.structure.word for one in near)
             ties = tuple(word for word in words if word != best.structure.word)
-        found.append(best.structure)
         chosen = _with(problem, chosen, best.fit)
+        before = found
+        if any(type(one) is type(best.structure) for one in found):  # keys do not tell two of a kind apart
+            found = [*found, best.structure]
+        else:
+            chosen, found = _pruned(problem, chosen, found, best.structure)
+        ties = ties if not before or found[0] is before[0] else ()
         rest = residual_structure_of(problem, chosen.whitener, chosen.after, seed=seed)
     if not found:
         return None
     return Modelled(chosen=chosen, structures=tuple(found), ties=ties, left=rest)
+
+
+def _pruned(
+    problem: GyroProblem, chosen: Selection, found: list[Structure], last: Structure
+) -> tuple[Selection, list[Structure]]:
+    """The selection, and the structures in it, without those that the last one has made needless."""
+    kept = found
+    for one in found:
+        less = reduced(problem, chosen, {one.identifier})
+        if gain_of(chosen.after, less.after) < chosen.least + len(one.parameters) * math.log(chosen.after.rows):
+            chosen, kept = less, [other for other in kept if other is not one]
+    return chosen, [*kept, last]
 
 
 def _simplest(best: _Candidate, candidates: Sequence[_Candidate]) -> _Candidate:
