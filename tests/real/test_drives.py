@@ -9,8 +9,10 @@ import pytest
 
 from benchctl.diagnosis.diagnose import diagnose
 from benchctl.diagnosis.result import Diagnosis
+from benchctl.proof.injection import Injection, Untouched
 from benchctl.recordings.importing import import_recording
 from benchctl.recordings.reader import join, open_recording
+from benchctl.recordings.writer import write_recording
 from tests.shared import SHARED, needs_shared
 
 MAPS = Path(__file__).parents[1] / "benchctl" / "recordings" / "maps"
@@ -65,6 +67,21 @@ def test_one_direction_of_the_motor_bench_gives_both_names_and_asks_for_the_othe
     assert not excluded(found) & named
     assert "the other direction of rotation" in found.next_experiment.says
     assert set(found.next_experiment.separates) == named
+
+
+@needs_shared("data/table_drive")
+def test_dry_friction_and_a_drag_that_warming_up_would_stand_for_are_found_together(tmp_path: Path) -> None:
+    """An effect of known size, added to the torque of a real run, flattens what the friction's absence would bend."""
+    file = tmp_path / "run.h5"
+    import_recording(SHARED / "data" / "table_drive" / f"{FORWARD[0]}.mat", MAPS / "drive.toml", file)
+    drag = Injection(index=0, effect="quadratic_drag", parameters={"drag_nm_s2": 9.9e-7}, share=1.0, nonce="")
+    with open_recording(file) as run:
+        dragged = Untouched(run, diagnose(run, part="drive").as_json()).with_it(drag)
+        write_recording(tmp_path / "dragged.h5", run.meta, dragged)
+    with open_recording(tmp_path / "dragged.h5") as run:
+        found = {one.effect: one for one in diagnose(run, part="drive").findings}
+    assert set(found) == {"coulomb_friction", "quadratic_drag"}
+    assert found["quadratic_drag"].parameters["drag_nm_s2"].value == pytest.approx(9.9e-7, rel=0.2)
 
 
 @needs_shared("data/pendulum")

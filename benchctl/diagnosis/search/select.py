@@ -234,15 +234,20 @@ class _Search(Models):
         answered = self._confirmed(present, better)
         if answered is not present:
             present, screening = self._grown(answered)
-        looked = _places(present)
+        looked = grown = _places(present)
         present = self._remeasured(present, self._least(present))
         present, evidence = self._settled(present)
-        while (worse := _not_to_state(self._problem, present, evidence)) is not None:
-            self._refused.add(place_of(worse))
-            present = self._without(present, worse)
+        while True:
+            worse = _not_to_state(self._problem, present, evidence)
+            gone = {*grown} - {*_places(present)} if worse is None else {place_of(worse)}
+            if not gone:
+                break
+            self._refused |= gone
+            present = present if worse is None else self._without(present, worse)
             if len(self._refused) < _MOST_REFUSED:  # what it stood for may be another effect
                 present, screening = self._grown(present)
                 looked = _places(present)
+            grown = _places(present)
             present, evidence = self._settled(present)
         if _places(present) != looked:
             screening = self._screened(present, (_SEARCHED, _SEARCHED))
@@ -382,8 +387,7 @@ class _Search(Models):
         Together they explain most of what is beyond pure error; two that do not are not what hid each other.
         """
         hidden = self._hidden(present, screening)
-        noise = self._noise.level * self._noise.whitener.innovation
-        beyond_noise = 1.0 - min(noise / present.deviation, 1.0) ** 2
+        beyond_noise = self._beyond_noise(present)
         chosen_from = 2.0 * math.log(max(len(hidden), 1))
         begun: list[tuple[Point, float]] = []
         for pair in pairs_of(self._problem, self._noise.whitener, present, hidden)[:_PAIRS]:
@@ -408,6 +412,11 @@ class _Search(Models):
             if best is None or evidence > best.evidence + ALIKE:
                 best = Tried(fit=both, promise=promise, evidence=evidence)
         return best
+
+    def _beyond_noise(self, present: Fit) -> float:
+        """The share of what a model leaves that is no pure error."""
+        noise = self._noise.level * self._noise.whitener.innovation
+        return 1.0 - min(noise / present.deviation, 1.0) ** 2
 
     def _hidden(self, present: Fit, screening: Screening) -> list[Scored]:
         """The best places of the effects that gain most, scatter or not; none where not even one gains enough."""
@@ -450,10 +459,10 @@ class _Search(Models):
                     break
                 evidence[key] = replace(own, rivals=rivals, nearest=nearest)
             else:
-                one = self._one_for_two(present)
-                if one is None:
+                other = self._one_for_two(present) or self._two_for_one(present)
+                if other is None:
                     return present, evidence
-                present = one
+                present = other
         return present, {
             key: self._evidence(present, self._without(present, one))
             for key, one in zip(keys_of(present.point.effects), present.point.effects, strict=True)
@@ -482,6 +491,27 @@ class _Search(Models):
                 if tried.evidence > -math.inf and lost < self._least(tried.fit):
                     self._rivals[place_of(tried.added)] = tuple(effect.identifier for effect in two)
                     return tried.fit
+        return None
+
+    def _two_for_one(self, present: Fit) -> Fit | None:
+        """The model with two effects in place of one that stands for both badly, where they do clearly better.
+
+        Asked only where more than pure error is left: beside the one that stands for it neither of the two shows.
+        """
+        least = self._least(present)
+        if -present.rows * math.log1p(-self._beyond_noise(present)) < least:
+            return None
+        for place, effect in enumerate(present.point.effects):
+            less = self._without(present, effect)
+            screening = self._screened(less, (_SEARCHED, _SEARCHED))
+            others = replace(
+                screening, scored=tuple(one for one in screening.scored if one.probe.identifier != effect.identifier)
+            )
+            tried = self._paired(less, others)
+            mine = gain_of(present, less) - occam_factor(present, place)
+            if tried is not None and tried.evidence > mine + least:
+                self._rivals[place_of(tried.added)] = (effect.identifier,)
+                return tried.fit
         return None
 
     def _evidence(self, present: Fit, less: Fit) -> Evidence:
