@@ -112,6 +112,13 @@ class Fit:
         followed = (columns * self.fitted[step]) @ self.derivatives @ self.inverse_information
         return np.asarray(columns - followed @ self.derivatives.T)
 
+    @property
+    def step_left(self) -> FloatArray:
+        """The step (p,) that its numbers would take next, within their bounds; nearly zero where it came to its end."""
+        information, gradient, *_ = self.products.of(self.fitted)
+        values = np.array([self.point.value(number, i) for i, number in enumerate(self.numbers)])
+        return _inside(self.point, self.numbers, values, information, gradient)
+
     def robust_covariance(self, step: IntArray) -> FloatArray:
         """Covariance of the free numbers, shape (p, p), whatever the noise; `step` (n,) is the problem's.
 

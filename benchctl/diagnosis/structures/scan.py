@@ -113,15 +113,7 @@ def begun_everywhere(problem: GyroProblem, pull: Pull, in_time: Pull) -> list[Be
 
     `in_time` is the pull of all steps: what happens at an instant can be seen in the step of that instant alone.
     """
-    seen = {
-        over_time: (
-            one,
-            [one.of_known(i) for i in range(len(one.fitted.numbers))],
-            factors_of(problem, one.fitted),
-            coordinates_of(problem, one.fitted),
-        )
-        for over_time, one in ((False, pull), (True, in_time))
-    }
+    seen = {over_time: _seen(problem, one) for over_time, one in ((False, pull), (True, in_time))}
     places = [(stage, over, "") for stage, all_of_it in _OF_STAGE.items() for over in all_of_it]
 
     def begun(place: _Place) -> list[Begun]:
@@ -142,6 +134,21 @@ def begun_everywhere(problem: GyroProblem, pull: Pull, in_time: Pull) -> list[Be
     alone = best_of(places)
     most = max((one.gain for one in alone), default=0.0)
     return [*alone, *(one for one in best_of(_PRODUCTS) if one.gain > _CLEARLY_MORE * most)]
+
+
+def _seen(
+    problem: GyroProblem, pull: Pull
+) -> tuple[Pull, list[FloatArray], Mapping[StructureStage, FloatArray], Mapping[str, FloatArray]]:
+    """The pull of what a fit leaves, that of its derivatives, the factors of the stages, and the coordinates.
+
+    Of the residual that part is taken off which the fit's own numbers could still follow, had it come to its end.
+    """
+    fitted = pull.fitted
+    known = [pull.of_known(i) for i in range(len(fitted.numbers))]
+    left = pull.pull.copy()
+    for one, step in zip(known, (fitted.step_left / fitted.deviation).tolist(), strict=True):
+        left -= step * one
+    return replace(pull, pull=left), known, factors_of(problem, fitted), coordinates_of(problem, fitted)
 
 
 def coordinates_of(problem: GyroProblem, fitted: Fit) -> dict[str, FloatArray]:

@@ -46,6 +46,7 @@ _KINDS = {
     "angle": "angle",
     "time": "time",
 }
+_MOTION = "motion"
 _NEARLY = 0.97
 """Share of the best gain that a simpler shape over the same coordinate must reach."""
 _TIE = 10.0
@@ -89,8 +90,8 @@ def modelled(
     """The selection with what is left modelled by at most so many structures; None where no shape explains it.
 
     Shapes over coordinates along which one of the effects `apart_from` acts are not tried, and smooth curves only where
-    they are asked for. The first must gain what it is `worth`. What is little beside what was found, and may be what
-    its shape misses, is not modelled.
+    they are asked for, one over coordinates of a kind: together they would follow anything. The first must gain what it
+    is `worth`. What is little beside what was found, and may be what its shape misses, is not modelled.
     """
     taken = {_kind(word) for effect in apart_from for word in _own(effect.coordinate)}
     found: list[Structure] = []
@@ -100,7 +101,8 @@ def modelled(
         if len(found) == most or not rest.significant:
             break
         owed = bool(found) and is_owed(rest, gain_of(chosen.after, bare))
-        candidates = _candidates(problem, chosen, taken | (_followed(found) if owed else set()), smooth)
+        curved = {_kind(one.over) for one in found if one.is_smooth} if smooth else {*_KINDS.values(), _MOTION}
+        candidates = _candidates(problem, chosen, taken | (_followed(found) if owed else set()), curved)
         if not candidates or (not found and max(one.gain for one in candidates) < worth):
             break
         best = max(candidates, key=lambda one: one.evidence)
@@ -229,7 +231,7 @@ def _with(problem: GyroProblem, chosen: Selection, after: Fit) -> Selection:
 
 def _kind(word: str) -> str:
     """What a coordinate is of: motion, temperature, angle, time."""
-    return _KINDS.get(word, "motion")
+    return _KINDS.get(word, _MOTION)
 
 
 def _followed(found: Sequence[Structure]) -> set[str]:
@@ -244,11 +246,14 @@ def _own(coordinate: str) -> list[str]:
     return [word for word in words if word != "rate"] or words
 
 
-def _candidates(problem: GyroProblem, chosen: Selection, taken: set[str], smooth: bool) -> list[_Candidate]:
-    """Models with one structure more that hold on steps which they were not fitted to."""
+def _candidates(problem: GyroProblem, chosen: Selection, taken: set[str], curved: set[str]) -> list[_Candidate]:
+    """Models with one structure more that hold on steps which they were not fitted to.
+
+    None over coordinates of the kinds that are `taken`, and no smooth curve over those that are `curved`.
+    """
     pulls = (pull_of(problem, chosen.whitener, one) for one in (chosen.after, chosen.whole))
     begun = begun_everywhere(problem, *pulls)
-    begun = [one for one in begun if _kind(one.effect.over) not in taken and one.effect.is_smooth <= smooth]
+    begun = [one for one in begun if _kind(one.effect.over) not in taken | (curved if one.effect.is_smooth else set())]
     looked = 2.0 * math.log(max(sum(one.places for one in begun), 1.0))
     price = math.log(chosen.after.rows)
 
