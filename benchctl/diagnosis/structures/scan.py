@@ -95,13 +95,20 @@ _STANDS_OUT = 4.0
 class Begun:
     """The best place of a shape: the structure there, what it promises to gain, and out of how many places it is.
 
-    `along` are the sums over its coordinate; None of what is no function of the present alone.
+    `along` are the sums over its coordinate; None of what is no function of the present alone. `share` of their rows are
+    in the steps that count.
     """
 
     effect: Structure
     gain: float
     places: int
     along: _Along | None = None
+    share: float = 1.0
+
+    @property
+    def promise(self) -> float:
+        """What it promises to gain in the steps that count."""
+        return self.share * self.gain
 
     def refined(self) -> Begun:
         """The best place near it, between those that were looked at."""
@@ -120,7 +127,9 @@ def begun_everywhere(problem: GyroProblem, pull: Pull, in_time: Pull) -> list[Be
         stage, over, times = place
         pulling, known, factors, coordinates = seen[over == "time"]
         factor = factors[stage] * coordinates[times] if times else factors[stage]
-        return list(_places_along(problem, pulling, known, place, coordinates[over], factor))
+        share = pull.fitted.rows / pulling.fitted.rows
+        found = _places_along(problem, pulling, known, place, coordinates[over], factor)
+        return [replace(one, share=share) for one in found]
 
     def best_of(places: Sequence[_Place]) -> list[Begun]:
         known = [
@@ -132,8 +141,8 @@ def begun_everywhere(problem: GyroProblem, pull: Pull, in_time: Pull) -> list[Be
         return list(itertools.chain.from_iterable(shared_out(begun, known)))
 
     alone = best_of(places)
-    most = max((one.gain for one in alone), default=0.0)
-    return [*alone, *(one for one in best_of(_PRODUCTS) if one.gain > _CLEARLY_MORE * most)]
+    most = max((one.promise for one in alone), default=0.0)
+    return [*alone, *(one for one in best_of(_PRODUCTS) if one.promise > _CLEARLY_MORE * most)]
 
 
 def _seen(

@@ -258,7 +258,7 @@ def _candidates(problem: GyroProblem, chosen: Selection, taken: set[str], curved
     price = math.log(chosen.after.rows)
 
     def worth(one: Begun) -> float:
-        return one.gain - len(one.effect.parameters) * price
+        return one.promise - len(one.effect.parameters) * price
 
     best = sorted(begun, key=worth, reverse=True)[:_REFINED]
     ranked = sorted((one.refined() for one in best), key=worth, reverse=True)
@@ -272,7 +272,7 @@ def _few_of_each(ranked: Sequence[Begun]) -> Iterator[Begun]:
     curves: set[tuple[str, str]] = set()
     for one in ranked:
         place = one.effect.acts_on, f"{one.effect.over}*{one.effect.times}"
-        if one.gain < _NEAR_THE_BEST * ranked[0].gain or counts.total() == _FITTED:
+        if one.promise < _NEAR_THE_BEST * ranked[0].promise or counts.total() == _FITTED:
             return
         if counts[place] == _OF_ONE_PLACE or (place not in counts and len(counts) == _MOST_PLACES):
             continue
