@@ -87,16 +87,16 @@ _MOVED, _NUDGED = 2.0, 0.2
 """A place is refined in steps of a twentieth of these at first: of its logarithm, of the range."""
 _MOST_JUMPS = 6
 _LEAST_JUMP = 60.0
-_STANDS_OUT = 4.0
-"""A jump of the encoder gains so much, and so many times what the largest place does that is none."""
+_STANDS_OUT, _NOISY = 4.0, 4.0
+"""A jump gains so many times what the largest place does that is none, and leaves at most so many times the noise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Begun:
     """The best place of a shape: the structure there, what it promises to gain, and out of how many places it is.
 
-    `along` are the sums over its coordinate; None of what is no function of the present alone. `share` of their rows are
-    in the steps that count.
+    `along` are the sums over its coordinate; None of what is no function of the present alone. `share` of their rows
+    are in the steps that count.
     """
 
     effect: Structure
@@ -467,11 +467,12 @@ def _grid(over: str, shape: str, span: Span) -> Iterator[dict[str, float]]:
         yield {}
 
 
-def encoder_jumps(problem: GyroProblem, pull: Pull) -> list[Structure]:
+def encoder_jumps(problem: GyroProblem, pull: Pull, noise: float) -> list[Structure]:
     """Instants at which the angle that the encoder states jumps for good, the largest first.
 
     The rate that the filters make of a jump is their response to a step. Of few such places each stands out of all
-    others, and leaves noise: what is wrong with the response to motion shows wherever the table starts and stops.
+    others, and leaves `noise` (whitened): what is wrong with the response to motion shows wherever the table starts and
+    stops, and a bias that is another for a while has ends that a jump does not follow.
     """
     motion = problem.frame.motions[0]
     if problem.band is not None:
@@ -504,9 +505,16 @@ def encoder_jumps(problem: GyroProblem, pull: Pull) -> list[Structure]:
         return []
     clock = clock_s(problem)
     rows = pull.rows
+    squares = np.where(rows, pull.fitted.white, 0.0) ** 2
+
+    def leaves_noise(place: int) -> bool:
+        near = slice(max(place - reach, 0), place + reach + 1)
+        left = float(squares[near].sum()) - float(gain[place]) * pull.fitted.deviation**2
+        return left < _NOISY * noise**2 * float(np.count_nonzero(rows[near]))
+
     kind = structure("encoder", "time", "jump", (float(clock[rows].min()), float(clock[rows].max())))
     found = []
-    for place in places[:count]:
+    for place in filter(leaves_noise, places[:count]):
         at = 0.5 * float(clock[max(place - 1, 0)] + clock[place])
         found.append(kind.make({"change": 3600.0 * float(score[place] / power[place]), "at": at}))
     return found

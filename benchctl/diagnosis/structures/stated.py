@@ -118,6 +118,9 @@ def _of_prediction(
         owed = (_UNSEEN,)
     instead = chosen.noise.found.keys() - by_shapes.chosen.noise.found.keys()  # of a process that names may follow, too
     by_shapes = as_one_curve(problem, by_shapes, seed)
+    if not (jumps or spikes):  # beside what is modelled by now they may stand out
+        beside, jumps = with_jumps(problem, by_shapes.chosen)
+        by_shapes = replace(by_shapes, chosen=beside)
     if instead or by_shapes.left.significant:
         by_shapes = _named_again(problem, by_shapes, seed)
     elif fallen:
