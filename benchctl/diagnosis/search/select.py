@@ -146,6 +146,13 @@ def _dropped(point: Point, keys: Collection[str]) -> Point:
     return replace(point, effects=tuple(effect for key, effect in named if key not in keys))
 
 
+def _added(more: Fit, less: Fit) -> float:
+    """The evidence for the effects that a model has more than another."""
+    known = _places(less)
+    added = [place for place, one in enumerate(_places(more)) if one not in known]
+    return gain_of(more, less) - sum(occam_factor(more, place) for place in added)
+
+
 def _places(present: Fit) -> list[Place]:
     return [place_of(effect) for effect in present.point.effects]
 
@@ -405,10 +412,7 @@ class _Search(Models):
                 self._needed(both, effect, look_elsewhere) for effect in both.point.effects[-2:]
             ):
                 continue
-            cost = sum(
-                occam_factor(both, place) for place in range(len(present.point.effects), len(both.point.effects))
-            )
-            evidence = gain_of(both, present) - cost - look_elsewhere
+            evidence = _added(both, present) - look_elsewhere
             if best is None or evidence > best.evidence + ALIKE:
                 best = Tried(fit=both, promise=promise, evidence=evidence)
         return best
@@ -496,20 +500,24 @@ class _Search(Models):
     def _two_for_one(self, present: Fit) -> Fit | None:
         """The model with two effects in place of one that stands for both badly, where they do clearly better.
 
-        Asked only where more than pure error is left: beside the one that stands for it neither of the two shows.
+        Asked only where more than pure error is left: beside the one that stands for it neither of the two shows. Nor
+        may it do as well beside either of them, which would then be missing, and the other stand for it.
         """
         least = self._least(present)
         if -present.rows * math.log1p(-self._beyond_noise(present)) < least:
             return None
-        for place, effect in enumerate(present.point.effects):
+        imperfect = least - (self._threshold or 0.0)
+        for effect in present.point.effects:
             less = self._without(present, effect)
             screening = self._screened(less, (_SEARCHED, _SEARCHED))
-            others = replace(
-                screening, scored=tuple(one for one in screening.scored if one.probe.identifier != effect.identifier)
+            others = tuple(one for one in screening.scored if one.probe.identifier != effect.identifier)
+            tried = self._paired(less, replace(screening, scored=others))
+            if tried is None or tried.evidence <= _added(present, less) + least:
+                continue
+            beside = (
+                replace(present.point, effects=(*present.point.effects, one)) for one in tried.fit.point.effects[-2:]
             )
-            tried = self._paired(less, others)
-            mine = gain_of(present, less) - occam_factor(present, place)
-            if tried is not None and tried.evidence > mine + least:
+            if all(tried.evidence > _added(self._fit(point), less) + imperfect for point in beside):
                 self._rivals[place_of(tried.added)] = (effect.identifier,)
                 return tried.fit
         return None
@@ -534,7 +542,7 @@ class _Search(Models):
         self, present: Fit, less: Fit, effect: DescribedEffect
     ) -> tuple[dict[str, float], Point | None, Tried | None]:
         """By how much rivals in the effect's place are worse, the model with the nearest, and the best if better."""
-        mine = gain_of(present, less) - occam_factor(present, present.point.effects.index(effect))
+        mine = _added(present, less)
         kinds = frozenset({*self._rivals.get(place_of(effect), ()), *effect.look_alikes, effect.identifier})
         rivals: dict[str, float] = {}
         best: Tried | None = None
