@@ -504,7 +504,7 @@ class _Search(Models):
         may it do as well beside either of them, which would then be missing, and the other stand for it.
         """
         least = self._least(present)
-        if -present.rows * math.log1p(-self._beyond_noise(present)) < least:
+        if self._beyond_noise(present) < -math.expm1(-least / present.rows):  # as much as could be gained is too little
             return None
         imperfect = least - (self._threshold or 0.0)
         for effect in present.point.effects:
