@@ -41,7 +41,7 @@ def known_from(fitted: Fit, *, anew: str = "") -> Known:
     for i, number in enumerate(fitted.numbers):
         if number.name == anew and number.effect is None and information[i, i] > 0.0:
             information = information - np.outer(information[:, i], information[i]) / information[i, i]
-    values = np.array([fitted.point.value(number, i) for i, number in enumerate(fitted.numbers)])
+    values = fitted.point.values(fitted.numbers)
     return Known(
         point=fitted.point,
         numbers=fitted.numbers,
@@ -53,7 +53,7 @@ def known_from(fitted: Fit, *, anew: str = "") -> Known:
 
 def nothing_known(point: Point, numbers: tuple[Free, ...]) -> Known:
     """A model whose numbers are free: none of them is paid for."""
-    values = np.array([point.value(number, i) for i, number in enumerate(numbers)])
+    values = point.values(numbers)
     errors = np.array([_SMALL * _size(number, value) for number, value in zip(numbers, values.tolist(), strict=True)])
     return Known(
         point=point,

@@ -118,9 +118,7 @@ def _towards(problem: Problem, nearest: Fit, moved: Fit, most: float) -> Fit:
     if there.squares <= most:
         return there
     numbers = nearest.numbers
-    begin, end = (
-        np.array([one.point.value(number, i) for i, number in enumerate(numbers)]) for one in (nearest, moved)
-    )
+    begin, end = (one.point.values(numbers) for one in (nearest, moved))
 
     def at(share: float) -> Fit:
         point = nearest.point.moved(numbers, begin + share * (end - begin))

@@ -116,7 +116,7 @@ class Fit:
     def step_left(self) -> FloatArray:
         """The step (p,) that its numbers would take next, within their bounds; nearly zero where it came to its end."""
         information, gradient, *_ = self.products.of(self.fitted)
-        values = np.array([self.point.value(number, i) for i, number in enumerate(self.numbers)])
+        values = self.point.values(self.numbers)
         return _inside(self.point, self.numbers, values, information, gradient)
 
     def robust_covariance(self, step: IntArray) -> FloatArray:
@@ -161,7 +161,7 @@ def fit(
     damping = 0.0
     for _ in range(rounds):
         information, gradient, total, rows = products.of(fitted)
-        values = np.array([point.value(number, i) for i, number in enumerate(numbers)])
+        values = point.values(numbers)
         damped = information + damping * np.diag(np.diag(information))
         step = _inside(point, numbers, values, damped, gradient)
         variance = max(total / max(rows, 1.0), 1e-300)
@@ -211,7 +211,7 @@ def _inside(
     """The step; a number that stands at a bound and would go beyond holds still, and the others go their own way."""
     step = solve(information, gradient)
     moved = point.moved(numbers, values + step)
-    here = np.array([point.value(number, i) for i, number in enumerate(numbers)])
+    here = point.values(numbers)
     there = np.array([moved.value(number, i) for i, number in enumerate(numbers)])
     free = (there != here) | (step == 0.0)
     if free.all():
@@ -287,7 +287,7 @@ def _derivatives(
     """Derivatives of the prediction by all numbers, shape (n, p), and of what is compared beside it, shape (w, p)."""
     derivatives = np.empty((predicted.size, len(numbers)), order="F")
     turned = np.empty((beside.size, len(numbers)))
-    values = np.array([point.value(number, i) for i, number in enumerate(numbers)])
+    values = point.values(numbers)
 
     def fill(i: int) -> None:
         number = numbers[i]

@@ -39,6 +39,11 @@ class NoiseModel:
     level: float
     found: Mapping[str, Noisy] = field(default_factory=dict)
 
+    @property
+    def pure_error(self) -> float:
+        """Deviation of an innovation where nothing but the white noise is left."""
+        return self.level * self.whitener.innovation
+
     @classmethod
     def of(cls, problem: Problem) -> Self:
         """White noise of one size on all usable rows."""

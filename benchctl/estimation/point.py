@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect, Parameter
 
@@ -56,6 +58,10 @@ class Point:
             return float(self.baseline[index])
         value = float(getattr(self.effects[number.effect], number.name))
         return math.log(max(value, _SMALLEST)) if _in_logarithms(number) else value
+
+    def values(self, numbers: Sequence[Free]) -> FloatArray:
+        """The present values of free numbers, each in the scale in which it is moved, shape (p,)."""
+        return np.array([self.value(number, i) for i, number in enumerate(numbers)])
 
     def moved(self, numbers: Sequence[Free], values: FloatArray) -> Point:
         """The model with its free numbers at other values, each kept within its bounds."""

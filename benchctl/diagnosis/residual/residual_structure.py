@@ -247,7 +247,7 @@ def of_the_motion(*coordinates: str) -> bool:
 
 
 def is_owed(rest: ResidualStructure, gain: float) -> bool:
-    """Whether what is left is so little beside what gains so much that it may be what its model misses."""
+    """Whether what is left is so small beside the gain of a finding that it may be what the finding misses."""
     return gain >= _OWED * rest.gain
 
 

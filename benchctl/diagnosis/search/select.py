@@ -419,7 +419,7 @@ class _Search(Models):
 
     def _beyond_noise(self, present: Fit) -> float:
         """The share of what a model leaves that is no pure error."""
-        noise = self._noise.level * self._noise.whitener.innovation
+        noise = self._noise.pure_error
         return 1.0 - min(noise / present.deviation, 1.0) ** 2
 
     def _hidden(self, present: Fit, screening: Screening) -> list[Scored]:
@@ -500,8 +500,8 @@ class _Search(Models):
     def _two_for_one(self, present: Fit) -> Fit | None:
         """The model with two effects in place of one that stands for both badly, where they do clearly better.
 
-        Asked only where more than pure error is left: beside the one that stands for it neither of the two shows. Nor
-        may it do as well beside either of them, which would then be missing, and the other stand for it.
+        Asked only where more than pure error is left: beside that one effect neither of the two shows. The one must not
+        do as well with either of the two beside it: then only that effect is missing, and the one stays.
         """
         least = self._least(present)
         if self._beyond_noise(present) < -math.expm1(-least / present.rows):  # as much as could be gained is too little

@@ -183,8 +183,7 @@ def with_jumps(problem: GyroProblem, chosen: Selection) -> tuple[Selection, tupl
     found: list[Structure] = []
     looked = 2.0 * math.log(chosen.after.rows)
     clock = clock_s(problem)
-    noise = chosen.noise.level * chosen.whitener.innovation
-    for begun in encoder_jumps(problem, pull_of(problem, chosen.whitener, chosen.whole), noise):
+    for begun in encoder_jumps(problem, pull_of(problem, chosen.whitener, chosen.whole), chosen.noise.pure_error):
         step = int(problem.step[min(int(np.searchsorted(clock, begun.values["at"])), clock.size - 1)])
         if chosen.heldout[step]:
             held = _with_jump_held_out(problem, chosen, begun, looked)
