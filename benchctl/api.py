@@ -245,10 +245,16 @@ class Fitted:
         return self.says
 
 
-def fit(recordings: Source | Iterable[Source], *, out: str | PathLike[str] | None = None) -> Fitted:
+def fit(
+    recordings: Source | Iterable[Source],
+    *,
+    out: str | PathLike[str] | None = None,
+    model: str | PathLike[str] | None = None,
+) -> Fitted:
     """Fit the two-stage calibration and the joint one to a recording, or to several of one unit.
 
-    With `out`, `coefficients.json` and `report.html` are written there; without, nothing is.
+    With `out`, `coefficients.json` and `report.html` are written there; without, nothing is. The structures without a
+    name in a diagnosis' `model` file are taken off the output first, and become part of the coefficients.
 
     Raises
     ------
@@ -262,7 +268,7 @@ def fit(recordings: Source | Iterable[Source], *, out: str | PathLike[str] | Non
     >>> f"{fitted.K0_v_per_dps:.3f} V/(deg/s)", sorted(fitted.files)
     ('0.050 V/(deg/s)', ['coefficients', 'report'])
     """
-    found = calibrated(paths_of(recordings, "fitted"))
+    found = calibrated(paths_of(recordings, "fitted"), None if model is None else Path(model))
     written: dict[str, Path] = {}
     if out is not None:
         folder = Path(out)

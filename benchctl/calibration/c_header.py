@@ -15,10 +15,14 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from benchctl.atomic import whole_file
+from benchctl.calibration.c_structures import c_structures
 from benchctl.calibration.compensating import Compensation, self_test_points, tolerance_dps
+from benchctl.calibration.discovered import CONVERGED as CONVERGED_RATE
+from benchctl.calibration.discovered import FEWEST_TURNS, PLAIN_TURNS, TURNS
 from benchctl.calibration.model import CONVERGED, FLATTEST, STEEPEST, STEPS, AppliedLaw, reach
 from benchctl.limits import cut
 from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.structure_places import LEAST_TURNING_DPS
 
 _LONGEST = 200
 """Longest text in characters; C99 compilers need not accept a string of more than 4095 bytes."""
@@ -205,6 +209,12 @@ def c_header(compensation: Compensation) -> str:
         FLATTEST=FLATTEST,
         CONVERGED=CONVERGED,
         STEPS=STEPS,
+        structures=c_structures(law.discovered),
+        TURNS=TURNS,
+        PLAIN_TURNS=PLAIN_TURNS,
+        FEWEST_TURNS=FEWEST_TURNS,
+        CONVERGED_RATE=CONVERGED_RATE,
+        LEAST_TURNING_DPS=LEAST_TURNING_DPS,
     )
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from benchctl.calibration.discovered import NOT_TAKEN_OFF, Discovered
 from benchctl.calibration.free_motion import FreeMotionFit, fit_free_motion_of
 from benchctl.calibration.joint import THERMAL_LAG
 from benchctl.calibration.laws_fit import fit_laws, law_of, only_free_motion
@@ -64,6 +65,12 @@ def _calibrate(steps: Iterable[Step | StoredStep], meta: Meta, options: Calibrat
     polls: list[tuple[FloatArray, FloatArray]] = []
     looked_at = _looked_at(steps, meta, free, polls, warnings)
     reduced = sorted(reduce_steps(looked_at, meta), key=lambda step: step.info.t_start)
+    if options.discovered:
+        reduced = _without_structures(reduced, options.discovered)
+        notes += [
+            f"Taken off the output before the fit: {one.says()}" for one in options.discovered.structures.values()
+        ]
+        warnings += [f"{name} is not taken off the output: {NOT_TAKEN_OFF}." for name in options.discovered.left]
     latitude = options.latitude_deg if options.latitude_deg is not None else meta.bench.latitude_deg
     bench = replace(meta.bench, latitude_deg=latitude)
     earth = earth_rate_dps(latitude)
@@ -136,11 +143,23 @@ def _calibrate(steps: Iterable[Step | StoredStep], meta: Meta, options: Calibrat
         ),
         smoother=_smoother(fitted, meta),
         free_motion=max(free, key=lambda fit: fit.clusters) if free else None,
+        discovered=options.discovered,
         samples=sum(step.samples for step in reduced),
         samples_masked=masked,
         warnings=tuple(warnings),
         notes=tuple(notes),
     )
+
+
+def _without_structures(steps: Sequence[ReducedStep], discovered: Discovered) -> list[ReducedStep]:
+    if discovered.needs_temperature and not all(np.isfinite(step.temperature_c).all() for step in steps):
+        raise UsageError(
+            "a structure over the gyro's temperature cannot be taken off where no thermistor was recorded; "
+            "fit without --model"
+        )
+    return [
+        replace(step, output_v=discovered.taken_off(step.output_v, step.rate_dps, step.temperature_c)) for step in steps
+    ]
 
 
 def _stage_one(

@@ -26,6 +26,7 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -33,6 +34,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from benchctl.atomic import whole_file
+from benchctl.calibration.discovered import discovered_in
 from benchctl.calibration.free_motion import FreeMotionFit
 from benchctl.calibration.model import AppliedLaw, Factors
 from benchctl.calibration.result import CalibrationResult, JointFit, Parameter, PolynomialFactor, Stage
@@ -97,6 +99,11 @@ class _Source(_Part):
     digest: str
 
 
+class _Discovered(_Part):
+    U0_v: float
+    structures: Annotated[dict[str, dict[str, float]], Field(max_length=_MOST_STAGES)]
+
+
 class Coefficients(_Part):
     """What compensation needs of the file's content; everything else in it is free."""
 
@@ -113,6 +120,7 @@ class Coefficients(_Part):
     source: Annotated[list[_Source], Field(max_length=_MOST_SOURCES)] = []
     error_percent: dict[str, float | None] = {}
     earth_rate_dps: float = 0.0
+    discovered: _Discovered | None = None
 
 
 def checked(content: Mapping[str, Any], where: str) -> Coefficients:
@@ -132,7 +140,8 @@ def applied_law(found: Coefficients, by: By) -> AppliedLaw:
         )
     if found.T0_c is None and law.knows_temperature:
         raise UsageError("T0_c is null, though the law depends on the temperature; write it with `benchctl fit`")
-    return law
+    beside = found.discovered
+    return law if beside is None else replace(law, discovered=discovered_in(beside.U0_v, beside.structures))
 
 
 def is_of_law(name: str, law: AppliedLaw) -> bool:
@@ -233,6 +242,8 @@ def coefficients(result: CalibrationResult, source: Sequence[tuple[str, str]]) -
         "warnings": list(result.warnings),
         "notes": list(result.notes),
     }
+    if result.discovered:
+        content["discovered"] = result.discovered.as_json()
     finite: dict[str, Any] = _finite(content)
     return finite
 

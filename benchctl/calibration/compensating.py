@@ -11,6 +11,7 @@ for programs that read JSON, without the details of the fit:
 | `U0_T` | coefficients of ΔT, ΔT², … of the bias, V/°C^i |
 | `S_rad_per_dps` | of the sine, else null |
 | `stages` | list: `k_T` (of ΔT, ΔT², …) and `k_omega` (of ω², ω⁴, …), as the formula uses them |
+| `discovered` | what is taken off U first, where a diagnosis found it: see below |
 | `delay_s` | a rate belongs to its output's time less this |
 | `earth_rate_dps` | the part of the sensed rate that is the Earth's, where the calibration's latitude was known |
 | `valid` | ranges `rate_dps` and `temperature_c` that were measured; null: not written down |
@@ -19,6 +20,10 @@ for programs that read JSON, without the details of the fit:
 | `unit`, `output_unit` | serial; the output's unit where it is not V, as the names say, but a rate |
 | `source`, `coefficients_sha256` | digests of the recordings that were fitted, and of the file |
 | `self_test` | `columns`, `points` and `tolerance_dps`: a program that misses a point by more is wrong |
+
+`discovered` is there where structures without a name are compensated, too: `U0_v`, and a list `structures` with `name`,
+`acts_on` (`scale` or `bias`), `over` and `times` (coordinates), `formula` and `parameters`. In the `formula` of a law
+U stands for what is left of the output: U0_v + (U − Σ f_bias − U0_v)/Π(1 + f_scale), at the rate that comes of it.
 """
 
 from __future__ import annotations
@@ -35,6 +40,7 @@ import numpy as np
 
 from benchctl.atomic import whole_file
 from benchctl.calibration.coefficients import By, Coefficients, applied_law, checked, coefficients_in, is_of_law
+from benchctl.calibration.discovered import Discovered
 from benchctl.calibration.model import AppliedLaw
 from benchctl.calibration.result import ValidRange
 from benchctl.documents import json_document
@@ -44,6 +50,7 @@ from benchctl.recordings.reader import Recording
 from benchctl.recordings.writer import write_recording
 from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.structure_shapes import SHAPES
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,6 +156,7 @@ TOLERANCE = 1e-9
 
 _RATES, _TEMPERATURES = 7, 5
 _RATES_ALONE = 25
+_FINE = 15
 _REACHED = 1e-6
 _ROOM_C = 20.0
 
@@ -168,7 +176,7 @@ def tolerance_dps(compensation: Compensation) -> float:
 
 
 def self_test_points(compensation: Compensation) -> list[SelfTestPoint]:
-    """A grid over the valid range with its corners, 35 points; at one temperature 25.
+    """A grid over the valid range with its corners, 35 points; at one temperature 25; 225 beside structures.
 
     Raises `UsageError` where the law has no output for a rate in it: then it was not measured there.
     """
@@ -177,8 +185,9 @@ def self_test_points(compensation: Compensation) -> list[SelfTestPoint]:
     if not (math.isfinite(coldest) and math.isfinite(warmest)):
         coldest = warmest = law.T0_c or _ROOM_C
     several = warmest > coldest
-    temperatures = np.linspace(coldest, warmest, _TEMPERATURES if several else 1)
-    rates = np.linspace(*valid.rate_dps, _RATES if several else _RATES_ALONE)
+    fine = bool(law.discovered)  # what happens at one place must show
+    temperatures = np.linspace(coldest, warmest, (_FINE if fine else _TEMPERATURES) if several else 1)
+    rates = np.linspace(*valid.rate_dps, _FINE if fine else _RATES if several else _RATES_ALONE)
     rate_dps, celsius = (grid.ravel() for grid in np.meshgrid(rates, temperatures))
     volts = law.volts(rate_dps, celsius)
     given = law.rate_dps(volts, celsius)
@@ -334,6 +343,7 @@ def compensation_json(compensation: Compensation) -> dict[str, Any]:
         "U0_T": list(law.bias),
         "S_rad_per_dps": law.S_rad_per_dps if law.name == "sine" else None,
         "stages": [{"k_T": list(stage.k_t), "k_omega": list(stage.k_omega)} for stage in law.stages],
+        **({"discovered": _written(law.discovered)} if law.discovered else {}),
         "delay_s": law.delay_s,
         "earth_rate_dps": compensation.earth_rate_dps,
         "valid": {
@@ -350,6 +360,21 @@ def compensation_json(compensation: Compensation) -> dict[str, Any]:
             "tolerance_dps": tolerance_dps(compensation),
         },
     }
+
+
+def _written(discovered: Discovered) -> dict[str, Any]:
+    structures = [
+        {
+            "name": name,
+            "acts_on": one.acts_on,
+            "over": one.over,
+            "times": one.times,
+            "formula": SHAPES[one.shape].written(one.over, one.times),
+            "parameters": one.values,
+        }
+        for name, one in discovered.structures.items()
+    ]
+    return {"U0_v": discovered.U0_v, "structures": structures}
 
 
 def export_json(compensation: Compensation, path: Path) -> None:

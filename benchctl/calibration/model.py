@@ -23,11 +23,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
+from benchctl.calibration.discovered import Discovered
 from benchctl.calibration.result import Argument, Convention
 from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.errors import UsageError
@@ -183,7 +184,7 @@ class AppliedLaw:
     """One of the laws above; `bias` are the c_i [V/°C^i], `S_rad_per_dps` is 0 where the law is no sine.
 
     A sine has `k_t` alone, in one stage, as a response has its factors. The rate is that at the output's stamp less
-    `delay_s`.
+    `delay_s`. What was `discovered` beside the law is taken off the output first.
     """
 
     name: LawName
@@ -194,14 +195,21 @@ class AppliedLaw:
     S_rad_per_dps: float
     stages: tuple[Factors, ...]
     delay_s: float
+    discovered: Discovered = field(default_factory=Discovered)
 
     @property
     def knows_temperature(self) -> bool:
-        """Whether the rate depends on the temperature at all."""
+        """Whether the law depends on the temperature at all."""
         return bool(self.bias) or any(stage.k_t for stage in self.stages)
 
     def rate_dps(self, volts: FloatArray, celsius: FloatArray) -> FloatArray:
         """Sensed rate [°/s] of outputs [V] at temperatures [°C], of one shape (n,); NaN where the law has no rate."""
+        if self.discovered:
+            return self.discovered.rate_dps(volts, celsius, self._rate_dps)
+        return self._rate_dps(volts, celsius)
+
+    def _rate_dps(self, volts: FloatArray, celsius: FloatArray) -> FloatArray:
+        """The same of an output in which nothing is but the law."""
         with np.errstate(all="ignore"):
             dt = celsius - self.T0_c
             x = (volts - self.U0_v - bias(self.bias, dt)) / self.K0_v_per_dps
@@ -224,12 +232,13 @@ class AppliedLaw:
         low, high = np.zeros_like(rate_dps), 0.25 * np.abs(rate_dps)
 
         def short(indicated: FloatArray) -> BoolArray:
-            return np.abs(self.rate_dps(zero + step * indicated, celsius)) < np.abs(rate_dps)
+            return np.abs(self._rate_dps(zero + step * indicated, celsius)) < np.abs(rate_dps)
 
         for _ in range(_WIDENINGS):
             high = np.where(short(high), _WIDER * high, high)
         _bisect(short, low, high)
-        return np.asarray(zero + step * low)
+        law_v = np.asarray(zero + step * low)
+        return self.discovered.volts(law_v, rate_dps, celsius) if self.discovered else law_v
 
 
 def _bisect(short: Callable[[FloatArray], BoolArray], low: FloatArray, high: FloatArray) -> None:

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from benchctl.calibration.discovered import Discovered
 from benchctl.calibration.free_motion import FreeMotionFit
 from benchctl_instruments.arrays import BoolArray, FloatArray, IntArray
 from benchctl_instruments.errors import UsageError
@@ -27,7 +28,7 @@ class CalibrationOptions:
     one nearest to 20 °C. `law` chooses
     the joint fit: `auto` fits sine and polynomial and prefers what the fitted runs prefer. `choose_orders` picks the
     joint polynomial's orders by cross-validation over complete runs. `hold_out`: where no run is marked `verify`, keep
-    some aside.
+    some aside. `discovered` is taken off the output first.
     """
 
     T0_c: float | None = None
@@ -40,6 +41,7 @@ class CalibrationOptions:
     encoder_errors: bool = True
     hold_out: bool = True
     latitude_deg: float | None = None
+    discovered: Discovered = field(default_factory=Discovered)
 
     def __post_init__(self) -> None:
         for name, orders in (
@@ -311,6 +313,8 @@ class CalibrationResult:
     smoother: SmootherFacts | None
     free_motion: FreeMotionFit | None = None
     """Fit in angle of the longest run in free motion (no stated frequency), where there is one."""
+    discovered: Discovered = field(default_factory=Discovered)
+    """What was taken off the output first; all that is said here is of the rest."""
     samples: int
     samples_masked: int
     warnings: tuple[str, ...]

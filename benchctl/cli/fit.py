@@ -5,24 +5,29 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from benchctl.cli.output import JsonOption, QuietOption, RecordingsArgument, out_option, result_of
+from benchctl.cli.output import JsonOption, QuietOption, RecordingsArgument, out_option, result_of, toml_option
 
 
 def fit(
     recordings: RecordingsArgument,
+    model: Annotated[
+        Path | None,
+        toml_option("--model", "A diagnosis' model.toml: its structures without a name are compensated, too."),
+    ] = None,
     out: Annotated[Path | None, out_option("Where to write; default: beside the first recording.")] = None,
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
     """Fit the two-stage calibration and the joint one: `coefficients.json` and `report.html`.
 
-    Example: `benchctl fit results/20261120-180000_two_stage_SIM-0001`
+    Example: `benchctl fit results/20261120-180000_two_stage_SIM-0001`,
+    `benchctl fit recording.h5 --model diagnosis/model.toml`
     """
     from benchctl.recordings.campaign_manifest import add_to_manifest
     from benchctl.reports.fitting import fit_recordings
 
     with result_of("fit", json_to, quiet) as result:
-        fitted = fit_recordings(recordings, out)
+        fitted = fit_recordings(recordings, out, model)
         written = [fitted.values["coefficients"], fitted.values["report"]]
         add_to_manifest(written[0].parent, written)
         result.values |= fitted.values

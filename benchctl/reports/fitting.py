@@ -9,8 +9,10 @@ from typing import Any
 
 from benchctl.calibration.calibrate import calibrate
 from benchctl.calibration.coefficients import coefficients, points_coefficients, write_coefficients
-from benchctl.calibration.result import CalibrationResult
+from benchctl.calibration.discovered import Discovered, discovered_of
+from benchctl.calibration.result import CalibrationOptions, CalibrationResult
 from benchctl.calibration.static_points_fit import StaticPointsResult, fit_static_points
+from benchctl.model_file import read_model
 from benchctl.recordings.reader import Recording, join
 from benchctl.recordings.static_points import KIND, StaticPoints
 from benchctl.recordings.verify import opened_unchanged
@@ -55,47 +57,61 @@ class Calibrated:
         )
 
 
-def fit_recordings(paths: Sequence[Path], out: Path | None = None) -> WrittenFit:
+def fit_recordings(paths: Sequence[Path], out: Path | None = None, model: Path | None = None) -> WrittenFit:
     """Calibrate on one recording, or on several of one unit, and write `coefficients.json` and `report.html`.
 
-    They land in `out`, by default beside the first recording: in its folder where it is one.
+    They land in `out`, by default beside the first recording: in its folder where it is one. The structures without a
+    name that a `model` file holds are taken off the output first, and become part of the coefficients.
 
     Raises
     ------
     UsageError
-        Where a recording cannot be read or fitted or was changed, the recordings are of different units, or nothing can
-        be written.
+        Where a recording cannot be read or fitted or was changed, the recordings are of different units, the model has
+        nothing that can be taken off, or nothing can be written.
     """
+    beside = _taken_off(model)
     with opened_unchanged(paths, "fitted") as recordings:
         joined = join(recordings)
         folder = out if out is not None else _beside(paths[0])
         if not may_be_made(folder):
             make_folder(folder)  # says why, before any work
-        found = _calibrated(joined, recordings)
+        found = _calibrated(joined, recordings, beside)
     return found.write(folder)
 
 
-def calibrated(paths: Sequence[Path]) -> Calibrated:
-    """Calibrate on one recording, or on several of one unit, and write nothing.
+def calibrated(paths: Sequence[Path], model: Path | None = None) -> Calibrated:
+    """The same, but nothing is written.
 
     Raises
     ------
     UsageError
-        Where a recording cannot be read or fitted or was changed, or the recordings are of different units.
+        As above.
     """
+    beside = _taken_off(model)
     with opened_unchanged(paths, "fitted") as recordings:
-        found = _calibrated(join(recordings), recordings)
+        found = _calibrated(join(recordings), recordings, beside)
     return found
 
 
-def _calibrated(joined: Recording, recordings: Sequence[Recording]) -> Calibrated:
+def _taken_off(model: Path | None) -> Discovered:
+    if model is None:
+        return Discovered()
+    try:
+        return discovered_of(read_model(model))
+    except UsageError as err:
+        raise UsageError(f"--model {model}: {err}") from err
+
+
+def _calibrated(joined: Recording, recordings: Sequence[Recording], beside: Discovered) -> Calibrated:
     if any(info.kind == KIND for recording in recordings for info in recording.infos):
+        if beside:
+            raise UsageError("--model: from a table of static points nothing is taken off; fit it without")
         return _fit_points(recordings)
-    return _fit_runs(joined, recordings)
+    return _fit_runs(joined, recordings, beside)
 
 
-def _fit_runs(joined: Recording, recordings: Sequence[Recording]) -> Calibrated:
-    result = calibrate(joined.stored_steps(), joined.meta)
+def _fit_runs(joined: Recording, recordings: Sequence[Recording], beside: Discovered) -> Calibrated:
+    result = calibrate(joined.stored_steps(), joined.meta, CalibrationOptions(discovered=beside))
     meta, infos = joined.meta, joined.infos
     digest = ", ".join(source_digest(recording) for recording in recordings)
     content = _with_stated(coefficients(result, _sources(recordings)))
@@ -113,6 +129,7 @@ def _fit_runs(joined: Recording, recordings: Sequence[Recording]) -> Calibrated:
             },
         },
         "warnings": list(result.warnings),
+        **({"discovered": content["discovered"]} if "discovered" in content else {}),
     }
     return Calibrated(
         content=content,
@@ -181,6 +198,7 @@ def _in_words(result: CalibrationResult) -> str:
     lines.append(f"two stages, after {last.stage.name}: {told}")
     lines.append(f"joint fit, law {result.best.law}, ± expanded uncertainty, [95 % interval by scatter alone]:")
     lines += [f"  {row.name} = {row.stated}  {row.interval}" for row in joint_coefficients(result.best)]
+    lines += [f"taken off the output before the fit: {one.says()}" for one in result.discovered.structures.values()]
     lines += [f"note: {warning}" for warning in result.warnings]
     return "\n".join(lines)
 

@@ -1,0 +1,170 @@
+"""What a diagnosis found and could not name, taken off the output where a law is fitted or applied.
+
+    V = U0 + (U − f_b − U0)/(1 + f_s)
+
+is the output that the law knows. f_s, of structures of the scale factor, and f_b [V], of those of the bias, are
+functions of what is known of a gyro in use: its temperature, its output, and the rate, which comes of the law itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from benchctl.limits import listed
+from benchctl.model_file import Model
+from benchctl_instruments.arrays import FloatArray
+from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.effects.effect import PhysicalEffect
+from benchctl_instruments.physics.effects.making import make_effects
+from benchctl_instruments.physics.structure_places import LEAST_TURNING_DPS
+from benchctl_instruments.physics.structures import Structure, structure_named
+
+TURNS, PLAIN_TURNS, FEWEST_TURNS = 200, 20, 2
+"""The rate is looked for in so many turns at most, of which so many are whole ones, and so few at least."""
+CONVERGED = 1e-12
+"""The last turn, relative to a rate of 1 °/s and more."""
+MEASURED = ("gyro_temp", "rate", "abs_rate", "rate_sign", "output")
+"""Coordinates that are known where a gyro is used."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Discovered:
+    """Structures of a scale factor and of a bias by name; `U0_v` is the output from which a scale factor counts.
+
+    `left` are the names of those that a model has beside them and that cannot be taken off.
+    """
+
+    U0_v: float = 0.0
+    structures: Mapping[str, Structure] = field(default_factory=dict)
+    left: tuple[str, ...] = ()
+
+    def __bool__(self) -> bool:
+        """Whether there is anything to take off."""
+        return bool(self.structures)
+
+    @property
+    def needs_temperature(self) -> bool:
+        """Whether a structure depends on the temperature."""
+        return any("gyro_temp" in (one.over, one.times) for one in self.structures.values())
+
+    def volts(self, law_v: FloatArray, rate_dps: FloatArray, celsius: FloatArray) -> FloatArray:
+        """The output [V] where the law puts out `law_v` at sensed rates and temperatures; arrays of one shape (n,)."""
+        scale, _ = self._changes(rate_dps, celsius, law_v)
+        scaled = self.U0_v + (law_v - self.U0_v) * scale
+        return scaled + self._changes(rate_dps, celsius, scaled)[1]
+
+    def taken_off(self, volts: FloatArray, rate_dps: FloatArray, celsius: FloatArray) -> FloatArray:
+        """The output that the law knows, where the rates are known; arrays of one shape (n,)."""
+        before = law_v = volts
+        for _ in range(PLAIN_TURNS if any(one.over == "output" for one in self.structures.values()) else 1):
+            before, law_v = self._taken_off(volts, rate_dps, celsius, before)
+        return law_v
+
+    def rate_dps(
+        self, volts: FloatArray, celsius: FloatArray, law: Callable[[FloatArray, FloatArray], FloatArray]
+    ) -> FloatArray:
+        """The sensed rate of outputs at temperatures by a law of what is left of them; arrays of one shape (n,).
+
+        What depends on the rate is taken off at the rate of the turn before, at first at rest. Where an output belongs
+        to two rates, or to none, as it may within a step over the rate, it is one nearby.
+        """
+        rate, before = np.zeros_like(volts), volts
+        with np.errstate(all="ignore"):
+            for turn in range(TURNS):
+                before, law_v = self._taken_off(volts, rate, celsius, before)
+                following = law(law_v, celsius)
+                moved = np.abs(following - rate) > CONVERGED * (1.0 + np.abs(following))
+                rate = following if turn < PLAIN_TURNS else 0.5 * (rate + following)
+                if turn + 1 >= FEWEST_TURNS and not moved.any():
+                    break
+        return rate
+
+    def _taken_off(
+        self, volts: FloatArray, rate_dps: FloatArray, celsius: FloatArray, before: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """The output before the bias's structures, which was taken to be `before`, and that before all of them."""
+        scale, bias_v = self._changes(rate_dps, celsius, before)
+        before = volts - bias_v
+        return before, self.U0_v + (before - self.U0_v) / scale
+
+    def _changes(
+        self, rate_dps: FloatArray, celsius: FloatArray, output_v: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """By what the scale factor is multiplied, and what is added to the bias [V]."""
+        turning = np.abs(rate_dps) >= LEAST_TURNING_DPS
+        coordinates = {
+            "gyro_temp": celsius,
+            "rate": rate_dps,
+            "abs_rate": np.abs(rate_dps),
+            "rate_sign": np.where(turning, np.sign(rate_dps), 0.0),
+            "output": output_v,
+        }
+        scale, bias_v = np.ones_like(rate_dps), np.zeros_like(rate_dps)
+        for one in self.structures.values():
+            change = one.value_at(coordinates[one.over])
+            if one.times:
+                change = change * coordinates[one.times]
+            if one.acts_on == "scale":
+                scale = scale * (1.0 + change)
+            else:
+                bias_v = bias_v + change
+        return scale, bias_v
+
+    def as_json(self) -> dict[str, object]:
+        """As `coefficients.json` has it."""
+        return {"U0_v": self.U0_v, "structures": {name: one.values for name, one in self.structures.items()}}
+
+
+def discovered_in(U0_v: float, tables: Mapping[str, Mapping[str, float]]) -> Discovered:
+    """Structures by their identifiers and parameters.
+
+    Raises
+    ------
+    UsageError
+        One is no structure, has other parameters, or cannot be taken off.
+    """
+    found = {}
+    for name, values in tables.items():
+        effect = make_effects({name: values}, where="discovered")[0]
+        if not (isinstance(effect, Structure) and _is_compensable(effect)):
+            raise UsageError(f"[discovered.{name}] {NOT_TAKEN_OFF}; take it out")
+        found[name] = effect
+    return Discovered(U0_v=U0_v, structures=found)
+
+
+def discovered_of(model: Model) -> Discovered:
+    """The structures of a model that can be taken off; it knows which ones cannot.
+
+    Raises
+    ------
+    UsageError
+        Where none can be, or the model does not say from which output its scale factor counts.
+    """
+    structures = {name: values for name, values in model.effects.items() if structure_named(name) is not None}
+    if not structures:
+        raise UsageError("has no table [discovered.…], of a structure without a name; benchctl diagnose writes it")
+    left = tuple(name for name, values in structures.items() if not _is_compensable(make_effects({name: values})[0]))
+    if len(left) == len(structures):
+        raise UsageError(f"{listed(left)}: {NOT_TAKEN_OFF}; fit without it")
+    U0_v = (model.simulation or {}).get("U0_v")
+    if U0_v is None:
+        raise UsageError("[simulation] U0_v is missing, expected the output at rest, from which a scale factor counts")
+    kept = {name: values for name, values in structures.items() if name not in left}
+    return replace(discovered_in(float(U0_v), kept), left=left)
+
+
+NOT_TAKEN_OFF = (
+    "only a structure of the scale factor or the bias can be taken off, over what is known where a gyro is used "
+    f"({', '.join(MEASURED)}) and without memory"
+)
+
+
+def _is_compensable(one: PhysicalEffect) -> bool:
+    if not isinstance(one, Structure):
+        return False
+    known = {one.over, one.times} - {""} <= set(MEASURED)
+    of_output = "output" in (one.over, one.times) and one.acts_on == "scale"
+    return one.pointwise and one.acts_on in ("scale", "bias") and known and not of_output
