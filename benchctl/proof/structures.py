@@ -73,6 +73,7 @@ SHAPE_CLASSES: Mapping[str, str] = {
     "cubic": "curve",
     "spline6": "curve",
     "spline12": "curve",
+    "spline24": "curve",
     "sawtooth": "wave",
     "rectified": "wave",
     "chirp": "wave",

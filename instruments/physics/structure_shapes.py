@@ -331,7 +331,7 @@ SHAPES: Mapping[str, Shape] = {
         ),
         memory="backlash",
     ),
-    **{f"spline{knots}": _spline(knots) for knots in (6, 12)},
+    **{f"spline{knots}": _spline(knots) for knots in (6, 12, 24)},
     "memory": Shape(
         sizes={"c1": 1},
         formula="c1·y, τ·dy/dt = {x} − y, τ = tau",

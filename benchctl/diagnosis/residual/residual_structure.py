@@ -153,20 +153,20 @@ def residual_structure_of(problem: Problem, whitener: Whitens, fit: Fitted, *, s
     rows = fit.fitted[problem.step] & (weight > 0.0)
     white = ScoreTest(fit.white, fit.derivatives, rows)
     if is_plain(whitener, seed):
-        return _told(look(white, _groups(problem, fit, white), _weighted(weight)), 0.0)
+        return _told(problem, look(white, _groups(problem, fit, white), _weighted(weight)), 0.0)
     plain = ScoreTest(fit.residual * weight, fit.raw_derivatives * weight[:, None], rows)
     noise_gain = plain.freedom * math.log(max(plain.squares, 1e-300) / max(white.squares, 1e-300))
     structure = look(plain, _groups(problem, fit, plain), _weighted(weight))
     if _is_for_noise(structure, plain, whitener, noise_gain):
-        return replace(_told(structure, noise_gain), for_noise=True)
-    return _told(look(white, _groups(problem, fit, white, slow=True), _through(whitener)), noise_gain)
+        return replace(_told(problem, structure, noise_gain), for_noise=True)
+    return _told(problem, look(white, _groups(problem, fit, white, slow=True), _through(whitener)), noise_gain)
 
 
 def residual_structure_beside(problem: Problem, whitener: Whitens, fit: Fitted) -> ResidualStructure:
     """The same beside a disturbance that is known to be there, which the whitener makes white."""
     rows = fit.fitted[problem.step] & (whitener.weight > 0.0)
     white = ScoreTest(fit.white, fit.derivatives, rows)
-    return _told(look(white, _groups(problem, fit, white, slow=True), _through(whitener)), 0.0)
+    return _told(problem, look(white, _groups(problem, fit, white, slow=True), _through(whitener)), 0.0)
 
 
 def _is_for_noise(structure: View, plain: ScoreTest, whitener: Whitens, noise_gain: float) -> bool:
@@ -343,7 +343,7 @@ def _through(whitener: Whitens) -> Whitened:
     return whitened
 
 
-def _told(view: View, noise_gain: float) -> ResidualStructure:
+def _told(problem: Problem, view: View, noise_gain: float) -> ResidualStructure:
     threshold = threshold_of(len(view.looked))
     best = max(view.looked, key=_rank)
     significant = best.log_p < threshold
@@ -361,7 +361,7 @@ def _told(view: View, noise_gain: float) -> ResidualStructure:
         power=view.seen.drop / max(view.rows, 1.0),
         noise_gain=noise_gain,
         for_noise=False,
-        says=_says(best, named, ranges) if significant else "",
+        says=_says(best, named, ranges, problem.unit) if significant else "",
         looked=tuple(sorted(view.looked, key=_rank, reverse=True)),
         event=view.group if view.group.places > 1.0 else None,
     )
@@ -391,13 +391,14 @@ def _ranges(view: View) -> tuple[tuple[float, float], ...]:
     return ()
 
 
-def _says(best: Looked, named: tuple[str, ...], ranges: tuple[tuple[float, float], ...]) -> str:
+def _says(best: Looked, named: tuple[str, ...], ranges: tuple[tuple[float, float], ...], unit: str) -> str:
     where = _phrase(best.words[0])
     if ranges:
         words = best.words[0].split("*")
         word = next((one for one in words if one != "rate"), words[0])
         low, high = ranges[0]
-        where += f", most at {low:.3g} to {high:.3g} {COORDINATE_UNITS.get(word, '')}".rstrip()
+        unit = unit if word == "output" else COORDINATE_UNITS.get(word, "")
+        where += f", most at {low:.3g} to {high:.3g} {unit}".rstrip()
     others = [_phrase(word) for word in named if word not in best.words]
     beside = f" This recording does not part it from {' or '.join(others)}." if others else ""
     return (

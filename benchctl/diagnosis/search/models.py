@@ -34,7 +34,7 @@ which makes its gain scatter: a fit takes that away.
 """
 ALIKE = 0.01
 """In twice the log likelihood: what is no better than this is alike, and the digits of a sum do not choose."""
-_IMPERFECT = 0.02
+IMPERFECT = 0.02
 """Share of what an effect does by which its model may miss it: so much of its gain, squared, is left to others."""
 _ROUNDED = 0.01
 """Share of the rounding's variance that may follow the motion."""
@@ -114,7 +114,7 @@ class Models:
             self._bare = self._noise.whitener, self._fit(Point(baseline=beside.point.baseline)).light
         explained = max(gain_of(beside, self._bare[1]), 0.0) if beside.point.effects else 0.0
         rounded = _ROUNDED * beside.rows * self._rounding_v2 / beside.deviation**2
-        return (self._threshold or 0.0) + _IMPERFECT**2 * explained + rounded
+        return (self._threshold or 0.0) + IMPERFECT**2 * explained + rounded
 
     def _with(self, present: Fit, scored: Scored) -> Tried:
         more: DescribedEffect = scored.probe.start(scored.weights)

@@ -60,6 +60,7 @@ _ALONG = (
     "cubic",
     "spline6",
     "spline12",
+    "spline24",
 )
 _REMEMBERED = ("abs_rate", "rate", "rate_sign", "gyro_temp", "gyro_temp_rate", "setpoint")
 _BACKLASHES = np.geomspace(0.005, 0.4, 14)

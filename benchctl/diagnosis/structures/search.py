@@ -18,6 +18,7 @@ from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.residual.residual_structure import ResidualStructure, is_owed, residual_structure_of
 from benchctl.diagnosis.search.held_out import least_gain
+from benchctl.diagnosis.search.models import IMPERFECT
 from benchctl.diagnosis.search.pull import pull_of
 from benchctl.diagnosis.search.scans import clock_s
 from benchctl.diagnosis.search.scatter import scatter
@@ -100,9 +101,11 @@ def modelled(
     for _ in range(2 * most):  # of which some make others needless
         if len(found) == most or not rest.significant:
             break
-        owed = bool(found) and is_owed(rest, gain_of(chosen.after, bare))
+        explained = gain_of(chosen.after, bare) if found else 0.0
+        owed = bool(found) and is_owed(rest, explained)
         curved = {_kind(one.over) for one in found if one.is_smooth} if smooth else {*_KINDS.values(), _MOTION}
-        candidates = _candidates(problem, chosen, taken | (_followed(found) if owed else set()), curved)
+        ruled_out = taken | (_followed(found) if owed else set())
+        candidates = _candidates(problem, chosen, ruled_out, curved, IMPERFECT**2 * explained)
         if not candidates or (not found and max(one.gain for one in candidates) < worth):
             break
         best = max(candidates, key=lambda one: one.evidence)
@@ -111,6 +114,7 @@ def modelled(
             rates = [one for one in candidates if one.structure.over == "rate"]
             nearest = max(rates, key=lambda one: one.evidence, default=best)
             best = nearest if nearest.evidence > best.evidence - _TIE else best
+        best = _at_one_value(best, candidates)
         simple = _simplest(best, candidates)
         better = max((one for one in candidates if _alike(one, best)), key=lambda one: one.evidence)
         if simple is not better:
@@ -155,6 +159,25 @@ def _simplest(best: _Candidate, candidates: Sequence[_Candidate]) -> _Candidate:
         (one for one in alike if one.gain > _NEARLY * most),
         key=lambda one: (len(one.structure.parameters), -one.evidence),
     )
+
+
+def _at_one_value(best: _Candidate, candidates: Sequence[_Candidate]) -> _Candidate:
+    """Instead of two instants the one value of another coordinate that explains as much: no coincidence is needed."""
+    if best.structure.over != "time":
+        return best
+    fewer = [
+        one
+        for one in candidates
+        if one.structure.over != "time"
+        and _values(one.structure) < _values(best.structure)
+        and one.evidence > best.evidence - _TIE
+    ]
+    return max(fewer, key=lambda one: one.evidence, default=best)
+
+
+def _values(structure: Structure) -> int:
+    """At how many values of its coordinate something happens."""
+    return sum(one.role == "shape" and name != "width" for name, one in structure.parameters.items())
 
 
 def _alike(one: _Candidate, other: _Candidate) -> bool:
@@ -246,15 +269,18 @@ def _own(coordinate: str) -> list[str]:
     return [word for word in words if word != "rate"] or words
 
 
-def _candidates(problem: GyroProblem, chosen: Selection, taken: set[str], curved: set[str]) -> list[_Candidate]:
+def _candidates(
+    problem: GyroProblem, chosen: Selection, taken: set[str], curved: set[str], missed: float
+) -> list[_Candidate]:
     """Models with one structure more that hold on steps which they were not fitted to.
 
-    None over coordinates of the kinds that are `taken`, and no smooth curve over those that are `curved`.
+    None over coordinates of the kinds that are `taken`, and no smooth curve over those that are `curved`. So much of
+    what one gains may be what the structures before it have `missed`.
     """
     pulls = (pull_of(problem, chosen.whitener, one) for one in (chosen.after, chosen.whole))
     begun = begun_everywhere(problem, *pulls)
     begun = [one for one in begun if _kind(one.effect.over) not in taken | (curved if one.effect.is_smooth else set())]
-    looked = 2.0 * math.log(max(sum(one.places for one in begun), 1.0))
+    looked = 2.0 * math.log(max(sum(one.places for one in begun), 1.0)) + missed
     price = math.log(chosen.after.rows)
 
     def worth(one: Begun) -> float:
