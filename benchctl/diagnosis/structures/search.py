@@ -29,6 +29,7 @@ from benchctl.estimation.fit import Fit, Point, fit, gain_of
 from benchctl.estimation.point import at_bound
 from benchctl.signals.blocks import block_starts
 from benchctl_instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.physics.structure_shapes import SHAPES
 from benchctl_instruments.physics.structures import Structure, unmoved
 
 _NEAR_THE_BEST = 0.4
@@ -177,7 +178,8 @@ def _at_one_value(best: _Candidate, candidates: Sequence[_Candidate]) -> _Candid
 
 def _values(structure: Structure) -> int:
     """At how many values of its coordinate something happens."""
-    return sum(one.role == "shape" and name != "width" for name, one in structure.parameters.items())
+    shape = SHAPES[structure.shape]
+    return len({*shape.places, *shape.lengths} - {"width"})
 
 
 def _alike(one: _Candidate, other: _Candidate) -> bool:
