@@ -166,7 +166,7 @@ def _where_direction_is_known(
 ) -> tuple[Selection, Modelled] | None:
     """The same where it is known in which direction the table turned last, if that direction alone explains it all."""
     alone = found is not None and len(found[1].structures) == 1 and not found[1].left.significant
-    if alone or "rate_sign" not in unexplained.coordinates:
+    if alone or not {"rate_sign", "step"} & {*unexplained.coordinates}:
         return None
     rows = turned_unseen(problem.frame)
     rows = rows if problem.band is None else rows[problem.band.rows]
@@ -174,10 +174,16 @@ def _where_direction_is_known(
         return None
     known = leaving_out(problem, chosen, rows)
     rest = residual_structure_of(problem, known.whitener, known.after, seed=seed)
-    again = modelled(problem, known, rest, most=1, seed=seed)
-    if again is None or again.left.significant or again.structures[0].over != "last_sign":
-        return None
-    return known, again
+    beside = modelled(problem, known, rest, most=1, seed=seed)
+    if beside is not None and _of_last_direction(beside):
+        return known, beside
+    instead = instead_of_names(problem, known, left=True, seed=seed)
+    return instead if instead is not None and _of_last_direction(instead[1]) else None
+
+
+def _of_last_direction(found: Modelled) -> bool:
+    """Whether the direction of the last turn explains all."""
+    return not found.left.significant and found.structures[0].over == "last_sign"
 
 
 def _knowing(problem: GyroProblem, names: Collection[str], chosen: Selection) -> GyroProblem:

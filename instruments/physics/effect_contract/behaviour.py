@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -36,6 +36,8 @@ Promise = Callable[[Kind], None]
 
 _CUTS = ((1000,), (1, 2, 137, 138, 900, 1999))
 _LOST_AT = 900
+_MOST_TOGETHER = 10
+"""Of so many parameters every corner of the bounds is looked at."""
 _LOST_S = 300.0
 
 
@@ -162,11 +164,23 @@ def may_be_given_stretches_together_where_it_says_so(kind: Kind) -> None:
 def is_finite_at_its_bounds(kind: Kind) -> None:
     """At its bounds it gives numbers, and has something to say."""
     signals = sampled()
-    for values in itertools.product(*((p.low, p.high) for p in kind.parameters.values())):
+    for values in _corners(kind):
         made = kind.make(dict(zip(kind.parameters, values, strict=True)), CIRCUMSTANCES)
         for name, array in _outcome(made, signals).items():
             _require(bool(np.isfinite(array).all()), f"{name} is not finite at {made}")
         _require(bool(made.says()), f"it says nothing at {made}")
+
+
+def _corners(kind: Kind) -> Iterator[tuple[float, ...]]:
+    """All corners of its bounds; of very many those of all low and of all high ends, and some by lot."""
+    bounds = np.array([(p.low, p.high) for p in kind.parameters.values()])
+    if len(bounds) <= _MOST_TOGETHER:
+        yield from itertools.product(*bounds.tolist())
+        return
+    ends = np.random.default_rng(0).integers(0, 2, (2**_MOST_TOGETHER, len(bounds)))
+    ends[0], ends[1] = 0, 1
+    for some in ends:
+        yield tuple(bounds[np.arange(len(bounds)), some].tolist())
 
 
 def counts_its_time_from_the_start(kind: Kind) -> None:
