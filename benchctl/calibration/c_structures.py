@@ -29,6 +29,8 @@ _EXPRESSIONS: Mapping[str, str] = {
     "line": "{c1} * x",
     "parabola": "({c1} + {c2} * x) * x",
     "cubic": "({c1} + ({c2} + {c3} * x) * x) * x",
+    "rise": "{change} * exp(fmin((x - {high}) / {tau}, 0.0))",
+    "fall": "{change} * exp(fmin(({low} - x) / {tau}, 0.0))",
     "negative": "(x < 0.0 ? {change} : 0.0)",
     "positive": "(x > 0.0 ? {change} : 0.0)",
     "either": "(x != 0.0 ? {change} : 0.0)",

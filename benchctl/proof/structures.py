@@ -68,6 +68,8 @@ SHAPE_CLASSES: Mapping[str, str] = {
     "power": "kink",
     "power_below": "kink",
     "growth": "kink",
+    "rise": "kink",
+    "fall": "kink",
     "parabola": "curve",
     "curved": "curve",
     "cubic": "curve",

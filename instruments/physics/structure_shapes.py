@@ -164,6 +164,24 @@ def _power(side: str, sign: float, end: Literal["low", "high"], formula: str) ->
     )
 
 
+def _exponential(sign: float, end: Literal["low", "high"], formula: str, how: str) -> Shape:
+    """What grows towards an end of its range by a factor e each length; beyond that end it stays."""
+
+    def function(p: Mapping[str, float], x: FloatArray) -> FloatArray:
+        return np.asarray(p["change"] * np.exp(np.minimum(sign * (x - p[end]) / p["tau"], 0.0)))
+
+    return Shape(
+        lengths=("tau",),
+        ends=(end,),
+        formula=formula,
+        function=function,
+        says=lambda said: (
+            f"The {said.what} changes exponentially as {said.along} {how}, by a factor e each {said.place('tau')}: at"
+            f" {said.place(end)} it is {said.change()}."
+        ),
+    )
+
+
 def _polynomial(degree: int, name: str) -> Shape:
     """A polynomial without a constant."""
     names = [f"c{i + 1}" for i in range(degree)]
@@ -299,6 +317,8 @@ SHAPES: Mapping[str, Shape] = {
             f" {said.place('tau')}."
         ),
     ),
+    "rise": _exponential(1.0, "high", "change·exp(({x} − high)/tau)", "rises"),
+    "fall": _exponential(-1.0, "low", "change·exp((low − {x})/tau)", "falls"),
     "bursts": Shape(
         places=("at",),
         lengths=("period", "length"),

@@ -58,6 +58,8 @@ _ALONG = (
     "line",
     "parabola",
     "cubic",
+    "rise",
+    "fall",
     "spline6",
     "spline12",
     "spline24",
@@ -462,7 +464,7 @@ def _grid(over: str, shape: str, span: Span) -> Iterator[dict[str, float]]:
     elif shape == "wave":
         turns = [360.0 / order for order in range(1, 25)]
         yield from ({"period": period} for period in (turns if over == "angle" else (wide * _PERIODS).tolist()))
-    elif shape == "exponential":
+    elif shape in ("exponential", "rise", "fall"):
         yield from ({"tau": share * wide} for share in _SETTLING.tolist())
     else:
         yield {}

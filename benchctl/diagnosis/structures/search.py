@@ -87,25 +87,29 @@ def modelled(
     most: int = 3,
     smooth: bool = False,
     worth: float = 0.0,
+    bare: Fit | None = None,
     seed: int,
 ) -> Modelled | None:
     """The selection with what is left modelled by at most so many structures; None where no shape explains it.
 
     Shapes over coordinates along which one of the effects `apart_from` acts are not tried, and smooth curves only where
     they are asked for, one over coordinates of a kind: together they would follow anything. The first must gain what it
-    is `worth`. What is little beside what was found, and may be what its shape misses, is not modelled.
+    is `worth`. What is little beside what was found, and may be what its shape misses, is not modelled; `bare` is the
+    fit without structures where some are in the selection.
     """
     taken = {_kind(word) for effect in apart_from for word in _own(effect.coordinate)}
     found: list[Structure] = []
     ties: tuple[str, ...] = ()
-    bare = chosen.after
+    known = [one for one in chosen.after.point.effects if isinstance(one, Structure)] if bare is not None else []
+    bare = chosen.after if bare is None else bare
     for _ in range(2 * most):  # of which some make others needless
         if len(found) == most or not rest.significant:
             break
-        explained = gain_of(chosen.after, bare) if found else 0.0
-        owed = bool(found) and is_owed(rest, explained)
-        curved = {_kind(one.over) for one in found if one.is_smooth} if smooth else {*_KINDS.values(), _MOTION}
-        ruled_out = taken | (_followed(found) if owed else set())
+        before = [*known, *found]
+        explained = gain_of(chosen.after, bare) if before else 0.0
+        owed = bool(before) and is_owed(rest, max(explained, _as_gain(chosen, bare, rest)))
+        curved = {_kind(one.over) for one in before if one.is_smooth} if smooth else {*_KINDS.values(), _MOTION}
+        ruled_out = taken | (_followed(before) if owed else set())
         candidates = _candidates(problem, chosen, ruled_out, curved, IMPERFECT**2 * explained)
         if not candidates or (not found and max(one.gain for one in candidates) < worth):
             break
@@ -128,16 +132,23 @@ def modelled(
             words = dict.fromkeys(one.structure.word for one in near)
             ties = tuple(word for word in words if word != best.structure.word)
         chosen = _with(problem, chosen, best.fit)
-        before = found
+        first = found[:1]
         if any(type(one) is type(best.structure) for one in found):  # keys do not tell two of a kind apart
             found = [*found, best.structure]
         else:
             chosen, found = _pruned(problem, chosen, found, best.structure)
-        ties = ties if not before or found[0] is before[0] else ()
+        ties = ties if not first or found[0] is first[0] else ()
         rest = residual_structure_of(problem, chosen.whitener, chosen.after, seed=seed)
     if not found:
         return None
     return Modelled(chosen=chosen, structures=tuple(found), ties=ties, left=rest)
+
+
+def _as_gain(chosen: Selection, bare: Fit, rest: ResidualStructure) -> float:
+    """What structures explain, as a gain by which what is left compares in power: a logarithm makes much look less."""
+    counted = chosen.whitener.weight > 0.0
+    explained = float(np.mean(bare.residual[counted] ** 2 - chosen.after.residual[counted] ** 2))
+    return rest.gain * explained / max(rest.power, 1e-300)
 
 
 def _pruned(

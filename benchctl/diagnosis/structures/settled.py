@@ -142,7 +142,10 @@ def _instead_of_process(problem: GyroProblem, less: Selection, gain: float, seed
     structures: tuple[Structure, ...] = ()
     for _ in range(_STEPS):
         worth = _BEGUN * gain if wandering and not structures else 0.0
-        found = modelled(problem, chosen, rest, most=1, worth=worth, seed=seed) if rest.significant else None
+        bare = less.after if structures else None
+        found = None
+        if rest.significant:
+            found = modelled(problem, chosen, rest, most=1, worth=worth, bare=bare, seed=seed)
         if found is None and rest.significant and not (wandering or structures):
             found = modelled(problem, chosen, rest, most=1, smooth=True, seed=seed)
         if found is None:

@@ -38,6 +38,8 @@ STRUCTURES: Mapping[str, Mapping[str, float]] = {
     "line_of_scale_over_abs_rate": {"c1": 3e-5},
     "parabola_of_bias_over_gyro_temp": {"c1": 1e-4, "c2": -2e-6},
     "cubic_of_bias_over_output": {"c1": 1e-3, "c2": -2e-4, "c3": 1e-5},
+    "rise_of_scale_over_gyro_temp": {"change": 0.01, "tau": 12.0, "high": 60.0},
+    "fall_of_bias_over_gyro_temp": {"change": 0.01, "tau": 12.0, "low": -40.0},
     "positive_of_bias_over_rate_sign": {"change": 4e-3},
     "negative_of_bias_over_rate_sign": {"change": 4e-3},
     "either_of_scale_over_rate_sign": {"change": 4e-3},

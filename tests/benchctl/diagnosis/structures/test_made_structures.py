@@ -71,9 +71,12 @@ def test_a_bias_of_the_last_direction_is_found_where_the_table_stopped_out_of_si
     assert any("which way the table turned last" in note for note in told.notes)
 
 
-def test_a_function_of_the_temperature_rate_that_no_shape_follows_quite_is_no_wandering_bias(tmp_path: Path) -> None:
-    growth = {"change": 0.025, "at": 0.032, "width": 0.014}  # exponential
+def test_beside_an_exponential_of_the_temperature_rate_nothing_is_told_that_the_error_of_this_rate_leaves(
+    tmp_path: Path,
+) -> None:
+    growth = {"change": 0.025, "at": 0.032, "width": 0.014}
     told = diagnosed(tmp_path, 9212, {"growth_of_bias_over_gyro_temp_rate": growth})
     assert told.findings == ()
-    assert {(stage, words[0]) for stage, words in models_of(told).values()} == {("bias", "gyro_temp_rate")}
+    assert models_of(told) == {"rise_of_bias_over_gyro_temp_rate": ("bias", ("gyro_temp_rate",))}
+    assert told.unexplained.models[0].parameters["tau"].value == pytest.approx(growth["width"], rel=0.01)
     assert told.fit.heldout_after < 0.1 * told.fit.heldout_before
