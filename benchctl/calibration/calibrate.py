@@ -67,9 +67,9 @@ def _calibrate(steps: Iterable[Step | StoredStep], meta: Meta, options: Calibrat
     reduced = sorted(reduce_steps(looked_at, meta), key=lambda step: step.info.t_start)
     if options.discovered:
         reduced = _without_structures(reduced, options.discovered)
-        notes += [
-            f"Taken off the output before the fit: {one.says()}" for one in options.discovered.structures.values()
-        ]
+        structures = options.discovered.structures.values()
+        notes += [f"Taken off the output before the fit: {one.says()}" for one in structures]
+        notes.append("How sure that is the diagnosis says: the uncertainties here do not contain it.")
         warnings += [f"{name} is not taken off the output: {NOT_TAKEN_OFF}." for name in options.discovered.left]
     latitude = options.latitude_deg if options.latitude_deg is not None else meta.bench.latitude_deg
     bench = replace(meta.bench, latitude_deg=latitude)
