@@ -15,6 +15,7 @@ _VOLTS = re.compile(r"([-+±]?)(\d[\d.]*(?:e[-+]?\d+)?) ?(mV|µV|V)\b")
 _FACTORS = {"V": 1.0, "mV": 1e-3, "µV": 1e-6}
 _OWN = ("V", "N m", "K")
 """Units in which effects speak."""
+_OUTPUTS = {"drive": "the torque", "chamber": "the air's temperature"}
 
 
 def finding_in(one: Finding, unit: str) -> Finding:
@@ -30,9 +31,9 @@ def not_found_in(one: NotFound, unit: str) -> NotFound:
 
 
 def unexplained_in(one: Unexplained, unit: str, part: Part) -> Unexplained:
-    """The same of what is unexplained; a drive or a chamber has offsets, no biases."""
+    """The same of what is unexplained; a drive or a chamber has offsets, no biases, and another output."""
     if part != "gyro":
-        one = replace(one, says=one.says.replace("a bias", "an offset"))
+        one = replace(one, says=one.says.replace("a bias", "an offset").replace("the output", _OUTPUTS[part]))
     if unit in _OWN:
         return one
     models = tuple(

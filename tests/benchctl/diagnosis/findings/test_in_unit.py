@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from benchctl.diagnosis.findings.in_unit import estimates_in, pieces_in_time, text_in, unit_in
+from benchctl.diagnosis.findings.in_unit import estimates_in, pieces_in_time, text_in, unexplained_in, unit_in
 from benchctl.diagnosis.result import Estimate, Unexplained
 from benchctl_instruments.physics.effects.registry import effects
 
@@ -38,6 +38,14 @@ def test_values_stay_and_units_follow() -> None:
         "v_per_sqrt_s": Estimate(value=2.0, low=1.0, high=3.0, unit="°/s s-0.5")
     }
     assert unit_in("V-1", "°/s") == "V-1"
+
+
+def test_what_is_left_of_a_chamber_depends_on_its_air_and_is_no_bias() -> None:
+    says = "It lives in the output, most at -44.9 to -34.4 K. Closest generic form: a bias that depends on the output."
+    left = Unexplained(significant=True, share=0.1, coordinates=("output",), says=says)
+    told = unexplained_in(left, "K", "chamber").says
+    assert told.startswith("It lives in the air's temperature, most at -44.9 to -34.4 K.")
+    assert told.endswith("an offset that depends on the air's temperature.")
 
 
 def test_what_differs_between_pieces_of_one_step_changes_with_time() -> None:

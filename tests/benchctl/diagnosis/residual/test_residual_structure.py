@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
@@ -65,7 +66,9 @@ def lab() -> Any:
         "output": 0.02 * rate,
         "step": step.astype(np.float64),
     }
-    return SimpleNamespace(coordinates=coordinates, step=step, time_s=time, interval_s=DT, circumstances={"T0_c": 20.0})
+    return SimpleNamespace(
+        coordinates=coordinates, step=step, time_s=time, interval_s=DT, circumstances={"T0_c": 20.0}, unit="V"
+    )
 
 
 def rest_with(
@@ -135,6 +138,15 @@ def test_it_says_in_which_range_it_is_largest() -> None:
     assert high - low < 20.0
     assert "it lives in the gyro's temperature, most at" in found.says
     assert "no known effect accounts for it" in found.says
+
+
+def test_the_range_of_an_output_is_in_the_unit_of_what_was_measured() -> None:
+    problem = lab()
+    problem.unit = "K"
+    output = problem.coordinates["output"]
+    bump = 0.9 * np.exp(-(((output - 0.5) / 0.1) ** 2))
+    found = residual_structure_of(problem, Filtered(), fitted_to(problem, bump, 0, 0.0, 0.0))
+    assert re.search(r"lives in the output, most at [-\d.]+ to [-\d.]+ K;", found.says)
 
 
 def test_the_share_is_that_of_the_power() -> None:
