@@ -113,24 +113,8 @@ def modelled(
         candidates = _candidates(problem, chosen, ruled_out, curved, IMPERFECT**2 * explained)
         if not candidates or (not found and max(one.gain for one in candidates) < worth):
             break
-        best = max(candidates, key=lambda one: one.evidence)
-        most_evidence = best.evidence
-        if best.structure.over == "output":  # which is nearly the rate, of which more is a function
-            rates = [one for one in candidates if one.structure.over == "rate"]
-            nearest = max(rates, key=lambda one: one.evidence, default=best)
-            best = nearest if nearest.evidence > best.evidence - _TIE else best
-        best = _at_one_value(best, candidates)
-        simple = _simplest(best, candidates)
-        better = max((one for one in candidates if _alike(one, best)), key=lambda one: one.evidence)
-        if simple is not better:
-            with_simple = _with(problem, chosen, simple.fit)
-            left = residual_structure_of(problem, with_simple.whitener, with_simple.after, seed=seed)
-            simple = better if left.significant else simple
-        best = _sharpened(problem, chosen, simple)
-        if not found:
-            near = [one for one in candidates if one.evidence > most_evidence - _TIE]
-            words = dict.fromkeys(one.structure.word for one in near)
-            ties = tuple(word for word in words if word != best.structure.word)
+        best = _sharpened(problem, chosen, _simple_enough(problem, chosen, candidates, seed))
+        ties = ties if found else _tied(best, candidates)
         chosen = _with(problem, chosen, best.fit)
         first = found[:1]
         if any(type(one) is type(best.structure) for one in found):  # keys do not tell two of a kind apart
@@ -142,6 +126,30 @@ def modelled(
     if not found:
         return None
     return Modelled(chosen=chosen, structures=tuple(found), ties=ties, left=rest)
+
+
+def _simple_enough(problem: GyroProblem, chosen: Selection, candidates: Sequence[_Candidate], seed: int) -> _Candidate:
+    """Of the models over the coordinate that explains most the simplest, where it leaves no more than the best one."""
+    best = max(candidates, key=lambda one: one.evidence)
+    if best.structure.over == "output":  # which is nearly the rate, of which more is a function
+        rates = [one for one in candidates if one.structure.over == "rate"]
+        nearest = max(rates, key=lambda one: one.evidence, default=best)
+        best = nearest if nearest.evidence > best.evidence - _TIE else best
+    best = _at_one_value(best, candidates)
+    simple = _simplest(best, candidates)
+    better = max((one for one in candidates if _alike(one, best)), key=lambda one: one.evidence)
+    if simple is better:
+        return simple
+    with_simple = _with(problem, chosen, simple.fit)
+    left = residual_structure_of(problem, with_simple.whitener, with_simple.after, seed=seed)
+    return better if left.significant else simple
+
+
+def _tied(best: _Candidate, candidates: Sequence[_Candidate]) -> tuple[str, ...]:
+    """Other coordinates over which a structure explains as much."""
+    most = max(one.evidence for one in candidates)
+    words = dict.fromkeys(one.structure.word for one in candidates if one.evidence > most - _TIE)
+    return tuple(word for word in words if word != best.structure.word)
 
 
 def _as_gain(chosen: Selection, bare: Fit, rest: ResidualStructure) -> float:
