@@ -71,14 +71,15 @@ class Discovered:
         What depends on the rate is taken off at the rate of the turn before, at first at rest. Where an output belongs
         to two rates, or to none, as it may within a step over the rate, it is one nearby.
         """
-        rate, before = np.zeros_like(volts), volts
+        rate, before, left = np.zeros_like(volts), volts.copy(), np.arange(volts.size)
         with np.errstate(all="ignore"):
             for turn in range(TURNS):
-                before, law_v = self._taken_off(volts, rate, celsius, before)
-                following = law(law_v, celsius)
-                moved = np.abs(following - rate) > CONVERGED * (1.0 + np.abs(following))
-                rate = following if turn < PLAIN_TURNS else 0.5 * (rate + following)
-                if turn + 1 >= FEWEST_TURNS and not moved.any():
+                before[left], law_v = self._taken_off(volts[left], rate[left], celsius[left], before[left])
+                following = law(law_v, celsius[left])
+                moved = np.abs(following - rate[left]) > CONVERGED * (1.0 + np.abs(following))
+                rate[left] = following if turn < PLAIN_TURNS else 0.5 * (rate[left] + following)
+                left = left[moved] if turn + 1 >= FEWEST_TURNS else left
+                if not left.size:
                     break
         return rate
 
