@@ -80,12 +80,13 @@ def fit_recordings(paths: Sequence[Path], out: Path | None = None, model: Path |
 
 
 def calibrated(paths: Sequence[Path], model: Path | None = None) -> Calibrated:
-    """The same, but nothing is written.
+    """Calibrate as `fit_recordings` does, but write nothing.
 
     Raises
     ------
     UsageError
-        As above.
+        Where a recording cannot be read or fitted or was changed, the recordings are of different units, or the model
+        has nothing that can be taken off.
     """
     beside = _taken_off(model)
     with opened_unchanged(paths, "fitted") as recordings:
@@ -96,10 +97,11 @@ def calibrated(paths: Sequence[Path], model: Path | None = None) -> Calibrated:
 def _taken_off(model: Path | None) -> Discovered:
     if model is None:
         return Discovered()
+    told = read_model(model)
     try:
-        return discovered_of(read_model(model))
+        return discovered_of(told)
     except UsageError as err:
-        raise UsageError(f"--model {model}: {err}") from err
+        raise UsageError(f"model {model}: {err}") from err
 
 
 def _calibrated(joined: Recording, recordings: Sequence[Recording], beside: Discovered) -> Calibrated:
