@@ -147,8 +147,8 @@ def _simple_enough(problem: GyroProblem, chosen: Selection, candidates: Sequence
 
 def _tied(best: _Candidate, candidates: Sequence[_Candidate]) -> tuple[str, ...]:
     """Other coordinates over which a structure explains as much."""
-    most = max(one.evidence for one in candidates)
-    words = dict.fromkeys(one.structure.word for one in candidates if one.evidence > most - _TIE)
+    most = max(candidates, key=lambda one: one.evidence)
+    words = dict.fromkeys(one.structure.word for one in candidates if one.evidence > most.evidence - _tie(most))
     return tuple(word for word in words if word != best.structure.word)
 
 
@@ -190,9 +190,14 @@ def _at_one_value(best: _Candidate, candidates: Sequence[_Candidate]) -> _Candid
         for one in candidates
         if one.structure.over != "time"
         and _values(one.structure) < _values(best.structure)
-        and one.evidence > best.evidence - _TIE
+        and one.evidence > best.evidence - _tie(best)
     ]
     return max(fewer, key=lambda one: one.evidence, default=best)
+
+
+def _tie(best: _Candidate) -> float:
+    """Models that are worse by no more are not told apart: the best one misses as much of what it explains."""
+    return max(_TIE, IMPERFECT**2 * best.gain)
 
 
 def _values(structure: Structure) -> int:

@@ -28,7 +28,7 @@ from benchctl_instruments.physics.effects.kinds import ClockEffect, FilterEffect
 from benchctl_instruments.physics.structure_places import ACTS
 from benchctl_instruments.physics.structures import Structure, freed
 
-_CLEARLY = 20.0
+CLEARLY = 20.0
 """In twice the log likelihood, beyond what its parameters cost: by that much a structure must be better than names."""
 
 _CLEARLY_LESS = 0.5
@@ -103,7 +103,7 @@ def instead_of_names(
             continue
         fewer = parameters - sum(len(one.parameters) for one in found.structures)
         gained = gain_of(found.chosen.after, less.after)
-        if gained - gain + fewer * math.log(chosen.after.rows) > _CLEARLY and (
+        if gained - gain + fewer * math.log(chosen.after.rows) > CLEARLY and (
             fewer > 0 if len(keys) > 1 else not found.left.significant
         ):
             return less, found
@@ -158,7 +158,7 @@ def _instead_of_process(problem: GyroProblem, less: Selection, gain: float, seed
         if gained > _NEARLY_ALL * gain and (beside is None or beside.gain < (1.0 - _NEARLY_ALL) * gained):
             return found
         total = gained + (0.0 if beside is None else beside.gain)
-        if wandering and total < gain + _CLEARLY:
+        if wandering and total < gain + CLEARLY:
             continue
         if beside is None or not _wanders(problem, chosen, beside.gain):
             best = total, found

@@ -20,7 +20,7 @@ from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.structures.noise import NoiseFound, noise_structure, with_noise
 from benchctl.diagnosis.structures.scan import coordinates_of, factors_of
 from benchctl.diagnosis.structures.search import Modelled, modelled, with_jumps
-from benchctl.diagnosis.structures.settled import as_one_curve, instead_of_names, leaving_out, settled
+from benchctl.diagnosis.structures.settled import CLEARLY, as_one_curve, instead_of_names, leaving_out, settled
 from benchctl.estimation.fit import gain_of
 from benchctl.estimation.problem import Problem
 from benchctl.signals.binning import bin_of
@@ -209,7 +209,8 @@ def _named_again(problem: GyroProblem, found: Modelled, seed: int) -> Modelled:
     lost = found.chosen.after.rows * math.log(again.after.squares / found.chosen.after.squares)
     if not kept or again.noise.found.keys() != found.chosen.noise.found.keys():
         return found
-    if lost + numbers * math.log(again.after.rows) > 0.0:
+    needless = CLEARLY if len(kept) == len(found.structures) else 0.0  # beside all of them a name has to show
+    if lost + numbers * math.log(again.after.rows) > -needless:
         return found
     left = residual_structure_of(problem, again.whitener, again.after, seed=seed)
     return Modelled(chosen=again, structures=kept, ties=found.ties, left=left)
