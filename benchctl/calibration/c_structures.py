@@ -10,6 +10,7 @@ import scipy  # which loads interpolate when it is first used
 
 from benchctl.calibration.discovered import Discovered
 from benchctl_instruments.errors import UsageError
+from benchctl_instruments.physics.structure_shapes import EDGE
 from benchctl_instruments.physics.structures import Structure
 
 _EXPRESSIONS: Mapping[str, str] = {
@@ -17,7 +18,7 @@ _EXPRESSIONS: Mapping[str, str] = {
     "step_below": "{change} * gyro_ramp(-x, -{at}, {width})",
     "steps": "{change} * gyro_ramp(x, {at}, {width}) + {change_2} * gyro_ramp(x, {at_2}, {width})",
     "jump": "(x >= {at} ? {change} : 0.0)",
-    "plateau": "{change} * (gyro_ramp(x, {at}, 0.01 * {length}) - gyro_ramp(x, {at} + {length}, 0.01 * {length}))",
+    "plateau": "{change} * (gyro_ramp(x, {at}, {edge} * {length}) - gyro_ramp(x, {at} + {length}, {edge} * {length}))",
     "kink": "{above} * fmax(x - {at}, 0.0)",
     "kink_below": "{below} * fmin(x - {at}, 0.0)",
     "power": "{change} * pow(fmax(x - {at}, 0.0) / fmax({high} - {at}, 1e-9), {exponent})",
@@ -82,7 +83,7 @@ def _in_c(number: int, named: str, one: Structure) -> CStructure:
         stated, table, pieces = ("low", "high"), f"gyro_structure{number}_pieces", _pieces(one)
         expression = f"gyro_spline({table}, {len(pieces)}, fmin(fmax(x, {names['low']}), {names['high']}))"
     elif one.shape in _EXPRESSIONS:
-        expression = _EXPRESSIONS[one.shape].format(**names)
+        expression = _EXPRESSIONS[one.shape].format(**names, edge=EDGE)
     else:
         raise UsageError(f"{named}: the shape {one.shape} is not written in C; export --to json")
     return CStructure(

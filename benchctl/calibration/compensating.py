@@ -22,8 +22,8 @@ for programs that read JSON, without the details of the fit:
 | `self_test` | `columns`, `points` and `tolerance_dps`: a program that misses a point by more is wrong |
 
 `discovered` is there where structures without a name are compensated, too: `U0_v`, and a list `structures` with `name`,
-`acts_on` (`scale` or `bias`), `over` and `times` (coordinates), `formula` and `parameters`. In the `formula` of a law
-U stands for what is left of the output: U0_v + (U − Σ f_bias − U0_v)/Π(1 + f_scale), at the rate that comes of it.
+`acts_on` (`scale` or `bias`), `over` and `times` (coordinates), `formula` and `parameters`. The law's `formula` is then
+applied to the corrected output, U0_v + (U − Σ f_bias − U0_v)/Π(1 + f_scale); each f is taken at the resulting rate.
 """
 
 from __future__ import annotations

@@ -9,7 +9,8 @@ functions of what is known of a gyro in use: its temperature, its output, and th
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from typing import TypeGuard
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
 from benchctl_instruments.physics.effects.making import make_effects
-from benchctl_instruments.physics.structure_places import LEAST_TURNING_DPS
+from benchctl_instruments.physics.structure_places import direction
 from benchctl_instruments.physics.structures import Structure, structure_named
 
 TURNS, PLAIN_TURNS, FEWEST_TURNS = 200, 20, 2
@@ -66,7 +67,7 @@ class Discovered:
     def rate_dps(
         self, volts: FloatArray, celsius: FloatArray, law: Callable[[FloatArray, FloatArray], FloatArray]
     ) -> FloatArray:
-        """The sensed rate of outputs at temperatures by a law of what is left of them; arrays of one shape (n,).
+        """Sensed rates [°/s] of outputs [V] at temperatures [°C], all of shape (n,), by a `law` of corrected outputs.
 
         What depends on the rate is taken off at the rate of the turn before, at first at rest. Where an output belongs
         to two rates, or to none, as it may within a step over the rate, it is one nearby.
@@ -95,12 +96,11 @@ class Discovered:
         self, rate_dps: FloatArray, celsius: FloatArray, output_v: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """By what the scale factor is multiplied, and what is added to the bias [V]."""
-        turning = np.abs(rate_dps) >= LEAST_TURNING_DPS
         coordinates = {
             "gyro_temp": celsius,
             "rate": rate_dps,
             "abs_rate": np.abs(rate_dps),
-            "rate_sign": np.where(turning, np.sign(rate_dps), 0.0),
+            "rate_sign": direction(rate_dps),
             "output": output_v,
         }
         scale, bias_v = np.ones_like(rate_dps), np.zeros_like(rate_dps)
@@ -130,7 +130,7 @@ def discovered_in(U0_v: float, tables: Mapping[str, Mapping[str, float]]) -> Dis
     found = {}
     for name, values in tables.items():
         effect = make_effects({name: values}, where="discovered")[0]
-        if not (isinstance(effect, Structure) and _is_compensable(effect)):
+        if not _is_compensable(effect):
             raise UsageError(f"[discovered.{name}] {NOT_TAKEN_OFF}; take it out")
         found[name] = effect
     return Discovered(U0_v=U0_v, structures=found)
@@ -144,17 +144,21 @@ def discovered_of(model: Model) -> Discovered:
     UsageError
         Where none can be, or the model does not say from which output its scale factor counts.
     """
-    structures = {name: values for name, values in model.effects.items() if structure_named(name) is not None}
-    if not structures:
+    found = {
+        name: make_effects({name: values}, where="discovered")[0]
+        for name, values in model.effects.items()
+        if structure_named(name) is not None
+    }
+    if not found:
         raise UsageError("has no table [discovered.…], of a structure without a name; benchctl diagnose writes it")
-    left = tuple(name for name, values in structures.items() if not _is_compensable(make_effects({name: values})[0]))
-    if len(left) == len(structures):
+    structures = {name: one for name, one in found.items() if _is_compensable(one)}
+    left = tuple(name for name in found if name not in structures)
+    if not structures:
         raise UsageError(f"{listed(left)}: {NOT_TAKEN_OFF}; fit without it")
     U0_v = (model.simulation or {}).get("U0_v")
     if U0_v is None:
         raise UsageError("[simulation] U0_v is missing, expected the output at rest, from which a scale factor counts")
-    kept = {name: values for name, values in structures.items() if name not in left}
-    return replace(discovered_in(float(U0_v), kept), left=left)
+    return Discovered(U0_v=float(U0_v), structures=structures, left=left)
 
 
 NOT_TAKEN_OFF = (
@@ -163,7 +167,7 @@ NOT_TAKEN_OFF = (
 )
 
 
-def _is_compensable(one: PhysicalEffect) -> bool:
+def _is_compensable(one: PhysicalEffect) -> TypeGuard[Structure]:
     if not isinstance(one, Structure):
         return False
     known = {one.over, one.times} - {""} <= set(MEASURED)

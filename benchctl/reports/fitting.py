@@ -97,9 +97,9 @@ def calibrated(paths: Sequence[Path], model: Path | None = None) -> Calibrated:
 def _taken_off(model: Path | None) -> Discovered:
     if model is None:
         return Discovered()
-    told = read_model(model)
+    content = read_model(model)
     try:
-        return discovered_of(told)
+        return discovered_of(content)
     except UsageError as err:
         raise UsageError(f"model {model}: {err}") from err
 

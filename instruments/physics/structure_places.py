@@ -105,6 +105,11 @@ def _auxiliary(name: str) -> Callable[[Signals], FloatArray]:
     return lambda signals: signals.auxiliary.get(name, np.zeros_like(signals.time_s))
 
 
+def direction(rate_dps: FloatArray) -> FloatArray:
+    """The direction in which the table turns, −1 or 1, and 0 where it hardly does; shape (n,)."""
+    return np.where(np.abs(rate_dps) >= LEAST_TURNING_DPS, np.sign(rate_dps), 0.0)
+
+
 def last_sign(rate_dps: FloatArray, before: float = 0.0) -> FloatArray:
     """The direction in which the table turned last, −1, 0 or 1, shape (n,); `before` is that before the first row."""
     turning = np.abs(rate_dps) > LEAST_TURNING_DPS
@@ -142,7 +147,7 @@ OVER: Mapping[str, _Over] = {
         unit="1",
         printed="",
         phrase="the direction of rotation",
-        values=lambda signals: np.where(np.abs(signals.rate_dps) < LEAST_TURNING_DPS, 0.0, np.sign(signals.rate_dps)),
+        values=lambda signals: direction(signals.rate_dps),
         momentary=True,
         signed=True,
         ways=("the table turns clockwise", "the table turns counter-clockwise", "the table turns"),

@@ -13,7 +13,7 @@ import scipy  # which loads interpolate when it is first used
 from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.physics.structure_places import ACTS, OVER, Span, StructureStage
 
-_EDGE = 0.01
+EDGE = 0.01
 """The edges of a plateau, as a share of its length: a fit has to see where they are."""
 
 
@@ -87,13 +87,13 @@ def _ramp(x: FloatArray, at: float, width: float) -> FloatArray:
 
 
 def _plateau(p: Mapping[str, float], x: FloatArray) -> FloatArray:
-    edge = _EDGE * p["length"]
+    edge = EDGE * p["length"]
     return p["change"] * (_ramp(x, p["at"], edge) - _ramp(x, p["at"] + p["length"], edge))
 
 
 def _bursts(p: Mapping[str, float], x: FloatArray) -> FloatArray:
     since = np.mod(x - p["at"], p["period"])
-    edge = _EDGE * p["length"]
+    edge = EDGE * p["length"]
     # the edge of the next burst begins before it
     return p["change"] * (_ramp(since, 0.0, edge) - _ramp(since, p["length"], edge) + _ramp(since, p["period"], edge))
 

@@ -247,7 +247,7 @@ def of_the_motion(*coordinates: str) -> bool:
 
 
 def is_owed(rest: ResidualStructure, gain: float) -> bool:
-    """Whether what is left is so small beside the gain of a finding that it may be what the finding misses."""
+    """Whether what is left gains so little beside a finding's `gain` that the finding's own model may miss it."""
     return gain >= _OWED * rest.gain
 
 

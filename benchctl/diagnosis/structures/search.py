@@ -153,7 +153,7 @@ def _tied(best: _Candidate, candidates: Sequence[_Candidate]) -> tuple[str, ...]
 
 
 def _as_gain(chosen: Selection, bare: Fit, rest: ResidualStructure) -> float:
-    """What structures explain, as a gain by which what is left compares in power: a logarithm makes much look less."""
+    """The power that structures explain, scaled like the gain of what is left; a log likelihood understates it."""
     counted = chosen.whitener.weight > 0.0
     explained = float(np.mean(bare.residual[counted] ** 2 - chosen.after.residual[counted] ** 2))
     return rest.gain * explained / max(rest.power, 1e-300)
@@ -196,7 +196,7 @@ def _at_one_value(best: _Candidate, candidates: Sequence[_Candidate]) -> _Candid
 
 
 def _tie(best: _Candidate) -> float:
-    """Models that are worse by no more are not told apart: the best one misses as much of what it explains."""
+    """How much less evidence a model may have and still tie with the best one, which may miss as much itself."""
     return max(_TIE, IMPERFECT**2 * best.gain)
 
 
