@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from benchctl.campaign.reserved import lock_files
 from benchctl.cli.app import run_verb
 
 Ran = subprocess.CompletedProcess[str]
@@ -59,11 +60,18 @@ def started(*arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
 
 @contextmanager
 def simulated_servers(bench_toml: Path, *arguments: str) -> Iterator[dict[str, str]]:
-    """`benchctl sim` as a process; yields the addresses that it prints, and `bench_toml` reaches it."""
+    """`benchctl sim` as a process; yields the addresses that it prints, and `bench_toml` reaches it.
+
+    A run that an earlier test killed may have left its lock at a port that is now given out again: it is not of these
+    instruments, whose stream the next run would end.
+    """
     with started("sim", "--bench", "simulated", "--write-bench", bench_toml, *arguments) as process:
         assert process.stdout is not None
-        line = process.stdout.readline()
-        yield json.loads(line)
+        addresses = json.loads(process.stdout.readline())
+        for address in addresses.values():
+            for lock in lock_files(address):
+                lock.with_suffix(".json").unlink(missing_ok=True)
+        yield addresses
         process.terminate()
         process.wait(timeout=50)
         assert process.returncode == 0
