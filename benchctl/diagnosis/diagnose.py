@@ -12,7 +12,7 @@ from benchctl.diagnosis.data_faults import coarse_step_of, fault_findings, witho
 from benchctl.diagnosis.earth_rate import other_answer, plainly_better
 from benchctl.diagnosis.findings.figures import figures_of
 from benchctl.diagnosis.findings.findings import findings_of, noise_effects
-from benchctl.diagnosis.findings.in_unit import finding_in, not_found_in, pieces_in_time, unexplained_in
+from benchctl.diagnosis.findings.in_unit import finding_in, not_found_in, pieces_in_time, said_of, unexplained_in
 from benchctl.diagnosis.findings.located import slices_of, step_figures
 from benchctl.diagnosis.findings.not_found import not_found_of, unseen_in
 from benchctl.diagnosis.findings.traces import traces_of
@@ -123,7 +123,12 @@ def _diagnosis(
         slices=slices_of(problem, chosen),
         steps=step_figures(problem, chosen),
         traces=traces_of(problem, chosen, faults),
-        notes=(*owed, *unseen_in(chosen, names), *remarks, *_at_bounds(problem, chosen)),
+        notes=(
+            *(said_of(one, part) for one in owed),
+            *unseen_in(chosen, names),
+            *remarks,
+            *_at_bounds(problem, chosen),
+        ),
         model=_model(problem, chosen),
         threshold=chosen.screening.threshold,
         seed=seed,

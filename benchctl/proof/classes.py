@@ -28,6 +28,7 @@ ClassName = Literal[
     "structure+wandering",
     "structure-faint",
     "drive",
+    "drive-structure",
     "chamber",
 ]
 
@@ -107,6 +108,13 @@ CLASSES: MappingProxyType[ClassName, TrialClass] = MappingProxyType(
         ),
         "drive": TrialClass(
             says="up to two effects of a drive", verdict="missing-physics", weight=20, effects=2, part="drive"
+        ),
+        "drive-structure": TrialClass(
+            says="a torque without a name, alone or beside one effect of a drive",
+            verdict="unknown-structure",
+            weight=20,
+            structure=True,
+            part="drive",
         ),
         "chamber": TrialClass(
             says="up to two effects of a chamber", verdict="missing-physics", weight=20, effects=2, part="chamber"

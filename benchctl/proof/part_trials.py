@@ -14,9 +14,10 @@ from typing import Any, get_args
 
 import numpy as np
 
-from benchctl.diagnosis.result import Verdict
+from benchctl.diagnosis.result import Part, Verdict
 from benchctl.proof.classes import CLASSES, ClassName
 from benchctl.proof.draw import draw
+from benchctl.proof.structures import torque_structure
 from benchctl.proof.truth import Effects, Sealed, Truth
 from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo, Unit
 from benchctl.recordings.writer import write_recording
@@ -27,6 +28,7 @@ from benchctl_instruments.physics.chamber_effects.registry import chamber_effect
 from benchctl_instruments.physics.drive_effects.effect import DriveSignals, DriveStage
 from benchctl_instruments.physics.drive_effects.registry import drive_effects
 from benchctl_instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.physics.structures import structure_named
 
 _NOTHING_IN = 4
 """One trial in so many conceals nothing."""
@@ -55,6 +57,8 @@ _SIZES: Mapping[str, Mapping[str, Mapping[str, tuple[float, float]]]] = {
     },
 }
 """Between which an effect's parameters are drawn; of a signed size both signs are meant."""
+_RANGES = {"angle": (0.0, 360.0), "time": (0.0, _DRIVE_S), "rate": (-90.0, 180.0)}
+"""Of a drive's coordinates the lowest value and the width that every run covers."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,13 +68,20 @@ class PartTruth(Sealed):
     baseline: Mapping[str, float]
 
     @property
+    def part(self) -> Part:
+        """Of which part it is."""
+        return CLASSES[self.kind].part
+
+    @property
     def verdict(self) -> Verdict:
         """What a diagnosis should come to: some trials conceal nothing."""
+        if self.withheld and self.nameable:
+            return "missing-physics"
         return CLASSES[self.kind].verdict if self.effects else "consistent"
 
     def kind_of(self, name: str) -> type[DescribedEffect]:
         """The effect of a name."""
-        return _kinds(self.kind)[name]
+        return structure_named(name) or _kinds(self.part)[name]
 
     def as_json(self) -> dict[str, Any]:
         """Plain data: all that matters of it."""
@@ -79,13 +90,13 @@ class PartTruth(Sealed):
     def record(self, folder: Path) -> tuple[Path, int]:
         """Simulate the run and write its recording; its path and how many samples it has."""
         draws = np.random.default_rng(self.seed)
-        channels = _drive(self, draws) if self.kind == "drive" else _chamber(self, draws)
+        channels = _drive(self, draws) if self.part == "drive" else _chamber(self, draws)
         rows = channels["time_s"].size
         end_s = float(channels["time_s"][-1])
         info = StepInfo(
             index=1, name="run", kind="motion", t_start=0.0, t_end=end_s, chamber_setpoint_c=_ROOM_C, samples=rows
         )
-        rate_hz = _DRIVE_HZ if self.kind == "drive" else _CHAMBER_HZ
+        rate_hz = _DRIVE_HZ if self.part == "drive" else _CHAMBER_HZ
         meta = Meta(
             status="complete", unit=Unit(serial="SEALED", range_dps=0.0), bench=BenchFacts(sample_rate_hz=rate_hz)
         )
@@ -99,23 +110,35 @@ def drawn(seed: int, index: int, kind: ClassName) -> Truth | PartTruth:
     if CLASSES[kind].part == "gyro":
         return draw(seed, index, kind)
     rng = np.random.default_rng([seed, index])
+    part = CLASSES[kind].part
     effects: dict[str, Mapping[str, float]] = {}
-    names = rng.permutation(list(_SIZES[kind]))[: 2 if rng.random() < 0.5 else 1].tolist()
-    for name in names if index % _NOTHING_IN < _NOTHING_IN - 1 else ():
-        look_alikes = _kinds(kind)[name].look_alikes
-        if not any(name in _kinds(kind)[one].look_alikes or one in look_alikes for one in effects):
+    names = rng.permutation(list(_SIZES[part]))[: 2 if rng.random() < 0.5 else 1].tolist()
+    if CLASSES[kind].structure:
+        names = names[:1] if len(names) > 1 else []
+    elif index % _NOTHING_IN == _NOTHING_IN - 1:
+        names = []
+    for name in names:
+        look_alikes = _kinds(part)[name].look_alikes
+        if not any(name in _kinds(part)[one].look_alikes or one in look_alikes for one in effects):
             effects[name] = {
                 one: float(round(rng.uniform(*ends)) if one == "order" else f"{rng.uniform(*ends):.4g}")
-                for one, ends in _SIZES[kind][name].items()
+                for one, ends in _SIZES[part][name].items()
             }
-    low, high = ((0.02, 0.02), (0.06, 0.05)) if kind == "drive" else ((2.0, 120.0), (4.0, 300.0))
-    parameters = ("inertia_kg_m2", "viscous_nm_s") if kind == "drive" else ("gain_c_per_percent", "tau_s")
+    withheld: tuple[str, ...] = ()
+    if CLASSES[kind].structure:
+        found, values = torque_structure(rng, _RANGES)
+        effects[found] = {one: float(f"{value:.4g}") for one, value in values.items()}
+        withheld = (found,)
+    low, high = ((0.02, 0.02), (0.06, 0.05)) if part == "drive" else ((2.0, 120.0), (4.0, 300.0))
+    parameters = ("inertia_kg_m2", "viscous_nm_s") if part == "drive" else ("gain_c_per_percent", "tau_s")
     numbers = [float(f"{rng.uniform(*ends):.4g}") for ends in zip(low, high, strict=True)]
     return PartTruth(
         index=index,
         kind=kind,
         seed=int(rng.integers(2**31)),
         effects=effects,
+        withheld=withheld,
+        lives_in=tuple(one.partition("_over_")[2] for one in withheld),
         baseline=dict(zip(parameters, numbers, strict=True)),
         nonce=np.random.default_rng([seed, index, 1]).bytes(16).hex(),
     )
@@ -152,8 +175,14 @@ def _drive(truth: PartTruth, draws: np.random.Generator) -> dict[str, FloatArray
         viscous_nm_s=viscous,
     )
     stages = get_args(DriveStage)
-    for effect in sorted(_made(truth.effects, "drive", _DRIVE_S), key=lambda one: stages.index(one.stage)):
+    named = {name: values for name, values in truth.effects.items() if name not in truth.withheld}
+    for effect in sorted(_made(named, "drive", _DRIVE_S), key=lambda one: stages.index(one.stage)):
         signals = replace(signals, torque_nm=effect.apply(signals))
+    coordinates = {"time": time_s, "angle": np.mod(np.degrees(angle), 360.0), "rate": np.degrees(rate)}
+    for name in truth.withheld:
+        if (found := structure_named(name)) is not None:
+            beside = found.make(truth.effects[name]).value_at(coordinates[found.over])
+            signals = replace(signals, torque_nm=signals.torque_nm + beside)
     read = slice(None, None, _STEPS)
     rows = time_s[read].size
     return {

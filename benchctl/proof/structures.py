@@ -45,6 +45,12 @@ _DRAWN: tuple[tuple[float, StructureStage, str, str, tuple[str, ...]], ...] = (
     (3, "noise", "time", "", ("step", "plateau")),
 )
 """How often, at which stage, over which coordinate, in proportion to which other one, and in which shapes."""
+_OF_DRIVES: Mapping[str, tuple[str, ...]] = {
+    "angle": ("bump", "resonance", "plateau", "smooth_plateau", "double_bump", "rectified"),
+    "time": ("step", "plateau", "bump", "wave", "smooth_step", "smooth_plateau", "double_bump", "sawtooth"),
+    "rate": ("kink", "bump", "resonance", "smooth_step", "smooth_plateau"),
+}
+"""The same of the torque of a drive; slow waves over its angle have a name."""
 _IN_PAIRS = 0.15
 _LARGEST: Mapping[StructureStage, tuple[float, float]] = {
     "scale": (2e-3, 1e-2),
@@ -52,8 +58,9 @@ _LARGEST: Mapping[StructureStage, tuple[float, float]] = {
     "sampling": (1e-3, 5e-3),
     "encoder": (100.0, 500.0),
     "noise": (0.5, 2.0),
+    "torque": (0.008, 0.04),
 }
-"""What a structure changes: a share of the scale factor, of full scale, s, arcsec, a share of the noise."""
+"""What a structure changes: a share of the scale factor, of full scale, s, arcsec, a share of the noise, N·m."""
 SHAPE_CLASSES: Mapping[str, str] = {
     "step_below": "step",
     "smooth_step": "step",
@@ -123,13 +130,34 @@ def structure_size(identifier: str, rng: np.random.Generator, unit: TrialUnit) -
     if kind is None:
         raise ValueError(f"{identifier} is no structure")
     low, wide = _range(kind, unit)
-    largest = float(np.exp(rng.uniform(*np.log(_LARGEST[kind.acts_on])))) * float(rng.choice((-1.0, 1.0)))
+    largest = _largest(kind, rng)
     if kind.acts_on == "bias":
         largest *= unit.full_scale_v
     if kind.acts_on == "noise":
         largest = abs(largest)
     if kind.times == "abs_rate":
         largest /= unit.range_dps
+    if kind.shape == "memory" and kind.over != "rate_sign":
+        largest /= unit.range_dps
+    return _values(kind, rng, low, wide, largest)
+
+
+def torque_structure(rng: np.random.Generator, ranges: Mapping[str, tuple[float, float]]) -> tuple[str, Values]:
+    """The identifier and the parameters of a torque without a name, in N·m.
+
+    `ranges` are, by coordinate, the lowest value that every run covers and how far it goes on from there.
+    """
+    over = str(rng.choice(list(_OF_DRIVES)))
+    kind = structure("torque", over, str(rng.choice(_OF_DRIVES[over])))
+    return kind.identifier, _values(kind, rng, *ranges[over], _largest(kind, rng))
+
+
+def _largest(kind: type[Structure], rng: np.random.Generator) -> float:
+    return float(np.exp(rng.uniform(*np.log(_LARGEST[kind.acts_on])))) * float(rng.choice((-1.0, 1.0)))
+
+
+def _values(kind: type[Structure], rng: np.random.Generator, low: float, wide: float, largest: float) -> Values:
+    """The parameters of a function of the present that changes so much, somewhere within its coordinate's range."""
     at = low + wide * float(rng.uniform(0.25, 0.75))
     if kind.shape == "step":  # at once, or a ramp between two values
         width = 2e-3 if rng.random() < 0.7 else float(rng.uniform(0.15, 0.5))
@@ -151,8 +179,7 @@ def structure_size(identifier: str, rng: np.random.Generator, unit: TrialUnit) -
         width = 10.0 * float(rng.uniform(0.2, 0.8))
         return {"c1": largest / width, "width": width}
     if kind.shape == "memory":
-        most = 1.0 if kind.over == "rate_sign" else unit.range_dps
-        return {"c1": largest / most, "tau": float(rng.uniform(20.0, 150.0))}
+        return {"c1": largest, "tau": float(rng.uniform(20.0, 150.0))}
     phase = float(rng.uniform(0.0, math.tau))
     # slower waves over the angle have a name
     whole = float(rng.integers(5, 10)) if kind.over == "angle" else float(rng.uniform(1.5, 4.0))

@@ -10,9 +10,10 @@ import numpy as np
 
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import Signals, Stage
+from benchctl_instruments.physics.drive_effects.effect import DriveStage
 
 Span = tuple[float, float]
-StructureStage = Literal["scale", "bias", "sampling", "encoder", "noise"]
+StructureStage = Literal["scale", "bias", "sampling", "encoder", "noise", "torque"]
 
 SETPOINT_WAY = "setpoint_way"
 """Auxiliary signal: −1 while the chamber's set point falls, 1 while it rises, 0 while it stands."""
@@ -23,9 +24,9 @@ LEAST_TURNING_DPS = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Acts:
-    """A stage: where in the chain it is, what it changes, in which unit, and how that is printed."""
+    """A stage: where it is in the chain of a gyro or a drive, what it changes, its unit, and how that is printed."""
 
-    chain: Stage
+    chain: Stage | DriveStage
     what: str
     unit: str
     limit: float
@@ -79,6 +80,15 @@ ACTS: Mapping[StructureStage, _Acts] = {
         printed=(100.0, "%"),
         equation="σ → σ·(1 + f)",
         formula="σ·(1 + {f})",
+    ),
+    "torque": _Acts(
+        chain="measurement",
+        what="torque",
+        unit="N m",
+        limit=1e6,
+        printed=(1.0, "N·m"),
+        equation="τ → τ + f",
+        formula="τ = J·dω/dt + b·ω + {f}",
     ),
 }
 

@@ -9,7 +9,8 @@ second coordinate. In a model file it is a table of `[discovered]`, a second of 
     above = -4.8e-4
 
 Its function f acts on the scale factor as (U − U0)·(1 + f), on the bias as U + f, on the sampling as a delay f, on the
-encoder's angle as θ + f, on the noise as σ·(1 + f).
+encoder's angle as θ + f, on the noise as σ·(1 + f), on the torque of a table's drive as τ + f. A drive's are tables of
+`[parts.drive.effects]`; their coordinates are those of its rows.
 """
 
 from __future__ import annotations

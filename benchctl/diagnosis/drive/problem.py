@@ -21,6 +21,7 @@ from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.drive_effects.effect import DriveEffect, DriveSignals
 from benchctl_instruments.physics.drive_effects.registry import drive_effects
 from benchctl_instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.physics.structures import Structure
 
 NAMES = ("inertia_kg_m2", "viscous_nm_s")
 UNITS = ("kg m2", "N m s rad-1")
@@ -120,7 +121,9 @@ class DriveProblem(MadeOfRows):
         rows = self.rows
         inertia, viscous = baseline.tolist()
         torque = inertia * acceleration_rad_s2 + viscous * rate_rad_s
-        ordered: list[DriveEffect] = sorted(effects, key=lambda one: _STAGES.index(one.stage))
+        structures = [one for one in effects if isinstance(one, Structure)]
+        named = [one for one in effects if not isinstance(one, Structure)]
+        ordered: list[DriveEffect] = sorted(named, key=lambda one: _STAGES.index(one.stage))
         for run in rows.runs if ordered else ():
             signals = DriveSignals(
                 time_s=rows.run_s[run],
@@ -135,6 +138,9 @@ class DriveProblem(MadeOfRows):
             for effect in ordered:
                 signals = replace(signals, torque_nm=effect.apply(signals))
             torque[run] = signals.torque_nm
+        if structures:
+            values = _coordinates(rows.sampled_s, rows.angle_deg, rate_rad_s, acceleration_rad_s2)
+            torque += sum(one.value_at(values[one.over]) for one in structures)
         return rows.means(torque)
 
     def spectral_residual(self, baseline: FloatArray, effects: Sequence[Any]) -> FloatArray:
@@ -238,16 +244,26 @@ def drive_problem(
         full_scale=full_scale,
         noise=white_noise_of(rows.torque_nm),
         coordinates={
-            "time": rows.time_s,
-            "rate": np.degrees(rate),
-            "abs_rate": np.abs(np.degrees(rate)),
+            **_coordinates(rows.time_s, rows.means(rows.angle_deg), rate, acceleration),
             "rate_sign": np.where(rows.moving, np.sign(rate), 0.0),
-            "acceleration": np.degrees(acceleration),
-            "angle": np.mod(rows.means(rows.angle_deg), 360.0),
             "output": rows.torque_nm,
             "step": rows.infos_of_rows.step.astype(np.float64),
         },
     )
+
+
+def _coordinates(
+    time_s: FloatArray, angle_deg: FloatArray, rate_rad_s: FloatArray, acceleration_rad_s2: FloatArray
+) -> Mapping[str, FloatArray]:
+    """What a torque without a name may be a function of, as structures know it; arrays of one shape."""
+    return {
+        "time": time_s,
+        "rate": np.degrees(rate_rad_s),
+        "abs_rate": np.abs(np.degrees(rate_rad_s)),
+        "rate_sign": np.sign(rate_rad_s),
+        "acceleration": np.degrees(acceleration_rad_s2),
+        "angle": np.mod(angle_deg, 360.0),
+    }
 
 
 def _bounded_kinds(rows: DriveRows) -> Iterator[tuple[str, type[DescribedEffect]]]:

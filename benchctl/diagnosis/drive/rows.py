@@ -49,7 +49,8 @@ _FEWEST_AT_REST = 5
 class DriveRows:
     """Samples of shape (n,) within `runs`; rows of shape (m,) made of `BLOCK` samples each, within `stretches`.
 
-    `time_s` is that of the rows, `run_s` that of the samples since their run began. `torque_nm` (m,) is measured, in
+    `time_s` is that of the rows, `clock_s` the same since the recording began that they belong to, where several were
+    joined, and `run_s` that of the samples since their run began. `torque_nm` (m,) is measured, in
     `unit`. `moving` are rows in which the table turns, within whole windows of angles. At rest friction takes up any
     torque that it can hold: `rests` are rows without motion, several in a row. Neither holds rows that `faults` of the
     data have spoilt; rows of these are (m,).
@@ -64,11 +65,23 @@ class DriveRows:
     acceleration_rad_s2: FloatArray
     stretches: tuple[slice, ...]
     time_s: FloatArray
+    clock_s: FloatArray
     torque_nm: FloatArray
     unit: str
     moving: BoolArray
     rests: tuple[slice, ...]
     faults: tuple[Fault, ...]
+
+    @property
+    def sampled_s(self) -> FloatArray:
+        """The time of the samples since their recording began [s], shape (n,)."""
+        begun = np.concatenate(
+            [
+                np.full(run.stop - run.start, self.clock_s[rows.start])
+                for run, rows in zip(self.runs, self.stretches, strict=True)
+            ]
+        )
+        return np.asarray(begun + self.run_s - 0.5 * (BLOCK - 1) * self.sample_interval_s)
 
     def means(self, samples: FloatArray) -> FloatArray:
         """Values of the samples (n,) as rows (m,)."""
@@ -113,6 +126,7 @@ def drive_rows_of(recording: Recording, torque_constant_nm_per_a: float | None =
     half = half_of(1.0 / interval_s)
     whole_windows = np.concatenate([_inner(angle.size, half) for angle in angles])
     time_s = rows_of(series.time_s)
+    starts_s = np.unique([0.0, *recording.starts_s])
     step = np.concatenate([series.step[run][: (run.stop - run.start) // whole * whole : whole] for run in runs])
     rows = DriveRows(
         infos_of_rows=cut(series.infos, step, time_s),
@@ -124,6 +138,7 @@ def drive_rows_of(recording: Recording, torque_constant_nm_per_a: float | None =
         acceleration_rad_s2=np.concatenate([np.radians(motion.acceleration_dps2) for motion in motions]),
         stretches=consecutive([angle.size // BLOCK for angle in angles]),
         time_s=time_s,
+        clock_s=time_s - starts_s[np.searchsorted(starts_s, time_s, side="right") - 1],
         torque_nm=constant * rows_of(series.columns[source]),
         unit=str(units.get(source, "1")) if source == "drive_load" else "N m",
         moving=(turning & whole_windows).reshape(-1, BLOCK).all(axis=1),

@@ -32,8 +32,7 @@ def not_found_in(one: NotFound, unit: str) -> NotFound:
 
 def unexplained_in(one: Unexplained, unit: str, part: Part) -> Unexplained:
     """The same of what is unexplained; a drive or a chamber has offsets, no biases, and another output."""
-    if part != "gyro":
-        one = replace(one, says=one.says.replace("a bias", "an offset").replace("the output", _OUTPUTS[part]))
+    one = replace(one, says=said_of(one.says, part))
     if unit in _OWN:
         return one
     models = tuple(
@@ -41,6 +40,13 @@ def unexplained_in(one: Unexplained, unit: str, part: Part) -> Unexplained:
         for model in one.models
     )
     return replace(one, says=text_in(one.says, unit), models=models)
+
+
+def said_of(said: str, part: Part) -> str:
+    """What is said of a residual, in the words of its part."""
+    if part == "gyro":
+        return said
+    return said.replace("a bias", "an offset").replace("the bias", "the offset").replace("the output", _OUTPUTS[part])
 
 
 def pieces_in_time(one: Unexplained) -> Unexplained:

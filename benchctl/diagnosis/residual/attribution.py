@@ -75,7 +75,8 @@ def named(
         chosen = settled_again(problem, reduced(problem, chosen, forbidden), fallen, seed=seed)
     if isinstance(problem, GyroProblem):
         chosen = _as_uncertain(chosen, rest)
-    if imperfect(gains, judged, instead):
+    of_all = {name: _beside(rest, chosen.after, one) for name, one in less.items()} | noises
+    if imperfect(of_all, rest, instead):
         return chosen, NOTHING, (f"{rest.says} It is little enough to be owed to the model of what was found.",)
     before = fit(problem, chosen.noise.plain, chosen.before.point, chosen.before.fitted)
     ceiling = residual_structure_of(problem, chosen.noise.plain, before, seed=seed)

@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from benchctl.diagnosis.drive.problem import DriveProblem
 from benchctl.diagnosis.gyro.points import PointsProblem
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.search.probes import Probe, probe_at
@@ -107,6 +108,8 @@ def swinging_hz(problem: Problem) -> float:
 
 def clock_s(problem: Problem) -> FloatArray:
     """Time as the effects count it: from the beginning of the recording that a stretch belongs to, shape (n,)."""
+    if isinstance(problem, DriveProblem):
+        return problem.rows.clock_s
     if not isinstance(problem, GyroProblem):
         return problem.time_s
     clock = problem.time_s.copy()

@@ -16,6 +16,7 @@ import numpy as np
 import scipy.optimize
 from scipy.signal import oaconvolve
 
+from benchctl.diagnosis.drive.problem import DriveProblem
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.search.pull import Pull, peaks
 from benchctl.diagnosis.search.scans import clock_s
@@ -27,6 +28,8 @@ from benchctl_instruments.physics.effects.thermal_hysteresis import play
 from benchctl_instruments.physics.structure_places import CHAMBER_C, OVER, Span, StructureStage, last_sign
 from benchctl_instruments.physics.structures import Structure, lagged, structure
 
+Structurable = GyroProblem | DriveProblem
+"""Parts of the bench in which structures are looked for."""
 _BINS = 1000
 _EDGES, _STEPS = 60, 160
 _APART = 1e-3
@@ -64,6 +67,8 @@ _ALONG = (
     "spline12",
     "spline24",
 )
+_ALIKE = ("line", "bend")
+"""What a drive's baseline, which has a slope of its own there, does by itself or beside a kink and an offset."""
 _REMEMBERED = ("abs_rate", "rate", "rate_sign", "gyro_temp", "gyro_temp_rate", "setpoint")
 _BACKLASHES = np.geomspace(0.005, 0.4, 14)
 _Place = tuple[StructureStage, str, str]
@@ -84,6 +89,7 @@ _OF_STAGE: Mapping[StructureStage, tuple[str, ...]] = {
     "scale": ("gyro_temp", "gyro_temp_rate", "time", "angle", "chamber_temp", "setpoint", "abs_rate", "last_sign"),
     "bias": tuple(OVER),
     "sampling": ("gyro_temp", "gyro_temp_rate", "time", "abs_rate"),
+    "torque": ("time", "angle", "rate", "abs_rate", "rate_sign", "acceleration"),
 }
 """Over which coordinates structures of a stage are looked for."""
 _MOVED, _NUDGED = 2.0, 0.2
@@ -118,13 +124,14 @@ class Begun:
         return self if self.along is None else self.along.refined(self)
 
 
-def begun_everywhere(problem: GyroProblem, pull: Pull, in_time: Pull) -> list[Begun]:
+def begun_everywhere(problem: Structurable, pull: Pull, in_time: Pull) -> list[Begun]:
     """The best place of each shape at each stage over each coordinate; of those that promise anything.
 
     `in_time` is the pull of all steps: what happens at an instant can be seen in the step of that instant alone.
     """
     seen = {over_time: _seen(problem, one) for over_time, one in ((False, pull), (True, in_time))}
-    places = [(stage, over, "") for stage, all_of_it in _OF_STAGE.items() for over in all_of_it]
+    places = [(stage, over, "") for stage in seen[False][2] for over in _OF_STAGE.get(stage, ())]
+    band = problem.band if isinstance(problem, GyroProblem) else None
 
     def begun(place: _Place) -> list[Begun]:
         stage, over, times = place
@@ -139,17 +146,18 @@ def begun_everywhere(problem: GyroProblem, pull: Pull, in_time: Pull) -> list[Be
             one
             for one in places
             if {*one[1:]} - {""} <= seen[False][-1].keys()
-            and (problem.band is None or not structure(one[0], one[1], "line", times=one[2]).momentary)
+            and (band is None or not structure(one[0], one[1], "line", times=one[2]).momentary)
         ]
         return list(itertools.chain.from_iterable(shared_out(begun, known)))
 
     alone = best_of(places)
+    products = [place for place in _PRODUCTS if place[0] in seen[False][2]]
     most = max((one.promise for one in alone), default=0.0)
-    return [*alone, *(one for one in best_of(_PRODUCTS) if one.promise > _CLEARLY_MORE * most)]
+    return [*alone, *(one for one in best_of(products) if one.promise > _CLEARLY_MORE * most)]
 
 
 def _seen(
-    problem: GyroProblem, pull: Pull
+    problem: Structurable, pull: Pull
 ) -> tuple[Pull, list[FloatArray], Mapping[StructureStage, FloatArray], Mapping[str, FloatArray]]:
     """The pull of what a fit leaves, that of its derivatives, the factors of the stages, and the coordinates.
 
@@ -163,23 +171,26 @@ def _seen(
     return replace(pull, pull=left), known, factors_of(problem, fitted), coordinates_of(problem, fitted)
 
 
-def coordinates_of(problem: GyroProblem, fitted: Fit) -> dict[str, FloatArray]:
+def coordinates_of(problem: Structurable, fitted: Fit) -> dict[str, FloatArray]:
     """Every coordinate that varies in a recording, as structures know it; arrays of shape (n,).
 
     The output is the one that a fit predicts: a function of the measured one follows any residual, being made of it.
     """
-    frame, band = problem.frame, problem.band
     values = {name: one for name, one in problem.coordinates.items() if name in OVER} | {"output": fitted.predicted}
     values["time"] = clock_s(problem)
-    made = {"last_sign": last_sign(frame.rate_dps)}
-    made["chamber_temp"] = frame.auxiliary.get(CHAMBER_C, np.zeros(frame.rows))
-    values |= {name: one if band is None else one[band.rows] for name, one in made.items()}
+    if isinstance(problem, GyroProblem):
+        frame, band = problem.frame, problem.band
+        made = {"last_sign": last_sign(frame.rate_dps)}
+        made["chamber_temp"] = frame.auxiliary.get(CHAMBER_C, np.zeros(frame.rows))
+        values |= {name: one if band is None else one[band.rows] for name, one in made.items()}
     rows = problem.usable
     return {name: one for name, one in values.items() if np.isfinite(one[rows]).all() and np.ptp(one[rows]) > 0.0}
 
 
-def factors_of(problem: GyroProblem, fitted: Fit) -> Mapping[StructureStage, FloatArray]:
-    """What a stage multiplies its function with, in the output; arrays of shape (n,)."""
+def factors_of(problem: Structurable, fitted: Fit) -> Mapping[StructureStage, FloatArray]:
+    """What a stage multiplies its function with, in what is measured; arrays of shape (n,)."""
+    if isinstance(problem, DriveProblem):
+        return {"torque": np.ones_like(fitted.predicted)}
     K0, U0 = fitted.point.baseline[:2].tolist()
     return {
         "scale": fitted.predicted - U0,
@@ -189,7 +200,7 @@ def factors_of(problem: GyroProblem, fitted: Fit) -> Mapping[StructureStage, Flo
 
 
 def _places_along(
-    problem: GyroProblem, pull: Pull, known: list[FloatArray], place: _Place, values: FloatArray, factor: FloatArray
+    problem: Structurable, pull: Pull, known: list[FloatArray], place: _Place, values: FloatArray, factor: FloatArray
 ) -> Iterator[Begun]:
     """The best place of each shape over a coordinate."""
     rows = pull.rows
@@ -202,9 +213,18 @@ def _places_along(
         for shape in _SIGNS:
             yield from along.best(shape, iter([{}]))
     else:
+        alike = _ALIKE if stage == "torque" and over in ("rate", "acceleration") else ()
         for shape in (*_ALONG, *(("exponential",) if over == "time" else ())):
+            if shape in alike:
+                continue
             yield from along.best(shape, _grid(over, shape, span))
     if times:
+        return
+    if isinstance(problem, DriveProblem):
+        if over in ("time", "angle"):
+            yield from along.two_steps()
+        if over == "time":
+            yield from along.bursts()
         return
     if over in ("time", "gyro_temp"):
         yield from along.two_steps()

@@ -24,7 +24,7 @@ from benchctl.diagnosis.search.scans import clock_s
 from benchctl.diagnosis.search.scatter import scatter
 from benchctl.diagnosis.search.select import reduced
 from benchctl.diagnosis.search.selection import Evidence, Selection
-from benchctl.diagnosis.structures.scan import Begun, begun_everywhere, encoder_jumps
+from benchctl.diagnosis.structures.scan import Begun, Structurable, begun_everywhere, encoder_jumps
 from benchctl.estimation.fit import Fit, Point, fit, gain_of
 from benchctl.estimation.point import at_bound
 from benchctl.signals.blocks import block_starts
@@ -79,7 +79,7 @@ class _Candidate:
 
 
 def modelled(
-    problem: GyroProblem,
+    problem: Structurable,
     chosen: Selection,
     rest: ResidualStructure,
     *,
@@ -128,7 +128,7 @@ def modelled(
     return Modelled(chosen=chosen, structures=tuple(found), ties=ties, left=rest)
 
 
-def _simple_enough(problem: GyroProblem, chosen: Selection, candidates: Sequence[_Candidate], seed: int) -> _Candidate:
+def _simple_enough(problem: Structurable, chosen: Selection, candidates: Sequence[_Candidate], seed: int) -> _Candidate:
     """Of the models over the coordinate that explains most the simplest, where it leaves no more than the best one."""
     best = max(candidates, key=lambda one: one.evidence)
     if best.structure.over == "output":  # which is nearly the rate, of which more is a function
@@ -160,7 +160,7 @@ def _as_gain(chosen: Selection, bare: Fit, rest: ResidualStructure) -> float:
 
 
 def _pruned(
-    problem: GyroProblem, chosen: Selection, found: list[Structure], last: Structure
+    problem: Structurable, chosen: Selection, found: list[Structure], last: Structure
 ) -> tuple[Selection, list[Structure]]:
     """The selection, and the structures in it, without those that the last one has made needless."""
     kept = found
@@ -212,7 +212,7 @@ def _alike(one: _Candidate, other: _Candidate) -> bool:
     return (mine.acts_on, mine.over, mine.times) == (its.acts_on, its.over, its.times)
 
 
-def _sharpened(problem: GyroProblem, chosen: Selection, best: _Candidate) -> _Candidate:
+def _sharpened(problem: Structurable, chosen: Selection, best: _Candidate) -> _Candidate:
     """A step with a narrower width where that is better: a fit does not see edges that lie between its rows."""
     for share in _SHARPER if "width" in best.structure.values and best.structure.is_stepped else ():
         values = best.structure.values
@@ -260,7 +260,7 @@ def _with_jump_held_out(problem: GyroProblem, chosen: Selection, begun: Structur
     return replace(_with(problem, chosen, after), whole=whole)
 
 
-def _with(problem: GyroProblem, chosen: Selection, after: Fit) -> Selection:
+def _with(problem: Structurable, chosen: Selection, after: Fit) -> Selection:
     """The selection with a structure as the last effect of its model."""
     effects = (*chosen.whole.point.effects, after.point.effects[-1])
     everything = np.ones_like(after.fitted)
@@ -296,7 +296,7 @@ def _own(coordinate: str) -> list[str]:
 
 
 def _candidates(
-    problem: GyroProblem, chosen: Selection, taken: set[str], curved: set[str], missed: float
+    problem: Structurable, chosen: Selection, taken: set[str], curved: set[str], missed: float
 ) -> list[_Candidate]:
     """Models with one structure more that hold on steps which they were not fitted to.
 
@@ -336,7 +336,7 @@ def _few_of_each(ranked: Sequence[Begun]) -> Iterator[Begun]:
         yield one
 
 
-def _fitted(problem: GyroProblem, chosen: Selection, begun: Structure, looked: float) -> _Candidate | None:
+def _fitted(problem: Structurable, chosen: Selection, begun: Structure, looked: float) -> _Candidate | None:
     """The model with a structure; None where it does not pass, also on steps that were held out."""
     present = chosen.after
     # sizes and everything beside them first: a place found among all is better than one that follows them there

@@ -14,8 +14,9 @@ from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.residual.residual_structure import residual_structure_of
 from benchctl.diagnosis.residual.score_test import ScoreTest
-from benchctl.diagnosis.search.select import reduced, without
+from benchctl.diagnosis.search.select import reduced, select, without
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.diagnosis.structures.scan import Structurable
 from benchctl.diagnosis.structures.search import Modelled, modelled
 from benchctl.estimation.fit import Point, fit, gain_of
 from benchctl.estimation.noise import Noisy
@@ -38,7 +39,7 @@ _OF_THE_RATE = {"output": "rate", "abs_rate": "rate"}
 """Coordinates that are one: what is a function of the rate is nearly one of the output."""
 
 _STEPS, _BEGUN = 3, 0.3
-"""So many structures may take the place of a process, where the first of them gains such a share of what it does."""
+"""So many structures may stand, or take the place of a process where the first gains such a share of what it does."""
 
 _PIECES = (24, 48, 96)
 """So many straight pieces, few or many, over each of two coordinates, and as many together over one."""
@@ -49,7 +50,7 @@ _NEARLY_ALL = 0.98
 """A process follows anything slow: a structure that explains nearly as much takes its place."""
 
 
-def settled(problem: GyroProblem, chosen: Selection) -> Selection:
+def settled(problem: Structurable, chosen: Selection) -> Selection:
     """The selection without findings that gain too little beside its structures, its noise measured beside them.
 
     Fitted to all steps, the structures are free in all their numbers: these are what is stated.
@@ -70,7 +71,59 @@ def settled(problem: GyroProblem, chosen: Selection) -> Selection:
     return replace(chosen, named=bare)
 
 
-def _needless(problem: GyroProblem, chosen: Selection) -> str | None:
+def in_turns(problem: Structurable, chosen: Selection, seed: int) -> Modelled | None:
+    """Structures and names, one after the other: a structure, the names that show beside it, and the next structure.
+
+    What is found first follows what is still missing, too; so the structures are found once more beside all names, and
+    names anew beside these. None where no shape explains anything.
+    """
+    found: Modelled | None = None
+    for _ in range(_STEPS):
+        rest = residual_structure_of(problem, chosen.whitener, chosen.after, seed=seed)
+        known = _structures(chosen)
+        bare = without(problem, chosen, *known) if known else None
+        more = modelled(problem, chosen, rest, most=1, bare=bare, seed=seed) if rest.significant else None
+        if more is None:
+            break
+        found = with_names(problem, more, seed)
+        chosen = found.chosen
+    names = reduced(problem, chosen, _structures(chosen))
+    rest = residual_structure_of(problem, names.whitener, names.after, seed=seed)
+    for smooth in (False, True):
+        if found is None or found.left.significant or not smooth:
+            anew = modelled(problem, names, rest, most=_STEPS, smooth=smooth, seed=seed)
+            both = [found, None if anew is None else with_names(problem, anew, seed)]
+            there = [one for one in both if one is not None]
+            found = min(there, key=lambda one: (one.left.significant, _criterion(one)), default=None)
+    return found
+
+
+def with_names(problem: Structurable, found: Modelled, seed: int) -> Modelled:
+    """The same with the names that show beside structures, and without structures that these make needless."""
+    known = _structures(found.chosen)
+    if len({*known.values()}) < len(known):  # a search does not know two of a kind apart
+        return found
+    again = select(problem, seed=seed, progress=lambda _name, _share: None, chosen=found.chosen)
+    kept = tuple(one for one in found.structures if one.identifier in _structures(again).values())
+    left = residual_structure_of(problem, again.whitener, again.after, seed=seed)
+    beside = Modelled(chosen=again, structures=kept, ties=found.ties if kept else (), left=left)
+    return beside if _criterion(beside) < _criterion(found) else found
+
+
+def _structures(chosen: Selection) -> dict[str, str]:
+    """The keys of the structures of a selection, and their identifiers."""
+    effects = chosen.after.point.effects
+    named = zip(keys_of(effects), effects, strict=True)
+    return {key: one.identifier for key, one in named if isinstance(one, Structure)}
+
+
+def _criterion(found: Modelled) -> float:
+    """Schwarz's criterion of a model: the lower, the better."""
+    after = found.chosen.after
+    return after.rows * math.log(after.squares) + len(after.numbers) * math.log(after.rows)
+
+
+def _needless(problem: Structurable, chosen: Selection) -> str | None:
     effects = chosen.after.point.effects
     delayed = any(isinstance(one, Structure) and one.acts_on == "sampling" for one in effects)
     for key, effect in zip(keys_of(effects), effects, strict=True):
@@ -82,7 +135,7 @@ def _needless(problem: GyroProblem, chosen: Selection) -> str | None:
 
 
 def instead_of_names(
-    problem: GyroProblem, chosen: Selection, *, left: bool, seed: int
+    problem: Structurable, chosen: Selection, *, left: bool, seed: int
 ) -> tuple[Selection, Modelled] | None:
     """A structure in the place of several findings along one coordinate, or of a wandering bias, where it is better.
 
@@ -92,7 +145,7 @@ def instead_of_names(
     """
     for keys, parameters, gain in _replaceable(problem, chosen, 1 if left else 2):
         less = reduced(problem, chosen, keys)
-        if keys[0] in PROCESSES:
+        if keys[0] in PROCESSES and isinstance(problem, GyroProblem):
             found = _instead_of_process(problem, less, gain, seed)
             if found is not None:
                 return less, found
@@ -200,18 +253,18 @@ def _beside(problem: GyroProblem, found: Modelled, process: Noisy, seed: int) ->
     return replace(found, chosen=chosen, left=residual_structure_of(problem, chosen.whitener, chosen.after, seed=seed))
 
 
-def leaving_out(problem: GyroProblem, chosen: Selection, rows: BoolArray) -> Selection:
+def leaving_out(problem: Structurable, chosen: Selection, rows: BoolArray) -> Selection:
     """A selection refitted without some of its rows, shape (n,)."""
     return _under(problem, chosen, chosen.noise.leaving_out(rows))
 
 
-def _under(problem: GyroProblem, chosen: Selection, noise: NoiseModel) -> Selection:
+def _under(problem: Structurable, chosen: Selection, noise: NoiseModel) -> Selection:
     """A selection refitted with another model of the noise."""
     after, whole = (fit(problem, noise.whitener, one.point, one.fitted) for one in (chosen.after, chosen.whole))
     return replace(chosen, noise=noise, after=after, whole=whole)
 
 
-def as_one_curve(problem: GyroProblem, found: Modelled, seed: int) -> Modelled:
+def as_one_curve(problem: Structurable, found: Modelled, seed: int) -> Modelled:
     """One smooth curve in the place of several structures over one coordinate, and of names along it, that make it up.
 
     Beside it no more may be left than beside them: several shapes are no simpler than a curve.
@@ -249,7 +302,7 @@ def _same(coordinate: str) -> str:
     return "*".join(_OF_THE_RATE.get(word, word) for word in words)
 
 
-def _replaceable(problem: GyroProblem, chosen: Selection, fewest: int) -> Iterator[tuple[tuple[str, ...], int, float]]:
+def _replaceable(problem: Structurable, chosen: Selection, fewest: int) -> Iterator[tuple[tuple[str, ...], int, float]]:
     """Keys of so many findings along one coordinate, their parameters and gain; and of a wandering bias, which has one.
 
     A delay and a filter are not among them: a function of the acceleration does the same at one frequency only.

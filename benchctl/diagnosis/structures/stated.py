@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from benchctl.diagnosis.drive.problem import DriveProblem
 from benchctl.diagnosis.findings.findings import estimates_of
 from benchctl.diagnosis.gyro.frame import turned_unseen
 from benchctl.diagnosis.gyro.problem import GyroProblem
@@ -18,9 +19,17 @@ from benchctl.diagnosis.search.scans import swinging_hz
 from benchctl.diagnosis.search.select import select
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.structures.noise import NoiseFound, noise_structure, with_noise
-from benchctl.diagnosis.structures.scan import coordinates_of, factors_of
+from benchctl.diagnosis.structures.scan import Structurable, coordinates_of, factors_of
 from benchctl.diagnosis.structures.search import Modelled, modelled, with_jumps
-from benchctl.diagnosis.structures.settled import CLEARLY, as_one_curve, instead_of_names, leaving_out, settled
+from benchctl.diagnosis.structures.settled import (
+    CLEARLY,
+    as_one_curve,
+    in_turns,
+    instead_of_names,
+    leaving_out,
+    settled,
+    with_names,
+)
 from benchctl.estimation.fit import gain_of
 from benchctl.estimation.problem import Problem
 from benchctl.signals.binning import bin_of
@@ -46,6 +55,12 @@ _HINTS: Mapping[tuple[str, str], tuple[str, ...]] = {
     ("bias", "rate_sign"): ("backlash or slip between encoder and gyro", "cross-talk of the table's drive"),
     ("bias", "acceleration"): ("a delay between gyro and encoder", "a mount that gives way", "cross-coupling"),
     ("bias", "output"): ("a nonlinear converter or amplifier", "clipping"),
+    ("torque", "time"): ("a brake that drags", "an amplifier or a supply that steps", "a bearing that warms up"),
+    ("torque", "angle"): ("a rough place of a bearing", "a cable that pulls", "a load out of balance"),
+    ("torque", "rate"): ("a lubricant that changes its regime", "a resonance of table or belt", "air drag"),
+    ("torque", "abs_rate"): ("a resonance of table or belt", "an amplifier at its limit"),
+    ("torque", "rate_sign"): ("a gear or belt that resists more one way",),
+    ("torque", "acceleration"): ("play or twist between motor and encoder", "an amplifier at its limit"),
 }
 _MOST_OF_IT = 0.8
 """A model that explains less of what is left, in power, is none."""
@@ -82,6 +97,8 @@ def with_structures(
     over another coordinate than those along which findings act. Jumps of the encoder, and noise that is not of one
     size, need not show in what is left: they are looked for always.
     """
+    if isinstance(problem, DriveProblem):
+        return _of_torque(problem, chosen, unexplained, owed, seed)
     if not isinstance(problem, GyroProblem):
         return chosen, unexplained, owed
     chosen, stated, owed = _of_prediction(problem, chosen, unexplained, owed, fallen, spikes, seed)
@@ -131,6 +148,34 @@ def _of_prediction(
     share = unexplained.share if unexplained.significant else _share(bare, by_shapes)
     rest = residual_structure_of(problem, bare.whitener, bare.after, seed=seed)
     return by_shapes.chosen, _stated(problem, by_shapes, rest, share), owed
+
+
+def _of_torque(
+    problem: DriveProblem, chosen: Selection, unexplained: Unexplained, owed: tuple[str, ...], seed: int
+) -> tuple[Selection, Unexplained, tuple[str, ...]]:
+    """The same of a drive's torque, of which friction follows much that has no name: names are looked for anew."""
+    bare, found = chosen, None
+    instead = instead_of_names(problem, chosen, left=bool(unexplained.significant or owed), seed=seed)
+    if instead is not None:
+        bare, found = instead[0], with_names(problem, instead[1], seed)
+    elif unexplained.significant:
+        found = in_turns(problem, chosen, seed)
+    rest = residual_structure_of(problem, bare.whitener, bare.after, seed=seed)
+    if found is None or _explained(rest, found.left) < _MOST_OF_IT:
+        return chosen, unexplained, owed
+    found = as_one_curve(problem, found, seed)
+    found = replace(found, chosen=settled(problem, found.chosen))
+    if not found.structures:  # names alone do, since they were looked for beside a structure
+        return found.chosen, _left_of(found, unexplained), owed
+    share = unexplained.share if bare is chosen else _share(bare, found)
+    return found.chosen, _stated(problem, found, rest, share), ()
+
+
+def _left_of(found: Modelled, unexplained: Unexplained) -> Unexplained:
+    """What names alone leave unexplained."""
+    if not found.left.significant:
+        return Unexplained(significant=False, share=0.0)
+    return replace(unexplained, coordinates=found.left.coordinates, says=found.left.says)
 
 
 def _modelled(
@@ -222,7 +267,7 @@ def _share(chosen: Selection, found: Modelled) -> float:
     return min(max((bare - after) / max(first - after, 1e-300), 0.0), 1.0)
 
 
-def _stated(problem: GyroProblem, found: Modelled, rest: ResidualStructure, share: float) -> Unexplained:
+def _stated(problem: Structurable, found: Modelled, rest: ResidualStructure, share: float) -> Unexplained:
     models = tuple(_models(problem, found.chosen, found.structures, _explained(rest, found.left)))
     coordinates = (found.structures[0].word, *found.ties)
     says = " ".join(one.says for one in models)
@@ -268,7 +313,7 @@ def _explained(before: ResidualStructure, after: ResidualStructure) -> float:
 
 
 def _models(
-    problem: GyroProblem, chosen: Selection, structures: Sequence[Structure], explains: float
+    problem: Structurable, chosen: Selection, structures: Sequence[Structure], explains: float
 ) -> Iterator[StructureModel]:
     """The structures of a selection, those that were found first before others."""
     kinds = list(dict.fromkeys(one.identifier for one in structures))
@@ -325,7 +370,7 @@ _NUDGE = 1e-4
 _FEWEST = 10
 
 
-def curve_of(problem: GyroProblem, chosen: Selection, key: str) -> Curve | None:
+def curve_of(problem: Structurable, chosen: Selection, key: str) -> Curve | None:
     """What is drawn of a structure of a selection; None of one that is no function of the present alone."""
     after = chosen.after
     place = keys_of(after.point.effects).index(key)
@@ -367,7 +412,7 @@ def curve_of(problem: GyroProblem, chosen: Selection, key: str) -> Curve | None:
     )
 
 
-def _error(problem: GyroProblem, chosen: Selection, place: int, effect: Structure, along: FloatArray) -> FloatArray:
+def _error(problem: Structurable, chosen: Selection, place: int, effect: Structure, along: FloatArray) -> FloatArray:
     """Standard error of the function at places (k,), by the covariance of the structure's numbers."""
     after = chosen.after
     mine = [i for i, one in enumerate(after.numbers) if one.effect == place]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +32,8 @@ class Truth:
     delay_s: float = 0.0
     swing: float = 0.25
     steady: float = 0.0
+    extra: Callable[[float, float, float], float] = lambda _t, _angle_deg, _rate_dps: 0.0
+    """What resists beside, of time, angle and rate."""
     most: float = math.inf
     """The largest torque that the motor makes, and that its amplifier asks of it."""
 
@@ -47,7 +50,13 @@ def _resisting(truth: Truth, t: float, angle: float, rate: float) -> float:
     rest = (truth.coulomb + truth.breakaway * math.exp(-((rate / truth.creep_rad_s) ** 2))) * sign
     viscous = VISCOUS * (1.0 + truth.warm_up * (1.0 - math.exp(-t / truth.warm_up_s)))
     cogging = truth.cogging * math.cos(truth.order * angle - 0.7)
-    return viscous * rate + rest + truth.drag * rate * abs(rate) + cogging
+    return (
+        viscous * rate
+        + rest
+        + truth.drag * rate * abs(rate)
+        + cogging
+        + truth.extra(t, math.degrees(angle) % 360.0, math.degrees(rate))
+    )
 
 
 def drive_channels(

@@ -13,7 +13,9 @@ from benchctl.proof import seal
 from benchctl.proof.classes import ClassName
 from benchctl.proof.part_trials import PartTruth, drawn
 from benchctl.proof.running import ProofSettings, run_proof
+from benchctl.proof.score import score_diagnosis
 from benchctl.recordings.reader import open_recording
+from benchctl_instruments.physics.structures import structure_named
 
 PARTS: tuple[ClassName, ...] = ("drive", "chamber")
 
@@ -32,6 +34,22 @@ def test_a_trial_of_a_part_is_drawn_again_with_the_same_digest_and_conceals_no_t
             assert not set(truth.kind_of(name).look_alikes) & set(truth.effects)
         seen |= set(truth.effects)
     assert len(seen) == (5 if part == "drive" else 6)
+
+
+def test_a_torque_without_a_name_is_drawn_alone_or_beside_one_effect_and_withheld() -> None:
+    beside: set[int] = set()
+    where: set[str] = set()
+    for index in range(60):
+        truth = drawn(5, index, "drive-structure")
+        (structure,) = truth.withheld
+        found = structure_named(structure)
+        assert found is not None
+        assert (found.acts_on, truth.lives_in) == ("torque", (found.over,))
+        assert truth.kind_of(structure) is found
+        assert truth.verdict == ("missing-physics" if truth.nameable else "unknown-structure")
+        beside.add(len(truth.nameable))
+        where.add(found.over)
+    assert (beside, where) == ({0, 1}, {"angle", "time", "rate"})
 
 
 @pytest.mark.parametrize("part", PARTS)
@@ -61,6 +79,24 @@ def test_of_a_part_that_hides_nothing_nothing_is_stated(part: ClassName, index: 
         said = diagnose(recording, part="drive" if part == "drive" else "chamber")
     assert said.verdict == "consistent"
     assert not said.findings
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("index", "what"),
+    [(6, "a rough place beside friction at low rates"), (10, "what harmonics stand for"), (18, "two bumps in time")],
+)
+def test_a_torque_without_a_name_is_found_over_its_coordinate_beside_the_right_name(
+    index: int, what: str, tmp_path: Path
+) -> None:
+    truth = drawn(90, index, "drive-structure")
+    path, _ = truth.record(tmp_path / "run")
+    with open_recording(path) as recording:
+        said = diagnose(recording, part="drive").as_json()
+    score = score_diagnosis(truth, said)
+    assert score.right, (what, said["says"])
+    assert score.removed is not None
+    assert score.removed > 0.99
 
 
 @pytest.mark.slow

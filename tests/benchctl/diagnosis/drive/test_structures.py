@@ -1,0 +1,107 @@
+"""Torques without a name: found over their coordinate, in their shape, alone and beside what has a name."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from benchctl.diagnosis.diagnose import diagnose
+from benchctl.diagnosis.result import Diagnosis
+from benchctl.model_file import Model, read_model, write_model
+from benchctl.recordings.reader import join
+from benchctl_instruments.errors import UsageError
+from tests.benchctl.diagnosis.made_drive import Truth, drive_channels
+from tests.benchctl.diagnosis.made_recording import recording_of
+
+
+def rough_place(_t: float, angle_deg: float, _rate_dps: float) -> float:
+    """A bearing that is rough about 140°."""
+    return 0.02 * math.exp(-0.5 * (((angle_deg - 140.0 + 180.0) % 360.0 - 180.0) / 12.0) ** 2)
+
+
+def dragging_brake(t: float, _angle_deg: float, _rate_dps: float) -> float:
+    """A brake that drags for 25 s."""
+    return 0.015 if 30.0 < t < 55.0 else 0.0
+
+
+def windage(_t: float, _angle_deg: float, rate_dps: float) -> float:
+    """What begins at 90 °/s."""
+    return 3e-4 * max(rate_dps - 90.0, 0.0)
+
+
+def switched(t: float, _angle_deg: float, _rate_dps: float) -> float:
+    """An amplifier that is off by another torque from 40 s on."""
+    return 0.012 if t > 40.0 else 0.0
+
+
+ROUGH = ("bump_of_torque_over_angle", {"change": 0.02, "at": 140.0, "width": 12.0})
+BRAKE = ("plateau_of_torque_over_time", {"change": 0.015, "at": 30.0, "length": 25.0})
+WINDAGE = ("kink_of_torque_over_rate", {"above": 3e-4, "at": 90.0})
+SWITCHED = ("step_of_torque_over_time", {"change": 0.012, "at": 40.0})
+
+
+def diagnosed(truth: Truth, seed: int = 4) -> Diagnosis:
+    return diagnose(recording_of(drive_channels(truth, seed)), part="drive")
+
+
+@pytest.mark.parametrize(
+    ("truth", "names", "structure"),
+    [
+        (Truth(extra=windage), [], WINDAGE),
+        (Truth(extra=dragging_brake, coulomb=0.02), ["coulomb_friction"], BRAKE),
+        pytest.param(Truth(extra=rough_place), [], ROUGH, marks=pytest.mark.slow),
+        pytest.param(
+            Truth(extra=rough_place, coulomb=0.02, offset=0.01),
+            ["coulomb_friction", "torque_offset"],
+            ROUGH,
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(Truth(extra=dragging_brake), [], BRAKE, marks=pytest.mark.slow),
+        pytest.param(Truth(extra=switched, cogging=0.01), ["cogging_torque"], SWITCHED, marks=pytest.mark.slow),
+    ],
+)
+def test_a_torque_without_a_name_is_modelled_beside_the_names_with_its_values_in_their_intervals(
+    truth: Truth, names: list[str], structure: tuple[str, dict[str, float]]
+) -> None:
+    found = diagnosed(truth)
+    identifier, values = structure
+    assert sorted(one.effect for one in found.findings) == names
+    (model,) = found.unexplained.models
+    assert (model.identifier, model.stage) == (identifier, "torque")
+    for name, value in values.items():
+        estimate = model.parameters[name]
+        assert estimate.low is not None
+        assert estimate.high is not None
+        assert estimate.value == pytest.approx(value, rel=0.05)
+        # two intervals: this is one draw of many
+        half = 0.5 * (estimate.high - estimate.low)
+        assert abs(estimate.value - value) < 2.0 * half
+    assert model.hints
+    assert found.fit.heldout_after < 1.05 * found.fit.noise < found.fit.heldout_before
+    assert "N·m" in found.unexplained.says
+    assert "bias" not in found.unexplained.says
+    assert found.not_found == ()
+
+
+def test_the_model_file_carries_the_torque_and_refuses_a_structure_of_another_part(tmp_path: Path) -> None:
+    found = diagnosed(Truth(extra=windage), 5)
+    file = tmp_path / "model.toml"
+    write_model(file, Model(parts=found.model["parts"]))
+    effects = read_model(file).parts["drive"]["effects"]
+    assert list(effects) == ["kink_of_torque_over_rate"]
+    assert effects["kink_of_torque_over_rate"]["above"] == pytest.approx(3e-4, rel=0.02)
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace("kink_of_torque_over_rate", "kink_of_bias_over_rate"), encoding="utf-8")
+    with pytest.raises(UsageError, match="kink_of_bias_over_rate: no such effect"):
+        read_model(file)
+
+
+def test_time_is_counted_in_each_of_two_joined_recordings() -> None:
+    runs = [recording_of(drive_channels(Truth(extra=dragging_brake), seed)) for seed in (6, 7)]
+    found = diagnose(join(runs), part="drive")
+    (model,) = found.unexplained.models
+    assert model.identifier == "plateau_of_torque_over_time"
+    assert model.parameters["at"].value == pytest.approx(30.0, abs=0.2)
+    assert model.parameters["change"].value == pytest.approx(0.015, rel=0.05)
