@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse
 
+from benchctl.diagnosis.drive.problem import DriveProblem
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.residual.residual_structure import residual_structure_of
@@ -71,7 +72,23 @@ def settled(problem: Structurable, chosen: Selection) -> Selection:
     return replace(chosen, named=bare)
 
 
-def in_turns(problem: Structurable, chosen: Selection, seed: int) -> Modelled | None:
+def instead_or_beside(problem: DriveProblem, chosen: Selection, *, left: bool, seed: int) -> Modelled:
+    """The best model of a torque: names alone, or structures beside them or in the place of those along one coordinate.
+
+    Several harmonics follow any peak over the angle. Structures that stand must be better than names alone by far, or
+    leave nothing where these do.
+    """
+    rest = residual_structure_of(problem, chosen.whitener, chosen.after, seed=seed)
+    names = Modelled(chosen=chosen, structures=(), ties=(), left=rest)
+    begun = [chosen] if left else []
+    begun += [reduced(problem, chosen, keys) for keys, _, _ in _replaceable(problem, chosen, _SEVERAL)]
+    models = [found for one in begun if (found := _in_turns(problem, one, seed)) is not None]
+    best = min([names, *models], key=_worth)
+    clearly = _criterion(best) < _criterion(names) - CLEARLY
+    return best if clearly or (left and not best.left.significant) else names
+
+
+def _in_turns(problem: DriveProblem, chosen: Selection, seed: int) -> Modelled | None:
     """Structures and names, one after the other: a structure, the names that show beside it, and the next structure.
 
     What is found first follows what is still missing, too; so the structures are found once more beside all names, and
@@ -80,37 +97,42 @@ def in_turns(problem: Structurable, chosen: Selection, seed: int) -> Modelled | 
     found: Modelled | None = None
     for _ in range(_STEPS):
         rest = residual_structure_of(problem, chosen.whitener, chosen.after, seed=seed)
-        known = _structures(chosen)
+        known = structures_of(chosen)
         bare = without(problem, chosen, *known) if known else None
         more = modelled(problem, chosen, rest, most=1, bare=bare, seed=seed) if rest.significant else None
         if more is None:
             break
-        found = with_names(problem, more, seed)
+        found = _with_names(problem, more, seed)
         chosen = found.chosen
-    names = reduced(problem, chosen, _structures(chosen))
+    names = reduced(problem, chosen, structures_of(chosen))
     rest = residual_structure_of(problem, names.whitener, names.after, seed=seed)
     for smooth in (False, True):
-        if found is None or found.left.significant or not smooth:
-            anew = modelled(problem, names, rest, most=_STEPS, smooth=smooth, seed=seed)
-            both = [found, None if anew is None else with_names(problem, anew, seed)]
-            there = [one for one in both if one is not None]
-            found = min(there, key=lambda one: (one.left.significant, _criterion(one)), default=None)
+        if smooth and found is not None and not found.left.significant:
+            break
+        anew = modelled(problem, names, rest, most=_STEPS, smooth=smooth, seed=seed)
+        both = [found, None if anew is None else _with_names(problem, anew, seed)]
+        found = min((one for one in both if one is not None), key=_worth, default=None)
     return found
 
 
-def with_names(problem: Structurable, found: Modelled, seed: int) -> Modelled:
+def _worth(found: Modelled) -> tuple[bool, float]:
+    """What is compared of models: the least is the best."""
+    return found.left.significant, _criterion(found)
+
+
+def _with_names(problem: DriveProblem, found: Modelled, seed: int) -> Modelled:
     """The same with the names that show beside structures, and without structures that these make needless."""
-    known = _structures(found.chosen)
+    known = structures_of(found.chosen)
     if len({*known.values()}) < len(known):  # a search does not know two of a kind apart
         return found
     again = select(problem, seed=seed, progress=lambda _name, _share: None, chosen=found.chosen)
-    kept = tuple(one for one in found.structures if one.identifier in _structures(again).values())
+    kept = tuple(one for one in found.structures if one.identifier in structures_of(again).values())
     left = residual_structure_of(problem, again.whitener, again.after, seed=seed)
     beside = Modelled(chosen=again, structures=kept, ties=found.ties if kept else (), left=left)
     return beside if _criterion(beside) < _criterion(found) else found
 
 
-def _structures(chosen: Selection) -> dict[str, str]:
+def structures_of(chosen: Selection) -> dict[str, str]:
     """The keys of the structures of a selection, and their identifiers."""
     effects = chosen.after.point.effects
     named = zip(keys_of(effects), effects, strict=True)

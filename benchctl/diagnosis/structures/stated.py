@@ -16,7 +16,7 @@ from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.residual.residual_structure import ResidualStructure, is_owed, residual_structure_of
 from benchctl.diagnosis.result import Curve, Estimate, StructureModel, Unexplained
 from benchctl.diagnosis.search.scans import swinging_hz
-from benchctl.diagnosis.search.select import select
+from benchctl.diagnosis.search.select import reduced, select
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.structures.noise import NoiseFound, noise_structure, with_noise
 from benchctl.diagnosis.structures.scan import Structurable, coordinates_of, factors_of
@@ -24,11 +24,11 @@ from benchctl.diagnosis.structures.search import Modelled, modelled, with_jumps
 from benchctl.diagnosis.structures.settled import (
     CLEARLY,
     as_one_curve,
-    in_turns,
     instead_of_names,
+    instead_or_beside,
     leaving_out,
     settled,
-    with_names,
+    structures_of,
 )
 from benchctl.estimation.fit import gain_of
 from benchctl.estimation.problem import Problem
@@ -154,21 +154,18 @@ def _of_torque(
     problem: DriveProblem, chosen: Selection, unexplained: Unexplained, owed: tuple[str, ...], seed: int
 ) -> tuple[Selection, Unexplained, tuple[str, ...]]:
     """The same of a drive's torque, of which friction follows much that has no name: names are looked for anew."""
-    bare, found = chosen, None
-    instead = instead_of_names(problem, chosen, left=bool(unexplained.significant or owed), seed=seed)
-    if instead is not None:
-        bare, found = instead[0], with_names(problem, instead[1], seed)
-    elif unexplained.significant:
-        found = in_turns(problem, chosen, seed)
-    rest = residual_structure_of(problem, bare.whitener, bare.after, seed=seed)
-    if found is None or _explained(rest, found.left) < _MOST_OF_IT:
+    found = instead_or_beside(problem, chosen, left=unexplained.significant, seed=seed)
+    if found.chosen is chosen:
         return chosen, unexplained, owed
     found = as_one_curve(problem, found, seed)
     found = replace(found, chosen=settled(problem, found.chosen))
     if not found.structures:  # names alone do, since they were looked for beside a structure
         return found.chosen, _left_of(found, unexplained), owed
-    share = unexplained.share if bare is chosen else _share(bare, found)
-    return found.chosen, _stated(problem, found, rest, share), ()
+    bare = reduced(problem, found.chosen, structures_of(found.chosen))
+    rest = residual_structure_of(problem, bare.whitener, bare.after, seed=seed)
+    if _explained(rest, found.left) < _MOST_OF_IT:
+        return chosen, unexplained, owed
+    return found.chosen, _stated(problem, found, rest, _share(bare, found)), ()
 
 
 def _left_of(found: Modelled, unexplained: Unexplained) -> Unexplained:
