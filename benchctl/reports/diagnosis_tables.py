@@ -16,7 +16,8 @@ from benchctl.reports.vocabulary import advice_for
 from benchctl_instruments.physics.chamber_effects.registry import chamber_effects
 from benchctl_instruments.physics.drive_effects.registry import drive_effects
 from benchctl_instruments.physics.effects.effect import DescribedEffect
-from benchctl_instruments.physics.effects.registry import effect, effects
+from benchctl_instruments.physics.effects.registry import effects
+from benchctl_instruments.physics.structures import structure_named
 
 _SHARES: Mapping[Kind, str] = {
     "physics": "what the noise does not account for",
@@ -73,7 +74,8 @@ def finding_section(
 
 def structure_section(one: StructureModel) -> dict[str, object]:
     """A structure with its formula and its parameters."""
-    meanings = {name: known.meaning for name, known in effect(one.identifier).parameters.items()}
+    kind = structure_named(one.identifier)
+    meanings = {} if kind is None else {name: known.meaning for name, known in kind.parameters.items()}
     return {
         "title": f"{one.shape.replace('_', ' ').capitalize()} of the {one.stage} over the"
         f" {' and '.join(words.coordinate(name) for name in one.coordinates)}",

@@ -50,10 +50,10 @@ class DriveRows:
     """Samples of shape (n,) within `runs`; rows of shape (m,) made of `BLOCK` samples each, within `stretches`.
 
     `time_s` is that of the rows, `clock_s` the same since the recording began that they belong to, where several were
-    joined, and `run_s` that of the samples since their run began. `torque_nm` (m,) is measured, in
-    `unit`. `moving` are rows in which the table turns, within whole windows of angles. At rest friction takes up any
-    torque that it can hold: `rests` are rows without motion, several in a row. Neither holds rows that `faults` of the
-    data have spoilt; rows of these are (m,).
+    joined, and `run_s` that of the samples since their run began. `torque_nm` (m,) is measured, in `unit`. `moving` are
+    rows in which the table turns, within whole windows of angles. At rest friction takes up any torque that it holds:
+    `rests` are rows without motion, several in a row. Neither has rows that `faults` of the data have spoilt; rows of
+    these are (m,).
     """
 
     infos_of_rows: Pieces

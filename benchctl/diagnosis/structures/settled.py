@@ -157,7 +157,7 @@ def _needless(problem: Structurable, chosen: Selection) -> str | None:
 
 
 def instead_of_names(
-    problem: Structurable, chosen: Selection, *, left: bool, seed: int
+    problem: GyroProblem, chosen: Selection, *, left: bool, seed: int
 ) -> tuple[Selection, Modelled] | None:
     """A structure in the place of several findings along one coordinate, or of a wandering bias, where it is better.
 
@@ -167,7 +167,7 @@ def instead_of_names(
     """
     for keys, parameters, gain in _replaceable(problem, chosen, 1 if left else 2):
         less = reduced(problem, chosen, keys)
-        if keys[0] in PROCESSES and isinstance(problem, GyroProblem):
+        if keys[0] in PROCESSES:
             found = _instead_of_process(problem, less, gain, seed)
             if found is not None:
                 return less, found
@@ -275,7 +275,7 @@ def _beside(problem: GyroProblem, found: Modelled, process: Noisy, seed: int) ->
     return replace(found, chosen=chosen, left=residual_structure_of(problem, chosen.whitener, chosen.after, seed=seed))
 
 
-def leaving_out(problem: Structurable, chosen: Selection, rows: BoolArray) -> Selection:
+def leaving_out(problem: GyroProblem, chosen: Selection, rows: BoolArray) -> Selection:
     """A selection refitted without some of its rows, shape (n,)."""
     return _under(problem, chosen, chosen.noise.leaving_out(rows))
 

@@ -19,12 +19,13 @@ def effects() -> MappingProxyType[str, type[PhysicalEffect]]:
 
 
 def effect(identifier: str) -> type[PhysicalEffect]:
-    """The effect of an identifier, or the structure.
+    """The effect of an identifier, or the structure; of a gyro, no torque of a drive.
 
     `UsageError` where there is none, or one of another package that cannot be used.
     """
     known = effects()
-    if identifier not in known and (made := structure_named(identifier)) is not None:
+    made = None if identifier in known else structure_named(identifier)
+    if made is not None and made.acts_on != "torque":
         return made
     if identifier not in known:
         refuse_broken(identifier)

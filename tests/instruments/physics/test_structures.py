@@ -83,6 +83,11 @@ def test_the_name_of_a_structure_says_all_of_it(shape: str) -> None:
         assert made.says().endswith(".")
 
 
+def test_a_torque_of_a_drive_is_refused_where_effects_of_a_gyro_are_made() -> None:
+    with pytest.raises(UsageError, match="'step_of_torque_over_time': there is no such effect"):
+        make_effects({"step_of_torque_over_time": {"at": 1.0, "change": 0.01, "width": 0.1}})
+
+
 def test_a_jump_of_the_encoder_stays_in_the_angle_that_it_states() -> None:
     (jump,) = make_effects({"jump_of_encoder_over_time_2": {"at": 0.01, "change": 360.0}})
     assert jump.apply(signals([20.0, 20.0, 20.0])).encoder_deg.tolist() == pytest.approx([0.0, 0.1, 0.1])

@@ -11,6 +11,7 @@ from benchctl.diagnosis.diagnose import diagnose
 from benchctl.diagnosis.result import Diagnosis
 from benchctl.model_file import Model, read_model, write_model
 from benchctl.recordings.reader import join
+from benchctl.reports.diagnosis_page import write_diagnosis_report
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.diagnosis.made_drive import Truth, drive_channels
 from tests.benchctl.diagnosis.made_recording import recording_of
@@ -85,8 +86,14 @@ def test_a_torque_without_a_name_is_modelled_beside_the_names_with_its_values_in
     assert found.not_found == ()
 
 
-def test_the_model_file_carries_the_torque_and_refuses_a_structure_of_another_part(tmp_path: Path) -> None:
-    found = diagnosed(Truth(extra=windage), 5)
+def test_report_and_model_file_carry_the_torque_which_is_refused_of_another_part(tmp_path: Path) -> None:
+    recording = recording_of(drive_channels(Truth(extra=windage), 5))
+    found = diagnose(recording, part="drive")
+    report = tmp_path / "report.html"
+    write_diagnosis_report(report, found, recording.meta, recording.infos, digest="", unit="N m")
+    page = report.read_text(encoding="utf-8")
+    assert "Kink of the torque over the" in page
+    assert "τ = J·dω/dt + b·ω + above·max(rate − at, 0)" in page
     file = tmp_path / "model.toml"
     write_model(file, Model(parts=found.model["parts"]))
     effects = read_model(file).parts["drive"]["effects"]
