@@ -294,6 +294,7 @@ def curve_figure(of: StructureModel, unit: str) -> Figure:
     if curve is None:
         raise ValueError(f"{of.identifier}: there is no curve to draw")
     factor, per = next(acts.printed for stage, acts in ACTS.items() if stage == of.stage)
+    per = unit if of.stage == "torque" else per  # a load may have a unit of its own
     figure = new_figure(2.6)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
     upper.fill_between(curve.along, factor * curve.low, factor * curve.high, color=BAND, linewidth=0)

@@ -12,6 +12,7 @@ from benchctl.diagnosis.result import Diagnosis
 from benchctl.model_file import Model, read_model, write_model
 from benchctl.recordings.reader import join
 from benchctl.reports.diagnosis_page import write_diagnosis_report
+from benchctl.reports.mismatch_figures import curve_figure
 from benchctl_instruments.errors import UsageError
 from tests.benchctl.diagnosis.made_drive import Truth, drive_channels
 from tests.benchctl.diagnosis.made_recording import recording_of
@@ -94,6 +95,8 @@ def test_report_and_model_file_carry_the_torque_which_is_refused_of_another_part
     page = report.read_text(encoding="utf-8")
     assert "Kink of the torque over the" in page
     assert "τ = J·dω/dt + b·ω + above·max(rate − at, 0)" in page
+    of_a_load = curve_figure(found.unexplained.models[0], "count")
+    assert "(count)" in of_a_load.axes[0].get_ylabel()
     file = tmp_path / "model.toml"
     write_model(file, Model(parts=found.model["parts"]))
     effects = read_model(file).parts["drive"]["effects"]
