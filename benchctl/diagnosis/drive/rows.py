@@ -75,13 +75,8 @@ class DriveRows:
     @property
     def sampled_s(self) -> FloatArray:
         """The time of the samples since their recording began [s], shape (n,)."""
-        begun = np.concatenate(
-            [
-                np.full(run.stop - run.start, self.clock_s[rows.start])
-                for run, rows in zip(self.runs, self.stretches, strict=True)
-            ]
-        )
-        return np.asarray(begun + self.run_s - 0.5 * (BLOCK - 1) * self.sample_interval_s)
+        first_s = self.clock_s[[rows.start for rows in self.stretches]] - 0.5 * (BLOCK - 1) * self.sample_interval_s
+        return np.repeat(first_s, [run.stop - run.start for run in self.runs]) + self.run_s
 
     def means(self, samples: FloatArray) -> FloatArray:
         """Values of the samples (n,) as rows (m,)."""

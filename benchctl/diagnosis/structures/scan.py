@@ -68,7 +68,7 @@ _ALONG = (
     "spline24",
 )
 _ALIKE = ("line", "bend")
-"""What a drive's baseline, which has a slope of its own there, does by itself or beside a kink and an offset."""
+"""Shapes that are nothing new over rate and acceleration: a drive's baseline has slopes there; a bend is a kink."""
 _REMEMBERED = ("abs_rate", "rate", "rate_sign", "gyro_temp", "gyro_temp_rate", "setpoint")
 _BACKLASHES = np.geomspace(0.005, 0.4, 14)
 _Place = tuple[StructureStage, str, str]
@@ -130,7 +130,8 @@ def begun_everywhere(problem: Structurable, pull: Pull, in_time: Pull) -> list[B
     `in_time` is the pull of all steps: what happens at an instant can be seen in the step of that instant alone.
     """
     seen = {over_time: _seen(problem, one) for over_time, one in ((False, pull), (True, in_time))}
-    places = [(stage, over, "") for stage in seen[False][2] for over in _OF_STAGE.get(stage, ())]
+    stages = seen[False][2].keys()
+    places = [(stage, over, "") for stage in stages for over in _OF_STAGE.get(stage, ())]
     band = problem.band if isinstance(problem, GyroProblem) else None
 
     def begun(place: _Place) -> list[Begun]:
@@ -151,7 +152,7 @@ def begun_everywhere(problem: Structurable, pull: Pull, in_time: Pull) -> list[B
         return list(itertools.chain.from_iterable(shared_out(begun, known)))
 
     alone = best_of(places)
-    products = [place for place in _PRODUCTS if place[0] in seen[False][2]]
+    products = [place for place in _PRODUCTS if place[0] in stages]
     most = max((one.promise for one in alone), default=0.0)
     return [*alone, *(one for one in best_of(products) if one.promise > _CLEARLY_MORE * most)]
 
@@ -220,17 +221,11 @@ def _places_along(
             yield from along.best(shape, _grid(over, shape, span))
     if times:
         return
-    if isinstance(problem, DriveProblem):
-        if over in ("time", "angle"):
-            yield from along.two_steps()
-        if over == "time":
-            yield from along.bursts()
-        return
-    if over in ("time", "gyro_temp"):
+    if over in ("time", "gyro_temp") or (stage, over) == ("torque", "angle"):
         yield from along.two_steps()
     if over == "time":
         yield from along.bursts()
-    if over in _REMEMBERED and stage != "sampling":
+    if isinstance(problem, GyroProblem) and over in _REMEMBERED and stage != "sampling":
         yield from _remembered(problem, pull, known, place, values, factor, span)
 
 

@@ -13,6 +13,7 @@ from benchctl.diagnosis.findings.findings import estimates_of
 from benchctl.diagnosis.gyro.frame import turned_unseen
 from benchctl.diagnosis.gyro.problem import GyroProblem
 from benchctl.diagnosis.keys import keys_of
+from benchctl.diagnosis.residual.attribution import NOTHING
 from benchctl.diagnosis.residual.residual_structure import ResidualStructure, is_owed, residual_structure_of
 from benchctl.diagnosis.result import Curve, Estimate, StructureModel, Unexplained
 from benchctl.diagnosis.search.scans import swinging_hz
@@ -171,7 +172,7 @@ def _of_torque(
 def _left_of(found: Modelled, unexplained: Unexplained) -> Unexplained:
     """What names alone leave unexplained."""
     if not found.left.significant:
-        return Unexplained(significant=False, share=0.0)
+        return NOTHING
     return replace(unexplained, coordinates=found.left.coordinates, says=found.left.says)
 
 

@@ -13,8 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from benchctl.campaign.reserved import lock_files
+from benchctl.campaign.reserved import lock_files, make_lock_folder
 from benchctl.cli.app import run_verb
+from benchctl.locks import held
 
 Ran = subprocess.CompletedProcess[str]
 
@@ -68,9 +69,9 @@ def simulated_servers(bench_toml: Path, *arguments: str) -> Iterator[dict[str, s
     with started("sim", "--bench", "simulated", "--write-bench", bench_toml, *arguments) as process:
         assert process.stdout is not None
         addresses = json.loads(process.stdout.readline())
-        for address in addresses.values():
-            for lock in lock_files(address):
-                lock.with_suffix(".json").unlink(missing_ok=True)
+        make_lock_folder()
+        with held({lock for one in addresses.values() for lock in lock_files(one)}, "a simulated bench", "a test"):
+            pass  # what is released was abandoned by nobody
         yield addresses
         process.terminate()
         process.wait(timeout=50)
