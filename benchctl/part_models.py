@@ -46,6 +46,7 @@ def check_parts(parts: Mapping[str, Any]) -> None:
     from benchctl_instruments.physics.drive_effects.registry import drive_effects
     from benchctl_instruments.physics.effects.effect import DescribedEffect
     from benchctl_instruments.physics.effects.numbered import identifier_in
+    from benchctl_instruments.physics.structure_places import OF_PARTS
     from benchctl_instruments.physics.structures import Structure, structure_named
 
     known: dict[str, Mapping[str, type[DescribedEffect]]] = {"drive": drive_effects(), "chamber": chamber_effects()}
@@ -60,7 +61,7 @@ def check_parts(parts: Mapping[str, Any]) -> None:
             raise UsageError(f"[{place}] {EFFECTS}: expected a table, got {shown(effects)}")
         for name, values in effects.items():
             kind = known[part].get(identifier_in(name, known[part])) or structure_named(name)
-            if kind is None or (issubclass(kind, Structure) and (part, kind.acts_on) != ("drive", "torque")):
+            if kind is None or (issubclass(kind, Structure) and OF_PARTS.get(kind.acts_on) != part):
                 raise UsageError(f"[{place}.{EFFECTS}] {name}: no such effect; there are {', '.join(known[part])}")
             if not isinstance(values, Mapping):
                 raise UsageError(f"[{place}.{EFFECTS}] {name}: expected a table, got {shown(values)}")

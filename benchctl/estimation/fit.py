@@ -341,4 +341,4 @@ def _nudge(problem: Problem, number: Free, value: float, index: int) -> float:
         return 0.05
     if parameter.logarithmic:
         return parameter.nudge
-    return parameter.nudge * max(abs(value), abs(parameter.scan[0]))
+    return parameter.nudge * (max(abs(value), abs(parameter.scan[0])) or max(map(abs, parameter.scan)))

@@ -30,6 +30,7 @@ ClassName = Literal[
     "drive",
     "drive-structure",
     "chamber",
+    "chamber-structure",
 ]
 
 
@@ -118,6 +119,13 @@ CLASSES: MappingProxyType[ClassName, TrialClass] = MappingProxyType(
         ),
         "chamber": TrialClass(
             says="up to two effects of a chamber", verdict="missing-physics", weight=20, effects=2, part="chamber"
+        ),
+        "chamber-structure": TrialClass(
+            says="heat without a name, alone or beside one effect of a chamber",
+            verdict="unknown-structure",
+            weight=20,
+            structure=True,
+            part="chamber",
         ),
     }
 )

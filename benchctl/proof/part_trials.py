@@ -17,7 +17,7 @@ import numpy as np
 from benchctl.diagnosis.result import Part, Verdict
 from benchctl.proof.classes import CLASSES, ClassName
 from benchctl.proof.draw import draw
-from benchctl.proof.structures import torque_structure
+from benchctl.proof.structures import structure_of_part
 from benchctl.proof.truth import Effects, Sealed, Truth
 from benchctl.recordings.model import BenchFacts, Meta, Step, StepInfo, Unit
 from benchctl.recordings.writer import write_recording
@@ -28,7 +28,7 @@ from benchctl_instruments.physics.chamber_effects.registry import chamber_effect
 from benchctl_instruments.physics.drive_effects.effect import DriveSignals, DriveStage
 from benchctl_instruments.physics.drive_effects.registry import drive_effects
 from benchctl_instruments.physics.effects.effect import DescribedEffect
-from benchctl_instruments.physics.structures import structure_named
+from benchctl_instruments.physics.structures import pushed, structure_named
 
 _NOTHING_IN = 4
 """One trial in so many conceals nothing."""
@@ -38,6 +38,7 @@ _DRIVE_S, _DRIVE_HZ = 120.0, 200.0
 _CHAMBER_S, _CHAMBER_HZ, _RESTS_S = 2400.0, 1.0, 60.0
 _NOISE_NM, _ENCODER_DEG = 0.004, 0.5 / 3600.0
 _ROOM_C, _READING_C, _STEP_C = 22.0, 0.03, 0.1
+_REACH_C = (10.0, 270.0)
 
 _SIZES: Mapping[str, Mapping[str, Mapping[str, tuple[float, float]]]] = {
     "drive": {
@@ -57,8 +58,11 @@ _SIZES: Mapping[str, Mapping[str, Mapping[str, tuple[float, float]]]] = {
     },
 }
 """Between which an effect's parameters are drawn; of a signed size both signs are meant."""
-_RANGES = {"angle": (0.0, 360.0), "time": (0.0, _DRIVE_S), "rate": (-90.0, 180.0)}
-"""Of a drive's coordinates the lowest value and the width that every run covers."""
+_RANGES: Mapping[str, Mapping[str, tuple[float, float]]] = {
+    "drive": {"angle": (0.0, 360.0), "time": (0.0, _DRIVE_S), "rate": (-90.0, 180.0)},
+    "chamber": {"time": (0.0, _CHAMBER_S), "chamber_temp": (25.0, 75.0), "heater": (0.0, 60.0)},
+}
+"""Of a part's coordinates the lowest value and the width that every run covers."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,7 +130,7 @@ def drawn(seed: int, index: int, kind: ClassName) -> Truth | PartTruth:
             }
     withheld: tuple[str, ...] = ()
     if CLASSES[kind].structure:
-        found, values = torque_structure(rng, _RANGES)
+        found, values = structure_of_part("drive" if part == "drive" else "chamber", rng, _RANGES[part])
         effects[found] = {one: float(f"{value:.4g}") for one, value in values.items()}
         withheld = (found,)
     low, high = ((0.02, 0.02), (0.06, 0.05)) if part == "drive" else ((2.0, 120.0), (4.0, 300.0))
@@ -208,9 +212,12 @@ def _chamber(truth: PartTruth, draws: np.random.Generator) -> dict[str, FloatArr
         loss=np.ones_like(time_s),
         second_c=second,
     )
-    for effect in _made(truth.effects, "chamber", _CHAMBER_S, float(power.max())):
-        signals = effect.apply(signals)
     gain, tau_s = truth.baseline.values()
+    unnamed = [kind.make(truth.effects[name]) for name in truth.withheld if (kind := structure_named(name)) is not None]
+    signals = pushed(signals, unnamed, time_s, gain, _REACH_C)
+    named = {name: values for name, values in truth.effects.items() if name not in truth.withheld}
+    for effect in _made(named, "chamber", _CHAMBER_S, float(power.max())):
+        signals = effect.apply(signals)
     pushes = draws.normal(0.0, draws.uniform(0.005, 0.02) * math.sqrt(step_s), time_s.size)
     signals = replace(signals, drive=signals.drive + pushes * tau_s / (gain * step_s))
     air = air_c(signals, _ROOM_C, gain, tau_s)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Literal
 
 import numpy as np
 
@@ -51,6 +52,12 @@ _OF_DRIVES: Mapping[str, tuple[str, ...]] = {
     "rate": ("kink", "bump", "resonance", "smooth_step", "smooth_plateau"),
 }
 """The same of the torque of a drive; slow waves over its angle have a name."""
+_OF_CHAMBERS: Mapping[str, tuple[str, ...]] = {
+    "time": ("step", "plateau", "bump", "smooth_step", "smooth_plateau", "double_bump", "bursts", "sawtooth"),
+    "chamber_temp": ("step", "kink", "bump", "plateau", "smooth_step", "smooth_plateau"),
+    "heater": ("step", "kink", "plateau", "smooth_step"),
+}
+"""The same of the heat of a chamber."""
 _IN_PAIRS = 0.15
 _LARGEST: Mapping[StructureStage, tuple[float, float]] = {
     "scale": (2e-3, 1e-2),
@@ -59,8 +66,9 @@ _LARGEST: Mapping[StructureStage, tuple[float, float]] = {
     "encoder": (100.0, 500.0),
     "noise": (0.5, 2.0),
     "torque": (0.008, 0.04),
+    "heat": (5.0, 25.0),
 }
-"""What a structure changes: a share of the scale factor, of full scale, s, arcsec, a share of the noise, N·m."""
+"""What a structure changes: a share of the scale factor, of full scale, s, arcsec, a share of the noise, N·m, K."""
 SHAPE_CLASSES: Mapping[str, str] = {
     "step_below": "step",
     "smooth_step": "step",
@@ -91,6 +99,8 @@ SHAPE_CLASSES: Mapping[str, str] = {
 """Shapes that stand for another one, where that is the nearest that a search has."""
 
 
+_TORQUE: StructureStage = "torque"
+_HEAT: StructureStage = "heat"
 _WIDTHS: Mapping[str, tuple[float, float]] = {
     "smooth_step": (0.02, 0.1),
     "smooth_plateau": (0.08, 0.2),
@@ -142,13 +152,16 @@ def structure_size(identifier: str, rng: np.random.Generator, unit: TrialUnit) -
     return _values(kind, rng, low, wide, largest)
 
 
-def torque_structure(rng: np.random.Generator, ranges: Mapping[str, tuple[float, float]]) -> tuple[str, Values]:
-    """The identifier and the parameters of a torque without a name, in N·m.
+def structure_of_part(
+    part: Literal["drive", "chamber"], rng: np.random.Generator, ranges: Mapping[str, tuple[float, float]]
+) -> tuple[str, Values]:
+    """The identifier and the parameters of a torque [N·m], or a heat [K], without a name.
 
     `ranges` are, by coordinate, the lowest value that every run covers and how far it goes on from there.
     """
-    over = str(rng.choice(list(_OF_DRIVES)))
-    kind = structure("torque", over, str(rng.choice(_OF_DRIVES[over])))
+    shapes, stage = (_OF_DRIVES, _TORQUE) if part == "drive" else (_OF_CHAMBERS, _HEAT)
+    over = str(rng.choice(list(shapes)))
+    kind = structure(stage, over, str(rng.choice(shapes[over])))
     return kind.identifier, _values(kind, rng, *ranges[over], _largest(kind, rng))
 
 
@@ -162,6 +175,9 @@ def _values(kind: type[Structure], rng: np.random.Generator, low: float, wide: f
     if kind.shape == "step":  # at once, or a ramp between two values
         width = 2e-3 if rng.random() < 0.7 else float(rng.uniform(0.15, 0.5))
         return {"change": largest, "at": at, "width": width * wide}
+    if kind.shape == "bursts":
+        period = wide / float(rng.uniform(4.0, 12.0))
+        return {"change": largest, "at": low, "period": period, "length": period * float(rng.uniform(0.2, 0.6))}
     if kind.shape == "plateau":
         length = wide * float(rng.uniform(0.15, 0.4))
         return {"change": largest, "at": min(at, low + 0.9 * wide - length), "length": length}

@@ -10,23 +10,28 @@ import numpy as np
 
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import Signals, Stage
+from benchctl_instruments.physics.chamber_effects.effect import ChamberStage
 from benchctl_instruments.physics.drive_effects.effect import DriveStage
 
 Span = tuple[float, float]
-StructureStage = Literal["scale", "bias", "sampling", "encoder", "noise", "torque"]
+StructureStage = Literal["scale", "bias", "sampling", "encoder", "noise", "torque", "heat"]
+OF_PARTS: Mapping[StructureStage, str] = {"torque": "drive", "heat": "chamber"}
+"""Stages of other parts than the gyro."""
 
 SETPOINT_WAY = "setpoint_way"
 """Auxiliary signal: −1 while the chamber's set point falls, 1 while it rises, 0 while it stands."""
 CHAMBER_C = "chamber_temp_c"
 """Auxiliary signal: the chamber's air."""
+HEATER = "heater"
+"""Auxiliary signal: the power of the chamber's heater, in its own unit."""
 LEAST_TURNING_DPS = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Acts:
-    """A stage: where it is in the chain of a gyro or a drive, what it changes, its unit, and how that is printed."""
+    """A stage: where it is in the chain of its part, what it changes, its unit, and how that is printed."""
 
-    chain: Stage | DriveStage
+    chain: Stage | DriveStage | ChamberStage
     what: str
     unit: str
     limit: float
@@ -89,6 +94,15 @@ ACTS: Mapping[StructureStage, _Acts] = {
         printed=(1.0, "N·m"),
         equation="τ → τ + f",
         formula="τ = J·dω/dt + b·ω + {f}",
+    ),
+    "heat": _Acts(
+        chain="source",
+        what="temperature to which the air settles",
+        unit="K",
+        limit=1e3,
+        printed=(1.0, "K"),
+        equation="T_room → T_room + f",
+        formula="τ·dT/dt = gain·u + T_room − T + {f}",
     ),
 }
 
@@ -209,6 +223,13 @@ OVER: Mapping[str, _Over] = {
         printed="°C",
         phrase="the chamber's temperature",
         values=_auxiliary(CHAMBER_C),
+    ),
+    "heater": _Over(
+        word="heater",
+        unit="1",
+        printed="",
+        phrase="the heater's power",
+        values=_auxiliary(HEATER),
     ),
     "setpoint": _Over(
         word="setpoint",

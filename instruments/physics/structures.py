@@ -9,15 +9,16 @@ second coordinate. In a model file it is a table of `[discovered]`, a second of 
     above = -4.8e-4
 
 Its function f acts on the scale factor as (U − U0)·(1 + f), on the bias as U + f, on the sampling as a delay f, on the
-encoder's angle as θ + f, on the noise as σ·(1 + f), on the torque of a table's drive as τ + f. A drive's are tables of
-`[parts.drive.effects]`; their coordinates are those of its rows.
+encoder's angle as θ + f, on the noise as σ·(1 + f), on the torque of a table's drive as τ + f, on the heat of a
+chamber as T_room + f: through the lag of its air. Those of a drive or a chamber are tables of `[parts.drive.effects]`
+or `[parts.chamber.effects]`; their coordinates are those of its rows.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import field, make_dataclass, replace
 from functools import lru_cache
 from typing import ClassVar
@@ -27,6 +28,7 @@ import scipy  # which loads signal when it is first used
 
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.chain import Signals
+from benchctl_instruments.physics.chamber_effects.effect import ChamberSignals
 from benchctl_instruments.physics.effects.draws import normals
 from benchctl_instruments.physics.effects.effect import Parameter, PhysicalEffect, Role
 from benchctl_instruments.physics.effects.thermal_hysteresis import play
@@ -35,6 +37,8 @@ from benchctl_instruments.physics.structure_shapes import SHAPES, Said
 
 _EVERYWHERE: Span = (-1e12, 1e12)
 _ARCSEC = 3600.0
+_TABULATED = 4000
+"""Temperatures of the air at which what is a function of it is tabulated, straight between them."""
 _NARROWEST, _WIDEST = 1e-3, 2.0
 """Widths and periods, as shares of the coordinate's range."""
 
@@ -165,6 +169,26 @@ def lagged(
         value += (x_kept - value + (y_kept - x_kept) * left) * left
     y, _ = scipy.signal.lfilter([share], [1.0, share - 1.0], x, zi=[(1.0 - share) * value])
     return y, np.array([time_s[-1] + interval_s, y[-1], x[-1]])
+
+
+def pushed(
+    signals: ChamberSignals, structures: Sequence[Structure], clock_s: FloatArray, gain: float, reach_c: Span
+) -> ChamberSignals:
+    """The signals with heat that has no name: functions of time, of the air, or of the heater, whose way it then goes.
+
+    `clock_s` (n,) counts from the beginning of the recording; `gain` [K] is that of the drive. Beyond `reach_c`
+    a function of the air stays what it is at its ends.
+    """
+    at_c = np.linspace(*reach_c, _TABULATED)
+    of_air, push_c, drive = np.zeros_like(at_c), np.zeros_like(clock_s), signals.drive
+    for one in structures:
+        if one.over == "chamber_temp":
+            of_air += one.value_at(at_c)
+        elif one.over == "heater" and gain:
+            drive = drive + one.value_at(signals.drive) / gain
+        elif one.over == "time":
+            push_c += one.value_at(clock_s)
+    return replace(signals, drive=drive, push_c=push_c, push_of_air=np.stack([at_c, of_air]) if of_air.any() else None)
 
 
 @lru_cache(maxsize=1024)

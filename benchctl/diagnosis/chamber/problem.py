@@ -24,11 +24,13 @@ from benchctl_instruments.physics.chamber_effects.air import air_c, forgetting
 from benchctl_instruments.physics.chamber_effects.effect import ChamberEffect, ChamberSignals
 from benchctl_instruments.physics.chamber_effects.registry import chamber_effects
 from benchctl_instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.physics.structures import Structure, pushed
 
 _STAGES = ("loss", "source", "transport")
 """Effects in this order: what held the air before a run is known by its losses, and is what a transport begins with."""
 _NOISE, _START = "noise_k_rms", "start_c"
 _FEW_SIZES = 3
+_BEYOND_K = 10.0
 _STARTS_S, _STARTS_GAIN = (0.02, 0.1, 0.5, 2.0), (1.0, -1.0)
 """Shares of the recording's length, and signs of the gain, from which the baseline is sought."""
 
@@ -111,18 +113,48 @@ class ChamberProblem(MadeOfRows):
         """The simulated air [°C] at the samples, shape (n,): run freely from the start of each run."""
         rows = self.rows
         told = dict(zip(self.baseline_names, baseline.tolist(), strict=True))
-        ordered: list[ChamberEffect] = sorted(effects, key=lambda one: _STAGES.index(one.stage))
+        structures = [one for one in effects if isinstance(one, Structure)]
+        reach_c = float(rows.temperature_c.min()) - _BEYOND_K, float(rows.temperature_c.max()) + _BEYOND_K
+        named = [one for one in effects if not isinstance(one, Structure)]
+        ordered: list[ChamberEffect] = sorted(named, key=lambda one: _STAGES.index(one.stage))
         gain = told[self.baseline_names[0]] if rows.kind == "power" else 1.0
         air = np.empty_like(rows.air_c)
         for run in rows.runs:
             start_c = told[_START] if _START in told else float(np.median(rows.air_c[run][:5]))
             signals = self._signals(run, told)
+            if structures:
+                signals = pushed(signals, structures, rows.clock_s[run], gain, reach_c)
             for effect in ordered:
                 if effect.stage == "transport" and signals.before is None:
                     signals = replace(signals, before=self._before(signals, start_c, gain, told["tau_s"]))
                 signals = effect.apply(signals)
             air[run] = air_c(signals, start_c, gain, told["tau_s"])
         return air
+
+    def responses(
+        self, baseline: FloatArray, effects: Sequence[Any], pushes_c: FloatArray, *, heated: bool
+    ) -> FloatArray:
+        """What pushes of the temperature to which the air settles (k, n) bring about in the rows [K], shape (k, m).
+
+        Those of the heater (`heated`) come on its way. Radiation is left out: it makes the air follow a little sooner.
+        """
+        rows = self.rows
+        told = dict(zip(self.baseline_names, baseline.tolist(), strict=True))
+        air = np.empty_like(pushes_c)
+        for run in rows.runs:
+            signals = self._signals(run, told)
+            nothing = np.zeros(run.stop - run.start)
+            for effect in effects:
+                if not isinstance(effect, Structure) and effect.stage == "loss":
+                    signals = effect.apply(signals)
+            still = replace(signals, room_c=nothing, radiation=0.0, second_c=nothing)
+            for one, column in zip(pushes_c[:, run], air[:, run], strict=True):
+                signals = replace(still, drive=one, before=0.0)
+                for effect in effects if heated else ():
+                    if effect.stage == "transport":
+                        signals = effect.apply(signals)
+                column[:] = air_c(signals, 0.0, 1.0, told["tau_s"])
+        return np.stack([rows.means(one) for one in air])
 
     @property
     def has_second(self) -> bool:

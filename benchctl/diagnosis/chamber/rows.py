@@ -36,8 +36,9 @@ class ChamberRows:
     """Samples of shape (n,), equidistant within `runs`; rows of shape (m,), within `stretches`.
 
     A row is the mean over a block of `block` samples. `room_c` and `second_c`, the temperature of a second body, are
-    NaN where they were not measured. `time_s` is that of the rows; `usable` says which of them were read, and not
-    spoilt. `step_c` is that of the thermometer, 0 where none shows. `faults` are those of the data, their rows (m,).
+    NaN where they were not measured. `clock_s` is the time of the samples since the recording began that they belong
+    to, `time_s` that of the rows; `usable` says which of them were read, and not spoilt. `step_c` is that of the
+    thermometer, 0 where none shows. `faults` are those of the data, their rows (m,).
     """
 
     infos_of_rows: Pieces
@@ -47,6 +48,7 @@ class ChamberRows:
     block: int
     runs: tuple[slice, ...]
     run_s: FloatArray
+    clock_s: FloatArray
     air_c: FloatArray
     drive: FloatArray
     room_c: FloatArray
@@ -114,6 +116,7 @@ def chamber_rows_of(recording: Recording) -> ChamberRows:
         )
     interval_s = factor * series.interval_s
     row_s = block_mean(time_s, block)
+    starts_s = np.unique([0.0, *recording.starts_s])
     return ChamberRows(
         infos_of_rows=cut(series.infos, step[::block].astype(np.int64), row_s),
         kind="setpoint" if channel == _SETPOINT else "power",
@@ -122,6 +125,7 @@ def chamber_rows_of(recording: Recording) -> ChamberRows:
         block=block,
         runs=consecutive(sizes),
         run_s=np.concatenate([np.arange(size) * interval_s for size in sizes]),
+        clock_s=time_s - starts_s[np.searchsorted(starts_s, time_s, side="right") - 1],
         air_c=samples[0],
         drive=samples[1],
         room_c=samples[2],

@@ -19,6 +19,7 @@ from functools import cached_property
 import numpy as np
 from scipy.special import chdtri
 
+from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.search.held_out import held_out_steps
 from benchctl.diagnosis.search.probes import probes_of
 from benchctl.diagnosis.search.screen import screen
@@ -30,14 +31,16 @@ from benchctl.estimation.noise_model import NoiseModel
 from benchctl.estimation.point import at_bound
 from benchctl.estimation.problem import Problem
 from benchctl.side_by_side import shared_out
+from benchctl_instruments.arrays import BoolArray
 from benchctl_instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.physics.structures import Structure
 
-_MOST = 3
-"""Sets of up to so many effects are fitted."""
+_MOST, _MOST_BESIDE = 3, 2
+"""Sets of up to so many effects are fitted, and of so many beside structures."""
 _LOOKED, _PLACES = 2, 3
 """Beside fewer effects than so many a look says where another one begins, at so many places."""
 _FIRST_ROUNDS, _ROUNDS, _FOLLOWED = 4, 30, 2
-_CHANCE = 0.001
+CHANCE = 0.001
 """How often chance may bring what an effect must gain: one in a thousand, as a disturbance is never quite as taken."""
 _SEARCHED = 0.9
 """Share of a diagnosis that is this search."""
@@ -46,28 +49,54 @@ _Names = tuple[str, ...]
 """Identifiers of the effects of a set, in the order of their names."""
 
 
-def select_subset(problem: Problem, *, seed: int, progress: Callable[[str, float], None]) -> Selection:
-    """Find what a `disturbed` problem's data demand: the likeliest of all small sets of which everything is needed."""
-    return _Subsets(problem, progress).selection(seed)
+def select_subset(
+    problem: Problem, *, seed: int, progress: Callable[[str, float], None], beside: tuple[Structure, ...] = ()
+) -> Selection:
+    """Find what a `disturbed` problem's data demand: the likeliest of all small sets of which everything is needed.
+
+    Structures may be there `beside` every set.
+    """
+    return _Subsets(problem, progress, beside).selection(seed)
+
+
+def price_of(problem: Problem, effect: DescribedEffect | None = None) -> float:
+    """What an effect must gain, in twice the log likelihood; of none at all what the least of one number must."""
+    parameters = () if effect is None else effect.parameters.values()
+    free = sum(one.role not in ("choice", "assumed") for one in parameters)
+    places = math.prod(len(one.scan) for one in parameters if one.role == "shape")
+    return float(chdtri(max(free, 1), CHANCE / (places * max(len(problem.effects), 1))))
+
+
+def evidence_beside(problem: Problem, fitted: Fit, effect: DescribedEffect, heldout: BoolArray) -> Evidence:
+    """What speaks for an effect of a fit: against the same without it."""
+    others = tuple(one for one in fitted.point.effects if one is not effect)
+    less = fit(problem, fitted.whitener, replace(fitted.point, effects=others), fitted.fitted)
+    return Evidence(
+        gain=gain_of(fitted, less),
+        heldout=gain_of(fitted, less, heldout),
+        scatter=1.0,
+        excess=(judged(problem, less) ** 2 - judged(problem, fitted) ** 2).astype(np.float32),
+    )
 
 
 class _Subsets:
     """The sets of effects that were tried, by their names."""
 
-    def __init__(self, problem: Problem, progress: Callable[[str, float], None]) -> None:
+    def __init__(self, problem: Problem, progress: Callable[[str, float], None], beside: tuple[Structure, ...]) -> None:
         self._problem = problem
         self._held = held_out_steps(problem)
         self._untouched = Point(baseline=problem.baseline_start)
         noise = NoiseModel.of(problem)
         self._noise = noise.levelled(problem, fit(problem, noise.whitener, self._untouched, ~self._held))
-        self._tried: dict[_Names, Fit] = {(): self._fit(self._untouched)}
+        self._tried: dict[_Names, Fit] = {(): self._fit(replace(self._untouched, effects=beside))}
         self._scores: dict[_Names, float] = {}
         self._probes = [probe for kind in problem.effects.values() for probe in probes_of(problem, kind)]
         kinds = sorted(problem.effects)
-        for size in range(1, _MOST + 1):
+        most = _MOST_BESIDE if beside else _MOST
+        for size in range(1, most + 1):
             sets = list(itertools.combinations(kinds, size))
-            self._try(sets, progress, (_SEARCHED * (size - 1) / _MOST, _SEARCHED * size / _MOST))
-        for size in range(_MOST - 1, 0, -1):
+            self._try(sets, progress, (_SEARCHED * (size - 1) / most, _SEARCHED * size / most))
+        for size in range(most - 1, 0, -1):
             self._begin_from_larger(itertools.combinations(kinds, size))
 
     def selection(self, seed: int) -> Selection:
@@ -75,16 +104,18 @@ class _Subsets:
         problem, names = self._problem, self._to_state()
         after, everything = self._tried[names], np.ones_like(self._held)
         whole = fit(problem, self._noise.whitener, after, everything) if self._held.any() else after
-        screening = screen(problem, self._noise.whitener, after, self._probes, seed=seed, threshold=self._price())
+        screening = screen(
+            problem, self._noise.whitener, after, self._probes, seed=seed, threshold=price_of(self._problem)
+        )
         return Selection(
             before=fit(problem, self._noise.plain, self._untouched, ~self._held),
             after=after,
             whole=with_disturbance(problem, whole),
             noise=self._noise,
             screening=screening,
-            evidence={one.identifier: self._evidence(names, one) for one in after.point.effects},
+            evidence=dict(zip(keys_of(after.point.effects), self._evidence(names, after), strict=True)),
             heldout=self._held,
-            least=self._price(),
+            least=price_of(self._problem),
         )
 
     def _try(self, sets: list[_Names], progress: Callable[[str, float], None], shares: tuple[float, float]) -> None:
@@ -104,9 +135,9 @@ class _Subsets:
             larger = [more for more in self._tried if set(names) < set(more)]
             if larger:
                 point = self._tried[min(larger, key=lambda more: self._tried[more].squares)].point
-                kept = tuple(effect for effect in point.effects if effect.identifier in names)
+                kept = tuple(one for one in point.effects if one.identifier in names or isinstance(one, Structure))
                 again, before = self._fit(replace(point, effects=kept)), self._tried.get(names)
-                if _inside(again) and (before is None or gain_of(again, before) > self._price()):
+                if _inside(again) and (before is None or gain_of(again, before) > price_of(self._problem)):
                     self._tried[names] = again
 
     def _fitted(self, names: _Names) -> Fit | None:
@@ -160,16 +191,9 @@ class _Subsets:
         """Minus twice the log likelihood of a set beside its disturbance, and what its effects pay."""
         if names not in self._scores:
             fitted = self._tried[names]
-            pays = sum(self._price(one) for one in fitted.point.effects)
+            pays = sum(price_of(self._problem, one) for one in fitted.point.effects)
             self._scores[names] = deviance_near(self._problem, fitted) + pays
         return self._scores[names]
-
-    def _price(self, effect: DescribedEffect | None = None) -> float:
-        """What an effect must gain, in twice the log likelihood; of none at all what the least of one number must."""
-        parameters = () if effect is None else effect.parameters.values()
-        free = sum(one.role not in ("choice", "assumed") for one in parameters)
-        places = math.prod(len(one.scan) for one in parameters if one.role == "shape")
-        return float(chdtri(max(free, 1), _CHANCE / (places * max(len(self._problem.effects), 1))))
 
     @cached_property
     def _nearest(self) -> _Names:
@@ -201,7 +225,14 @@ class _Subsets:
         """Whether every effect of a set is more than nothing."""
         return not may_be_nothing(self._problem, with_disturbance(self._problem, self._tried[names]))
 
-    def _evidence(self, names: _Names, effect: DescribedEffect) -> Evidence:
+    def _evidence(self, names: _Names, fitted: Fit) -> Iterator[Evidence]:
+        for effect in fitted.point.effects:
+            if isinstance(effect, Structure):
+                yield evidence_beside(self._problem, fitted, effect, self._held)
+            else:
+                yield self._of_name(names, effect)
+
+    def _of_name(self, names: _Names, effect: DescribedEffect) -> Evidence:
         """Against the best without the effect, and against sets that have another in its place."""
         fitted, name, score = self._tried[names], effect.identifier, self._score(names)
         rest = [other for other in names if other != name]
@@ -213,7 +244,9 @@ class _Subsets:
         nearest = min(rivals, key=lambda other: rivals[other], default=None)
         before, after = (judged(self._problem, one) for one in (less, fitted))
         return Evidence(
-            gain=self._score(smaller[0]) - score + self._price(effect) if smaller else gain_of(fitted, less),
+            gain=self._score(smaller[0]) - score + price_of(self._problem, effect)
+            if smaller
+            else gain_of(fitted, less),
             heldout=gain_of(fitted, less, self._held),
             scatter=1.0,
             excess=(before**2 - after**2).astype(np.float32),
@@ -230,7 +263,7 @@ class _Subsets:
 
 def _inside(fitted: Fit) -> bool:
     """Whether no effect of a fit stands at a bound; only such sets are kept."""
-    return not any(at_bound(effect) for effect in fitted.point.effects)
+    return not any(at_bound(one) and not (isinstance(one, Structure) and one.is_sharp) for one in fitted.point.effects)
 
 
 def _each_without_one(names: _Names) -> Iterator[_Names]:

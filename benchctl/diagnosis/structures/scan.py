@@ -44,8 +44,10 @@ _MEMORIES_S = np.geomspace(2.0, 2000.0, 13)
 _BURST_PERIODS, _NEAR = 400, 21
 _FEWEST_BURSTS = 3
 _PHASES = 48
+_FEWEST_CYCLES, _MOST_CYCLES, _CYCLES, _CYCLE_PHASES = 3.0, 25.0, 90, 12
 _POWERS = (0.4, 0.6, 1.5, 2.0, 3.0)
 _SIGNS = ("negative", "positive", "either")
+_CURVES = ("spline6", "spline12", "spline24")
 _ALONG = (
     "step",
     "step_below",
@@ -63,12 +65,18 @@ _ALONG = (
     "cubic",
     "rise",
     "fall",
-    "spline6",
-    "spline12",
-    "spline24",
+    *_CURVES,
 )
-_ALIKE = ("line", "bend")
-"""Shapes that are nothing new over rate and acceleration: a drive's baseline has slopes there; a bend is a kink."""
+_ALIKE: Mapping[tuple[StructureStage, str], tuple[str, ...]] = {
+    **dict.fromkeys((("torque", "rate"), ("torque", "acceleration")), ("line", "bend")),
+    ("heat", "time"): ("line", *_CURVES),
+    ("heat", "chamber_temp"): ("line", "bend", *_CURVES),
+    ("heat", "heater"): ("line", "parabola", "bend", *_CURVES),
+}
+"""Shapes that are nothing new: a baseline has slopes there, with which a bend is a kink; or a name is what they are.
+
+A curve follows a disturbance.
+"""
 _REMEMBERED = ("abs_rate", "rate", "rate_sign", "gyro_temp", "gyro_temp_rate", "setpoint")
 _BACKLASHES = np.geomspace(0.005, 0.4, 14)
 _Place = tuple[StructureStage, str, str]
@@ -111,7 +119,7 @@ class Begun:
     effect: Structure
     gain: float
     places: int
-    along: _Along | None = None
+    along: Along | None = None
     share: float = 1.0
 
     @property
@@ -209,31 +217,20 @@ def _places_along(
     if not span[0] < span[1]:
         return
     stage, over, times = place
-    along = _Along.of(pull, known, values, factor, span, place)
-    if OVER[over].ways is not None:
-        for shape in _SIGNS:
-            yield from along.best(shape, iter([{}]))
-    else:
-        alike = _ALIKE if stage == "torque" and over in ("rate", "acceleration") else ()
-        for shape in (*_ALONG, *(("exponential",) if over == "time" else ())):
-            if shape in alike:
-                continue
-            yield from along.best(shape, _grid(over, shape, span))
+    along = Along.of(pull, known, values, factor, span, place)
+    yield from along.everywhere()
     if times:
         return
-    if over in ("time", "gyro_temp") or (stage, over) == ("torque", "angle"):
-        yield from along.two_steps()
-    if over == "time":
-        yield from along.bursts()
     if isinstance(problem, GyroProblem) and over in _REMEMBERED and stage != "sampling":
         yield from _remembered(problem, pull, known, place, values, factor, span)
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Along:
+class Along:
     """The pull of a residual summed over bins of a coordinate, whose middles are `middle` (b,).
 
-    `pull` and `information` (b,) are sums of the rows' own, `known` (b, p) of the pull of the fit's derivatives.
+    `pull` and `information` (b,) are sums of the rows' own, `known` (b, p) of the pull of the fit's derivatives. What a
+    bin brings about in many rows has an `information` (b, b).
     """
 
     middle: FloatArray
@@ -247,7 +244,8 @@ class _Along:
     @classmethod
     def of(
         cls, pull: Pull, known: list[FloatArray], values: FloatArray, factor: FloatArray, span: Span, place: _Place
-    ) -> _Along:
+    ) -> Along:
+        """Of a function of a coordinate's `values` that acts on each row by itself, times a `factor`; (n,) each."""
         edges = np.linspace(*span, _BINS + 1)
         bins = bin_of(np.clip(values, *span), edges)
 
@@ -263,6 +261,22 @@ class _Along:
             span=span,
             place=place,
         )
+
+    def everywhere(self) -> Iterator[Begun]:
+        """The best place of each shape."""
+        stage, over, times = self.place
+        if OVER[over].ways is not None:
+            for shape in _SIGNS:
+                yield from self.best(shape, iter([{}]))
+            return
+        alike = _ALIKE.get((stage, over), ())
+        for shape in (*_ALONG, *(("exponential",) if over == "time" else ())):
+            if shape not in alike:
+                yield from self.best(shape, _grid(over, shape, self.span))
+        if not times and (over in ("time", "gyro_temp") or (stage, over) == ("torque", "angle")):
+            yield from self.two_steps()
+        if not times and over == "time":
+            yield from self.bursts() if self.information.ndim == 1 else self.best("bursts", _cycles(self.span))
 
     def _kind(self, shape: str) -> type[Structure]:
         stage, over, times = self.place
@@ -328,7 +342,10 @@ class _Along:
     def gains(self, columns: FloatArray) -> tuple[FloatArray, FloatArray]:
         """What functions of the coordinate (m, k, b) promise together at each place, and how much of each is best."""
         known = columns @ self.known
-        power = np.einsum("mkb,b,mlb->mkl", columns, self.information, columns, optimize=True)
+        if self.information.ndim == 1:
+            power = np.einsum("mkb,b,mlb->mkl", columns, self.information, columns, optimize=True)
+        else:
+            power = np.einsum("mkb,mlb->mkl", columns @ self.information, columns, optimize=True)
         own = power - np.einsum("mkp,pq,mlq->mkl", known, self.covariance, known, optimize=True)
         score = columns @ self.pull
         largest = np.abs(columns).max(axis=(1, 2)) ** 2 * float(self.information.sum())
@@ -348,7 +365,8 @@ class _Along:
         ats = low + wide * np.linspace(0.0, 1.0, _STEPS + 2)[1:-1]
         steps = (self.middle > ats[:, None]).astype(np.float64)
         known, score = steps @ self.known, steps @ self.pull
-        own = (steps * self.information) @ steps.T - known @ self.covariance @ known.T
+        weighed = steps * self.information if self.information.ndim == 1 else steps @ self.information
+        own = weighed @ steps.T - known @ self.covariance @ known.T
         alone = np.diag(own)
         left = np.outer(alone, alone) - own**2
         seen = left > _APART * np.outer(alone, alone)
@@ -483,6 +501,18 @@ def _grid(over: str, shape: str, span: Span) -> Iterator[dict[str, float]]:
         yield from ({"tau": share * wide} for share in _SETTLING.tolist())
     else:
         yield {}
+
+
+def _cycles(span: Span) -> Iterator[dict[str, float]]:
+    """Bursts that come again and again, each for some share of the time."""
+    low, wide = span[0], span[1] - span[0]
+    for count in np.geomspace(_FEWEST_CYCLES, _MOST_CYCLES, _CYCLES).tolist():
+        every = wide / count
+        for share in (0.15, 0.3, 0.5, 0.7):
+            yield from (
+                {"at": low + i / _CYCLE_PHASES * every, "period": every, "length": share * every}
+                for i in range(_CYCLE_PHASES)
+            )
 
 
 def encoder_jumps(problem: GyroProblem, pull: Pull, noise: float) -> list[Structure]:

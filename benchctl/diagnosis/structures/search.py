@@ -49,7 +49,7 @@ _KINDS = {
     "time": "time",
 }
 _MOTION = "motion"
-_NEARLY = 0.97
+NEARLY = 0.97
 """Share of the best gain that a simpler shape over the same coordinate must reach."""
 _TIE = 10.0
 """In twice the log likelihood: two coordinates whose models differ by less are not told apart."""
@@ -176,7 +176,7 @@ def _simplest(best: _Candidate, candidates: Sequence[_Candidate]) -> _Candidate:
     alike = [one for one in candidates if _alike(one, best)]
     most = max(one.gain for one in alike)
     return min(
-        (one for one in alike if one.gain > _NEARLY * most),
+        (one for one in alike if one.gain > NEARLY * most),
         key=lambda one: (len(one.structure.parameters), -one.evidence),
     )
 
@@ -314,11 +314,11 @@ def _candidates(
 
     best = sorted(begun, key=worth, reverse=True)[:_REFINED]
     ranked = sorted((one.refined() for one in best), key=worth, reverse=True)
-    fitted = (_fitted(problem, chosen, one.effect, looked) for one in _few_of_each(ranked))
+    fitted = (_fitted(problem, chosen, one.effect, looked) for one in few_of_each(ranked))
     return [one for one in fitted if one is not None]
 
 
-def _few_of_each(ranked: Sequence[Begun]) -> Iterator[Begun]:
+def few_of_each(ranked: Sequence[Begun]) -> Iterator[Begun]:
     """The most promising, at one place only some, of smooth curves one; none that promises far less than the best."""
     counts: Counter[tuple[str, str]] = Counter()
     curves: set[tuple[str, str]] = set()

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from benchctl.diagnosis.chamber.problem import ChamberProblem
 from benchctl.diagnosis.drive.problem import DriveProblem
 from benchctl.diagnosis.findings.findings import estimates_of
 from benchctl.diagnosis.gyro.frame import turned_unseen
@@ -19,6 +20,7 @@ from benchctl.diagnosis.result import Curve, Estimate, StructureModel, Unexplain
 from benchctl.diagnosis.search.scans import swinging_hz
 from benchctl.diagnosis.search.select import reduced, select
 from benchctl.diagnosis.search.selection import Selection
+from benchctl.diagnosis.structures.heat import heat_modelled, left_beside
 from benchctl.diagnosis.structures.noise import NoiseFound, noise_structure, with_noise
 from benchctl.diagnosis.structures.scan import Structurable, coordinates_of, factors_of
 from benchctl.diagnosis.structures.search import Modelled, modelled, with_jumps
@@ -61,6 +63,9 @@ _HINTS: Mapping[tuple[str, str], tuple[str, ...]] = {
     ("torque", "rate"): ("a lubricant that changes its regime", "a resonance of table or belt", "air drag"),
     ("torque", "abs_rate"): ("a resonance of table or belt", "an amplifier at its limit"),
     ("torque", "rate_sign"): ("a gear or belt that resists more one way",),
+    ("heat", "time"): ("a device or a lamp that is switched", "a compressor or a vent that opens", "a door"),
+    ("heat", "chamber_temp"): ("water that freezes, melts or evaporates", "a vent or a damper that opens by itself"),
+    ("heat", "heater"): ("a heater that does not switch on at once", "a fuse or a phase that is missing"),
     ("torque", "acceleration"): ("play or twist between motor and encoder", "an amplifier at its limit"),
 }
 _MOST_OF_IT = 0.8
@@ -100,6 +105,8 @@ def with_structures(
     """
     if isinstance(problem, DriveProblem):
         return _of_torque(problem, chosen, unexplained, owed, seed)
+    if isinstance(problem, ChamberProblem):
+        return _of_heat(problem, chosen, unexplained, owed, seed)
     if not isinstance(problem, GyroProblem):
         return chosen, unexplained, owed
     chosen, stated, owed = _of_prediction(problem, chosen, unexplained, owed, fallen, spikes, seed)
@@ -167,6 +174,17 @@ def _of_torque(
     if _explained(rest, found.left) < _MOST_OF_IT:
         return chosen, unexplained, owed
     return found.chosen, _stated(problem, found, rest, _share(bare, found)), ()
+
+
+def _of_heat(
+    problem: ChamberProblem, chosen: Selection, unexplained: Unexplained, owed: tuple[str, ...], seed: int
+) -> tuple[Selection, Unexplained, tuple[str, ...]]:
+    """The same of a chamber's heat, for which several names may stand."""
+    found = heat_modelled(problem, chosen, left=unexplained.significant, seed=seed)
+    if found is None or found.chosen.named is None:
+        return chosen, unexplained, owed
+    rest = left_beside(problem, found.chosen.named)
+    return found.chosen, _stated(problem, found, rest, _share(chosen, found)), owed
 
 
 def _left_of(found: Modelled, unexplained: Unexplained) -> Unexplained:
@@ -265,7 +283,9 @@ def _share(chosen: Selection, found: Modelled) -> float:
     return min(max((bare - after) / max(first - after, 1e-300), 0.0), 1.0)
 
 
-def _stated(problem: Structurable, found: Modelled, rest: ResidualStructure, share: float) -> Unexplained:
+def _stated(
+    problem: Structurable | ChamberProblem, found: Modelled, rest: ResidualStructure, share: float
+) -> Unexplained:
     models = tuple(_models(problem, found.chosen, found.structures, _explained(rest, found.left)))
     coordinates = (found.structures[0].word, *found.ties)
     says = " ".join(one.says for one in models)
@@ -311,7 +331,7 @@ def _explained(before: ResidualStructure, after: ResidualStructure) -> float:
 
 
 def _models(
-    problem: Structurable, chosen: Selection, structures: Sequence[Structure], explains: float
+    problem: Structurable | ChamberProblem, chosen: Selection, structures: Sequence[Structure], explains: float
 ) -> Iterator[StructureModel]:
     """The structures of a selection, those that were found first before others."""
     kinds = list(dict.fromkeys(one.identifier for one in structures))
@@ -331,7 +351,7 @@ def _models(
             explains=explains,
             says=effect.says(),
             hints=_hints(effect),
-            curve=curve_of(problem, chosen, key),
+            curve=None if isinstance(problem, ChamberProblem) else curve_of(problem, chosen, key),
         )
 
 

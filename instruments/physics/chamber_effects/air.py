@@ -22,13 +22,15 @@ def air_c(signals: ChamberSignals, start_c: float, gain: float, tau_s: float) ->
     """The air [°C] at the samples of a run, shape (n,): τ·dT/dt = gain·u + T_room − T and what effects change.
 
     From sample to sample everything that drives the air is held and the loss is linear in the temperature: exact
-    without radiation and stores, and with them to first order in the interval over their time constants.
+    without radiation, stores and what the air itself changes, and with them to first order in the interval.
     """
-    if not signals.radiation:
+    if not signals.radiation and signals.push_of_air is None:
         return _linear(signals, start_c, gain, tau_s)
     steps = signals.interval_s / max(tau_s, signals.interval_s)
     room = signals.room_c.tolist()
-    heating = (gain * signals.drive).tolist()
+    heating = (gain * signals.drive + (0.0 if signals.push_c is None else signals.push_c)).tolist()
+    at_c, of_air = ((), ()) if signals.push_of_air is None else signals.push_of_air.tolist()
+    lowest_c, apart_c, last = (at_c[0], at_c[1] - at_c[0], len(at_c) - 2) if at_c else (0.0, 1.0, 0)
     losses = signals.loss.tolist()
     exchange, stores = signals.exchange * tau_s, _stores(signals, tau_s)
     second = (signals.room_c if signals.second_c is None else signals.second_c).tolist()
@@ -45,15 +47,19 @@ def air_c(signals: ChamberSignals, start_c: float, gain: float, tau_s: float) ->
             steep = 4.0 * radiation * hot**3
             slope += steep
             pull += steep * temperature - radiation * (hot**4 - cold**4)
-        for place, coupling in enumerate(couplings):
+        if of_air:
+            place = min(max((temperature - lowest_c) / apart_c, 0.0), last + 1.0)
+            below = min(int(place), last)
+            pull += of_air[below] + (place - below) * (of_air[below + 1] - of_air[below])
+        for store, coupling in enumerate(couplings):
             slope += coupling
-            pull += coupling * stored[place]
+            pull += coupling * stored[store]
         before = temperature
         share = -math.expm1(-slope * steps) / slope if slope else steps
         temperature += (pull - slope * temperature) * share
         temperature = min(max(temperature, -_KELVIN), _HOTTEST_C)
-        for place, part in enumerate(shares):
-            stored[place] += ((before + temperature) / 2 - stored[place]) * part
+        for store, part in enumerate(shares):
+            stored[store] += ((before + temperature) / 2 - stored[store]) * part
     return np.array(air)
 
 
@@ -85,6 +91,8 @@ def _linear(signals: ChamberSignals, start_c: float, gain: float, tau_s: float) 
     couplings = np.array([coupling for coupling, _ in stores])
     shares = np.array([-math.expm1(-signals.interval_s / store_tau_s) for _, store_tau_s in stores])
     heat = gain * signals.drive
+    if signals.push_c is not None:
+        heat = heat + signals.push_c
     if signals.second_c is not None:
         heat = heat + exchange * signals.second_c
     state = np.full(1 + couplings.size, start_c)

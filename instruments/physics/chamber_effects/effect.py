@@ -26,8 +26,9 @@ class ChamberSignals:
     `room_c` where the heat goes to. The air loses `loss` · (T − room) + `radiation` · (T⁴ − room⁴)/(4·300³), K each,
     with T and room there in kelvin. It cools by `capacity`/τ_store · (T − T_store) [K/s] for each of `stores` (capacity
     relative to its own, τ_store [s]), and by `exchange` [1/s] · (T − `second_c`) for a second body whose temperature
-    was measured (n,). `before` is the drive before the
-    start; None: it had long been what it is at the start.
+    was measured (n,). `before` is the drive before the start; None: it had long been what it is at the start. `push_c`
+    (n,) is what else moves the temperature to which the air settles [K]; `push_of_air` (2, k) the same by the
+    temperature of the air, which its first row holds (`structures.pushed`).
     """
 
     time_s: FloatArray
@@ -40,6 +41,8 @@ class ChamberSignals:
     second_c: FloatArray | None = None
     exchange: float = 0.0
     before: float | None = None
+    push_c: FloatArray | None = None
+    push_of_air: FloatArray | None = None
 
     @property
     def drive_before(self) -> float:

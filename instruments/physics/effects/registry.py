@@ -9,6 +9,7 @@ import benchctl_instruments.physics.effects as package
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.effect_modules import known_effects, refuse_broken
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
+from benchctl_instruments.physics.structure_places import OF_PARTS
 from benchctl_instruments.physics.structures import structure_named
 
 
@@ -19,13 +20,13 @@ def effects() -> MappingProxyType[str, type[PhysicalEffect]]:
 
 
 def effect(identifier: str) -> type[PhysicalEffect]:
-    """The effect of an identifier, or the structure; of a gyro, no torque of a drive.
+    """The effect of an identifier, or the structure; of a gyro, none of another part.
 
     `UsageError` where there is none, or one of another package that cannot be used.
     """
     known = effects()
     made = None if identifier in known else structure_named(identifier)
-    if made is not None and made.acts_on != "torque":
+    if made is not None and made.acts_on not in OF_PARTS:
         return made
     if identifier not in known:
         refuse_broken(identifier)

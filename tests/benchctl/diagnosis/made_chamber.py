@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +32,8 @@ class Truth:
     curvature: float = 0.0
     draught: float = 0.02
     """Deviation of the disturbance, K/√s."""
+    extra: Callable[[float, float], float] = lambda _t, _air_c: 0.0
+    """By how much anything else moves the temperature to which the air settles [K], at a time [s] and an air [°C]."""
 
 
 def _power(t: float) -> float:
@@ -55,7 +58,7 @@ def chamber_channels(truth: Truth, seed: int, *, seconds: float = 1300.0) -> dic
         room = ROOM_C + truth.drift_c_per_hour * t / 3600.0
         loss = (1.0 - truth.radiation) * (air - room) * (1.0 + truth.door * (t > truth.door_s))
         loss += truth.radiation * ((air + 273.15) ** 4 - (room + 273.15) ** 4) / (4 * 300.0**3)
-        loss += truth.store * (air - wall)
+        loss += truth.store * (air - wall) - truth.extra(t, air)
         wall += _STEP_S * (air - wall) / truth.store_s
         air += _STEP_S * (GAIN_C_PER_PERCENT * heat - loss) / TAU_S + draught
     columns = np.array(told)

@@ -36,20 +36,29 @@ def test_a_trial_of_a_part_is_drawn_again_with_the_same_digest_and_conceals_no_t
     assert len(seen) == (5 if part == "drive" else 6)
 
 
-def test_a_torque_without_a_name_is_drawn_alone_or_beside_one_effect_and_withheld() -> None:
+@pytest.mark.parametrize(
+    ("kind", "stage", "over"),
+    [
+        ("drive-structure", "torque", {"angle", "time", "rate"}),
+        ("chamber-structure", "heat", {"time", "chamber_temp", "heater"}),
+    ],
+)
+def test_what_has_no_name_is_drawn_alone_or_beside_one_effect_and_withheld(
+    kind: ClassName, stage: str, over: set[str]
+) -> None:
     beside: set[int] = set()
     where: set[str] = set()
     for index in range(60):
-        truth = drawn(5, index, "drive-structure")
+        truth = drawn(5, index, kind)
         (structure,) = truth.withheld
         found = structure_named(structure)
         assert found is not None
-        assert (found.acts_on, truth.lives_in) == ("torque", (found.over,))
+        assert (found.acts_on, truth.lives_in) == (stage, (found.over,))
         assert truth.kind_of(structure) is found
         assert truth.verdict == ("missing-physics" if truth.nameable else "unknown-structure")
         beside.add(len(truth.nameable))
         where.add(found.over)
-    assert (beside, where) == ({0, 1}, {"angle", "time", "rate"})
+    assert (beside, where) == ({0, 1}, over)
 
 
 @pytest.mark.parametrize("part", PARTS)

@@ -83,9 +83,10 @@ def test_the_name_of_a_structure_says_all_of_it(shape: str) -> None:
         assert made.says().endswith(".")
 
 
-def test_a_torque_of_a_drive_is_refused_where_effects_of_a_gyro_are_made() -> None:
-    with pytest.raises(UsageError, match="'step_of_torque_over_time': there is no such effect"):
-        make_effects({"step_of_torque_over_time": {"at": 1.0, "change": 0.01, "width": 0.1}})
+@pytest.mark.parametrize("stage", ["torque", "heat"])
+def test_what_acts_on_another_part_is_refused_where_effects_of_a_gyro_are_made(stage: str) -> None:
+    with pytest.raises(UsageError, match=f"'step_of_{stage}_over_time': there is no such effect"):
+        make_effects({f"step_of_{stage}_over_time": {"at": 1.0, "change": 0.01, "width": 0.1}})
 
 
 def test_a_jump_of_the_encoder_stays_in_the_angle_that_it_states() -> None:

@@ -1,0 +1,301 @@
+"""Heat of a chamber that has no name: what moves the temperature to which its air settles, through the lag of the air.
+
+A push is felt for as long as the air remembers it, and so what a function of a coordinate would gain is a sum over all
+pairs of its bins: each bin's push is simulated once. A structure competes like a name: with the disturbance that each
+model needs beside it, at the price of its numbers and of all places that were looked at (see `search.subsets`).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import chdtri
+
+from benchctl.diagnosis.chamber.problem import ChamberProblem
+from benchctl.diagnosis.keys import keys_of
+from benchctl.diagnosis.residual.residual_structure import ResidualStructure, residual_structure_beside
+from benchctl.diagnosis.search.select import may_be_nothing
+from benchctl.diagnosis.search.selection import Selection
+from benchctl.diagnosis.search.subsets import CHANCE, evidence_beside, price_of, select_subset
+from benchctl.diagnosis.structures.scan import Along, Begun
+from benchctl.diagnosis.structures.search import NEARLY, Modelled, few_of_each
+from benchctl.estimation.disturbance import deviance_near, disturbance_beside, with_disturbance
+from benchctl.estimation.fit import Fit, Point, fit, inverse
+from benchctl.estimation.point import at_bound
+from benchctl.side_by_side import shared_out
+from benchctl.signals.binning import bin_of
+from benchctl_instruments.arrays import FloatArray
+from benchctl_instruments.physics.effects.effect import DescribedEffect
+from benchctl_instruments.physics.structures import Structure, freed, unmoved
+
+_BINS = 200
+_MOST, _ROUNDS = 2, 4
+"""So many structures at most, and so often one is looked for."""
+_BETTER = 1.0
+"""In twice the log likelihood, beyond what is paid."""
+_REFINED, _FEW = 20, 12
+"""Of so many shapes beside each set the place is refined; so many of all are fitted."""
+_SIZED, _FITTED = 4, 30
+_HALF = 0.5
+"""What a structure in the place of a name may leave of what that leaves, in amplitude."""
+_TIE = 10.0
+"""In twice the log likelihood: two coordinates whose models differ by less are not told apart."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Begun:
+    """A structure beside a fit, what all structures pay then, and the score that is promised."""
+
+    base: Fit
+    structure: Structure
+    paid: float
+    score: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Candidate:
+    """A model whose last structure is new: what its structures pay, and its score with that."""
+
+    fit: Fit
+    paid: float
+    score: float
+
+    @property
+    def takes(self) -> tuple[int, bool]:
+        """How many numbers it takes, and whether something happens by itself, at instants of its own."""
+        return sum(len(one.parameters) for one in self.fit.point.effects), self.structures[-1].over == "time"
+
+    @property
+    def structures(self) -> tuple[Structure, ...]:
+        """Those that have no name."""
+        return _structures(self.fit)
+
+
+def heat_modelled(problem: ChamberProblem, chosen: Selection, *, left: bool, seed: int) -> Modelled | None:
+    """The selection with heat without a name, and the names that are found beside it; None where none earns its price.
+
+    Names that were found first may stand for a structure, and a structure for names: so one is looked for beside each
+    set of the names, in the place of all structures or beside them, and then all names anew beside these. `left` says
+    whether the names leave anything unexplained.
+    """
+    named, score, paid = chosen, _score(problem, chosen.after), 0.0
+    structures: tuple[Structure, ...] = ()
+    ties: tuple[str, ...] = ()
+    for _ in range(_ROUNDS):
+        candidates = _candidates(problem, chosen, (), 0.0)
+        if 0 < len(structures) < _MOST:
+            candidates += _candidates(problem, chosen, structures, paid)
+        least = _TIE if structures else _BETTER  # what ties is no better
+        candidates = [one for one in candidates if one.score < score - least]
+        best = _simplest(candidates, score)
+        if best is None:
+            break
+        models = (_with_names(problem, best.structures, seed), _with_these(problem, chosen, best.fit))
+        model = next((one for one in models if _may_be(problem, named, one, left)), None)
+        its = math.inf if model is None else _score(problem, model.after) + best.paid
+        if model is None or its > score - least:
+            break
+        ties = _tied(best, candidates)
+        chosen, score, paid = model, its, best.paid
+        structures = _structures(model.after)
+    if not structures:
+        return None
+    after = chosen.after
+    bare = fit(problem, after.whitener, Point(baseline=after.point.baseline, effects=_names(after)), after.fitted)
+    return Modelled(
+        chosen=replace(chosen, named=bare), structures=structures, ties=ties, left=left_beside(problem, after)
+    )
+
+
+def _structures(fitted: Fit) -> tuple[Structure, ...]:
+    return tuple(one for one in fitted.point.effects if isinstance(one, Structure))
+
+
+def _names(fitted: Fit) -> tuple[DescribedEffect, ...]:
+    return tuple(one for one in fitted.point.effects if not isinstance(one, Structure))
+
+
+def _may_be(problem: ChamberProblem, named: Selection, model: Selection, left: bool) -> bool:
+    """Whether a model with structures may take the place of names alone: a real disturbance is never quite as taken.
+
+    Functions of time and of the air follow it, and names with it. So what is found is fewer than the names were; or one
+    stands for one of them, beside all others, and leaves half on steps that were held out; or it comes beside all
+    names, which leave something.
+    """
+    before, after = ({one.identifier for one in _names(it.after)} for it in (named, model))
+    found = len(_structures(model.after))
+    if len(after) + found < len(before):
+        return True
+    if found == 1 and after < before and len(before) - len(after) == 1:
+        return _missed(problem, model) < _HALF**2 * _missed(problem, named)
+    return left and before <= after
+
+
+def _missed(problem: ChamberProblem, chosen: Selection) -> float:
+    """The sum of squares [K²] of what a model misses on the steps that were held out, or on all."""
+    steps = chosen.heldout if chosen.heldout.any() else ~chosen.heldout
+    missed = chosen.after.residual[steps[problem.step] & problem.usable]
+    return float(missed @ missed)
+
+
+def _with_these(problem: ChamberProblem, chosen: Selection, fitted: Fit) -> Selection:
+    """The selection with the structures and the names of a fit."""
+    whole = fitted
+    if chosen.heldout.any():
+        whole = fit(problem, fitted.whitener, fitted, np.ones_like(fitted.fitted), rounds=_FITTED)
+    effects = fitted.point.effects
+    evidence = {
+        key: evidence_beside(problem, fitted, effect, chosen.heldout)
+        for key, effect in zip(keys_of(effects), effects, strict=True)
+    }
+    return replace(chosen, after=fitted, whole=with_disturbance(problem, whole), evidence=evidence)
+
+
+def _with_names(problem: ChamberProblem, structures: tuple[Structure, ...], seed: int) -> Selection:
+    """Structures with the names that show beside them.
+
+    Their places are held meanwhile: beside too few names they would follow what these explain.
+    """
+    held = tuple(unmoved(one, ("shape",)) for one in structures)
+    chosen = select_subset(problem, seed=seed, progress=lambda _name, _share: None, beside=held)
+
+    def with_all_free(one: Fit) -> Fit:
+        free = tuple(freed(effect) if isinstance(effect, Structure) else effect for effect in one.point.effects)
+        return fit(problem, one.whitener, replace(one.point, effects=free), one.fitted, rounds=_FITTED)
+
+    whole = with_disturbance(problem, with_all_free(chosen.whole))
+    return replace(chosen, after=with_all_free(chosen.after), whole=whole)
+
+
+def left_beside(problem: ChamberProblem, fitted: Fit) -> ResidualStructure:
+    """What a fit leaves beside the disturbance that it needs."""
+    whitener = fitted.whitener.beside(disturbance_beside(problem, fitted).slow)
+    return residual_structure_beside(problem, whitener, fit(problem, whitener, fitted, fitted.fitted, rounds=0))
+
+
+def _score(problem: ChamberProblem, fitted: Fit) -> float:
+    """Minus twice the log likelihood of a model beside its disturbance, and what its names pay."""
+    return deviance_near(problem, fitted) + sum(price_of(problem, one) for one in _names(fitted))
+
+
+def _simplest(candidates: list[_Candidate], score: float) -> _Candidate | None:
+    """Of those that explain nearly as much as the best the simplest."""
+    best = min(candidates, key=lambda one: one.score, default=None)
+    if best is None:
+        return None
+    near = best.score + max(_TIE, (1.0 - NEARLY) * (score - best.score))
+    alike = [one for one in candidates if one.score < near]
+    return min(alike, key=lambda one: (*one.takes, one.score))
+
+
+def _tied(best: _Candidate, candidates: list[_Candidate]) -> tuple[str, ...]:
+    """Other coordinates over which the last structure would do as well."""
+    words = dict.fromkeys(one.structures[-1].word for one in candidates if one.score < best.score + _TIE)
+    return tuple(word for word in words if word != best.structures[-1].word)
+
+
+def _candidates(
+    problem: ChamberProblem, chosen: Selection, known: tuple[Structure, ...], paid: float
+) -> list[_Candidate]:
+    """Models with one structure beside those that are `known`, and beside each set of the names of a selection.
+
+    Of all that the scans promise only the best are fitted.
+    """
+    names = _names(chosen.after)
+    sets = itertools.chain.from_iterable(itertools.combinations(names, size) for size in range(len(names) + 1))
+
+    def scanned(some: tuple[DescribedEffect, ...]) -> list[_Begun]:
+        start = Point(baseline=chosen.after.point.baseline, effects=(*some, *known))
+        base = fit(problem, chosen.after.whitener, start, chosen.after.fitted, rounds=_FITTED)
+        everywhere = [one for along in _along(problem, base) for one in along.everywhere()]
+        places = sum(one.places for one in everywhere)
+        before = _score(problem, base) + paid
+
+        def price(one: Begun) -> float:
+            return float(chdtri(len(one.effect.parameters), CHANCE / max(places, 1.0)))
+
+        def worth(one: Begun) -> float:
+            return one.promise - price(one)
+
+        refined = sorted(everywhere, key=worth, reverse=True)[:_REFINED]
+        ranked = sorted((one.refined() for one in refined), key=worth, reverse=True)
+        return [
+            _Begun(base=base, structure=one.effect, paid=paid + price(one), score=before - worth(one))
+            for one in few_of_each(ranked)
+        ]
+
+    begun = sorted(itertools.chain.from_iterable(shared_out(scanned, sets)), key=lambda one: one.score)
+    fitted = shared_out(lambda one: _fitted(problem, one), begun[:_FEW])
+    return [one for one in fitted if one is not None]
+
+
+def _fitted(problem: ChamberProblem, begun: _Begun) -> _Candidate | None:
+    """The model with a structure, its sizes fitted first, without names that may be nothing or stand at a bound then.
+
+    None where a structure does.
+    """
+    base, added = begun.base, begun.structure
+    there = replace(base.point, effects=(*base.point.effects, unmoved(added, ("shape",))))
+    sized = fit(problem, base.whitener, there, base.fitted, rounds=_SIZED).point
+    start = replace(sized, effects=(*sized.effects[:-1], type(added).make(sized.effects[-1].values)))
+    one = fit(problem, base.whitener, start, base.fitted, rounds=_FITTED)
+    while needless := _needless(problem, one):
+        effects = one.point.effects
+        if any(isinstance(effects[place], Structure) for place in needless):
+            return None
+        kept = tuple(effect for place, effect in enumerate(effects) if place not in needless)
+        one = fit(problem, base.whitener, replace(one.point, effects=kept), base.fitted, rounds=_FITTED)
+    return _Candidate(fit=one, paid=begun.paid, score=_score(problem, one) + begun.paid)
+
+
+def _needless(problem: ChamberProblem, fitted: Fit) -> set[int]:
+    """The places of effects that stand at a bound; where none does, of those that may be nothing."""
+    at_bounds = {
+        place
+        for place, one in enumerate(fitted.point.effects)
+        if at_bound(one) and not (isinstance(one, Structure) and one.is_sharp)
+    }
+    return at_bounds or may_be_nothing(problem, with_disturbance(problem, fitted))
+
+
+def _along(problem: ChamberProblem, base: Fit) -> Iterator[Along]:
+    """By coordinate the pull of what a fit leaves beside its disturbance, less what its own numbers can follow."""
+    whitener = base.whitener.beside(disturbance_beside(problem, base).slow)
+    white = fit(problem, whitener, base, base.fitted, rounds=0)
+    rows = base.fitted[problem.step] & (whitener.weight > 0.0)
+    derivatives = white.derivatives * rows[:, None]
+    covariance = inverse(derivatives.T @ derivatives)
+    left = white.white * rows
+    left = left - derivatives @ (covariance @ (derivatives.T @ left))
+    deviation = math.sqrt(float(left @ left) / max(float(np.count_nonzero(rows)) - len(base.numbers), 1.0))
+    for over, values in _coordinates(problem, base).items():
+        span = float(values.min()), float(values.max())
+        if not span[0] < span[1]:
+            continue
+        edges = np.linspace(*span, _BINS + 1)
+        pushes = np.zeros((_BINS, values.size))
+        pushes[bin_of(values, edges), np.arange(values.size)] = 1.0
+        felt = problem.responses(base.point.baseline, base.point.effects, pushes, heated=over == "heater")
+        columns = whitener(felt) * rows / deviation
+        yield Along(
+            middle=0.5 * (edges[:-1] + edges[1:]),
+            pull=columns @ left / deviation,
+            information=columns @ columns.T,
+            known=columns @ derivatives,
+            covariance=covariance,
+            span=span,
+            place=("heat", over, ""),
+        )
+
+
+def _coordinates(problem: ChamberProblem, base: Fit) -> Mapping[str, FloatArray]:
+    """What heat may be a function of, at the samples (n,): of the air that of the model."""
+    values = {
+        "time": problem.rows.clock_s,
+        "chamber_temp": problem.air_c(base.point.baseline, base.point.effects),
+    }
+    return values | ({"heater": problem.rows.drive} if problem.rows.kind == "power" else {})

@@ -1,0 +1,57 @@
+"""Heat without a name: found over its coordinate, in its shape, alone and beside what has a name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from benchctl.diagnosis.diagnose import diagnose
+from benchctl.model_file import Model, read_model, write_model
+from benchctl.reports.diagnosis_page import write_diagnosis_report
+from tests.benchctl.diagnosis.made_chamber import Truth, chamber_channels
+from tests.benchctl.diagnosis.made_recording import recording_of
+
+pytestmark = pytest.mark.slow
+
+
+def vent(_t: float, air_c: float) -> float:
+    """A vent that opens by itself above 90 °C."""
+    return -20.0 if air_c > 90.0 else 0.0
+
+
+def lamp(t: float, _air_c: float) -> float:
+    """A lamp that is on for 300 s."""
+    return 9.0 if 600.0 < t < 900.0 else 0.0
+
+
+def test_a_vent_that_opens_at_a_temperature_is_modelled_carried_by_the_model_file_and_reported(tmp_path: Path) -> None:
+    recording = recording_of(chamber_channels(Truth(extra=vent), 3))
+    found = diagnose(recording, part="chamber")
+    assert not found.findings
+    (model,) = found.unexplained.models
+    assert (model.identifier, model.stage) == ("step_of_heat_over_chamber_temp", "heat")
+    assert model.parameters["at"].value == pytest.approx(90.0, abs=1.0)
+    assert model.parameters["change"].value == pytest.approx(-20.0, rel=0.1)
+    assert model.hints
+    assert "the temperature to which the air settles is" in found.unexplained.says
+    assert found.fit.heldout_after < 0.5 * found.fit.heldout_before
+
+    file = tmp_path / "model.toml"
+    write_model(file, Model(parts=found.model["parts"]))
+    assert list(read_model(file).parts["chamber"]["effects"]) == ["step_of_heat_over_chamber_temp"]
+    report = tmp_path / "report.html"
+    write_diagnosis_report(report, found, recording.meta, recording.infos, digest="", unit="K")
+    page = report.read_text(encoding="utf-8")
+    assert "Step of the heat over the chamber" in page
+    assert "T_room − T + " in page
+
+
+def test_a_lamp_that_is_on_for_a_while_is_modelled_beside_a_second_lag() -> None:
+    found = diagnose(recording_of(chamber_channels(Truth(extra=lamp, second_lag_s=25.0), 4)), part="chamber")
+    assert [one.effect for one in found.findings] == ["second_lag"]
+    (model,) = found.unexplained.models
+    assert model.identifier == "plateau_of_heat_over_time"
+    assert model.parameters["change"].value == pytest.approx(9.0, rel=0.1)
+    assert model.parameters["at"].value == pytest.approx(600.0, abs=10.0)
+    assert model.parameters["length"].value == pytest.approx(300.0, abs=20.0)
