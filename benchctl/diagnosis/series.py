@@ -112,6 +112,12 @@ def series_of(recording: Recording, needed: Sequence[str], further: Sequence[str
     )
 
 
+def since_recorded_s(recording: Recording, time_s: FloatArray) -> FloatArray:
+    """Times [s], shape (n,), since the recording began that each belongs to, where several were joined."""
+    starts_s = np.unique([0.0, *recording.starts_s])
+    return np.asarray(time_s - starts_s[np.searchsorted(starts_s, time_s, side="right") - 1])
+
+
 def _check_units(recording: Recording, names: Sequence[str]) -> None:
     """Raise `UsageError` where a channel is not in the unit that its name promises."""
     units = recording.meta.extra.get("channel_units", {})

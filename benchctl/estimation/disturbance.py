@@ -76,6 +76,12 @@ def disturbance_beside(problem: Problem, fitted: Fit) -> Disturbance:
     return _residuals_of(problem, fitted).own(_pushed(problem, fitted))
 
 
+def beside_disturbance(problem: Problem, fitted: Fit) -> Fit:
+    """The same model, with what it leaves whitened beside the disturbance that it needs."""
+    whitener = fitted.whitener.beside(disturbance_beside(problem, fitted).slow)
+    return fit(problem, whitener, fitted, fitted.fitted, rounds=0)
+
+
 def deviance_near(problem: Problem, nearest: Fit) -> float:
     """Minus twice the log likelihood of a model beside its disturbance, of the likeliest numbers near those of a fit.
 

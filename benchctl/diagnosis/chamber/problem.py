@@ -31,6 +31,7 @@ _STAGES = ("loss", "source", "transport")
 _NOISE, _START = "noise_k_rms", "start_c"
 _FEW_SIZES = 3
 _BEYOND_K = 10.0
+"""A simulated air strays so far beyond the measured one."""
 _STARTS_S, _STARTS_GAIN = (0.02, 0.1, 0.5, 2.0), (1.0, -1.0)
 """Shares of the recording's length, and signs of the gain, from which the baseline is sought."""
 
@@ -114,7 +115,6 @@ class ChamberProblem(MadeOfRows):
         rows = self.rows
         told = dict(zip(self.baseline_names, baseline.tolist(), strict=True))
         structures = [one for one in effects if isinstance(one, Structure)]
-        reach_c = float(rows.temperature_c.min()) - _BEYOND_K, float(rows.temperature_c.max()) + _BEYOND_K
         named = [one for one in effects if not isinstance(one, Structure)]
         ordered: list[ChamberEffect] = sorted(named, key=lambda one: _STAGES.index(one.stage))
         gain = told[self.baseline_names[0]] if rows.kind == "power" else 1.0
@@ -123,13 +123,19 @@ class ChamberProblem(MadeOfRows):
             start_c = told[_START] if _START in told else float(np.median(rows.air_c[run][:5]))
             signals = self._signals(run, told)
             if structures:
-                signals = pushed(signals, structures, rows.clock_s[run], gain, reach_c)
+                signals = pushed(signals, structures, rows.clock_s[run], gain, self._reach_c)
             for effect in ordered:
                 if effect.stage == "transport" and signals.before is None:
                     signals = replace(signals, before=self._before(signals, start_c, gain, told["tau_s"]))
                 signals = effect.apply(signals)
             air[run] = air_c(signals, start_c, gain, told["tau_s"])
         return air
+
+    @cached_property
+    def _reach_c(self) -> tuple[float, float]:
+        """Where heat may be another function of the air [°C]: what was measured, and a little beyond."""
+        measured_c = self.rows.temperature_c
+        return float(measured_c.min()) - _BEYOND_K, float(measured_c.max()) + _BEYOND_K
 
     def responses(
         self, baseline: FloatArray, effects: Sequence[Any], pushes_c: FloatArray, *, heated: bool
@@ -142,11 +148,8 @@ class ChamberProblem(MadeOfRows):
         told = dict(zip(self.baseline_names, baseline.tolist(), strict=True))
         air = np.empty_like(pushes_c)
         for run in rows.runs:
-            signals = self._signals(run, told)
+            signals = self._with_losses(run, told, effects)
             nothing = np.zeros(run.stop - run.start)
-            for effect in effects:
-                if not isinstance(effect, Structure) and effect.stage == "loss":
-                    signals = effect.apply(signals)
             still = replace(signals, room_c=nothing, radiation=0.0, second_c=nothing)
             for one, column in zip(pushes_c[:, run], air[:, run], strict=True):
                 signals = replace(still, drive=one, before=0.0)
@@ -227,16 +230,20 @@ class ChamberProblem(MadeOfRows):
     def forgetting(self, baseline: FloatArray, effects: Sequence[Any]) -> Sequence[tuple[float, float]]:
         """The rates [1/s] with which the air of a model forgets what has pushed it, and their powers."""
         told = dict(zip(self.baseline_names, baseline.tolist(), strict=True))
-        signals = self._signals(self.rows.runs[0], told)
-        for effect in effects:
-            if effect.stage == "loss":
-                signals = effect.apply(signals)
-        return forgetting(signals, told["tau_s"])
+        return forgetting(self._with_losses(self.rows.runs[0], told, effects), told["tau_s"])
 
     @property
     def rounding(self) -> float:
         """Deviation [K] of what the thermometer's steps round off."""
         return self.rows.step_c / math.sqrt(12.0 * self.rows.block)
+
+    def _with_losses(self, run: slice, told: Mapping[str, float], effects: Sequence[Any]) -> ChamberSignals:
+        """The signals of a run with what effects change of its losses."""
+        signals = self._signals(run, told)
+        for effect in effects:
+            if effect.stage == "loss":
+                signals = effect.apply(signals)
+        return signals
 
     def _signals(self, run: slice, told: Mapping[str, float]) -> ChamberSignals:
         rows = self.rows

@@ -13,7 +13,7 @@ import numpy as np
 from benchctl.diagnosis.chamber.spoilt import open_in, spikes_in, wrapped_in
 from benchctl.diagnosis.chamber.standing import rail_in
 from benchctl.diagnosis.faults.fault import Fault
-from benchctl.diagnosis.series import Pieces, Series, channels_of, cut, series_of
+from benchctl.diagnosis.series import Pieces, Series, channels_of, cut, series_of, since_recorded_s
 from benchctl.recordings.reader import Recording
 from benchctl.signals.blocks import block_mean, consecutive
 from benchctl_instruments.arrays import BoolArray, FloatArray
@@ -116,7 +116,6 @@ def chamber_rows_of(recording: Recording) -> ChamberRows:
         )
     interval_s = factor * series.interval_s
     row_s = block_mean(time_s, block)
-    starts_s = np.unique([0.0, *recording.starts_s])
     return ChamberRows(
         infos_of_rows=cut(series.infos, step[::block].astype(np.int64), row_s),
         kind="setpoint" if channel == _SETPOINT else "power",
@@ -125,7 +124,7 @@ def chamber_rows_of(recording: Recording) -> ChamberRows:
         block=block,
         runs=consecutive(sizes),
         run_s=np.concatenate([np.arange(size) * interval_s for size in sizes]),
-        clock_s=time_s - starts_s[np.searchsorted(starts_s, time_s, side="right") - 1],
+        clock_s=since_recorded_s(recording, time_s),
         air_c=samples[0],
         drive=samples[1],
         room_c=samples[2],

@@ -14,7 +14,7 @@ import numpy as np
 
 from benchctl.diagnosis.drive.spoilt import TURN_DEG, MovingRows, angle_period_of, put_right
 from benchctl.diagnosis.faults.fault import Fault
-from benchctl.diagnosis.series import Pieces, Series, cut, series_of
+from benchctl.diagnosis.series import Pieces, Series, cut, series_of, since_recorded_s
 from benchctl.recordings.reader import Recording
 from benchctl.recordings.runs import holding
 from benchctl.signals.blocks import block_mean, consecutive
@@ -121,7 +121,6 @@ def drive_rows_of(recording: Recording, torque_constant_nm_per_a: float | None =
     half = half_of(1.0 / interval_s)
     whole_windows = np.concatenate([_inner(angle.size, half) for angle in angles])
     time_s = rows_of(series.time_s)
-    starts_s = np.unique([0.0, *recording.starts_s])
     step = np.concatenate([series.step[run][: (run.stop - run.start) // whole * whole : whole] for run in runs])
     rows = DriveRows(
         infos_of_rows=cut(series.infos, step, time_s),
@@ -133,7 +132,7 @@ def drive_rows_of(recording: Recording, torque_constant_nm_per_a: float | None =
         acceleration_rad_s2=np.concatenate([np.radians(motion.acceleration_dps2) for motion in motions]),
         stretches=consecutive([angle.size // BLOCK for angle in angles]),
         time_s=time_s,
-        clock_s=time_s - starts_s[np.searchsorted(starts_s, time_s, side="right") - 1],
+        clock_s=since_recorded_s(recording, time_s),
         torque_nm=constant * rows_of(series.columns[source]),
         unit=str(units.get(source, "1")) if source == "drive_load" else "N m",
         moving=(turning & whole_windows).reshape(-1, BLOCK).all(axis=1),

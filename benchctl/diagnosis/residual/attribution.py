@@ -23,7 +23,7 @@ from benchctl.diagnosis.residual.residual_structure import (
 from benchctl.diagnosis.result import Unexplained
 from benchctl.diagnosis.search.select import reduced, settled_again, without
 from benchctl.diagnosis.search.selection import Selection
-from benchctl.estimation.disturbance import disturbance_beside
+from benchctl.estimation.disturbance import beside_disturbance
 from benchctl.estimation.fit import Fit, fit, gain_of
 from benchctl.estimation.problem import Problem
 from benchctl.estimation.wandering import PROCESSES
@@ -152,12 +152,12 @@ def _shared(chosen: Selection) -> dict[str, tuple[str, ...]]:
 
 def _beside_disturbance(problem: Problem, chosen: Selection) -> Unexplained:
     """What is left beside the disturbance that a selection leaves: every finding has competed with it already."""
-    whitener = chosen.noise.plain.beside(disturbance_beside(problem, chosen.after).slow)
-    after, before = (fit(problem, whitener, one, one.fitted, rounds=0) for one in (chosen.after, chosen.before))
-    rest = residual_structure_beside(problem, whitener, after)
+    after = beside_disturbance(problem, chosen.after)
+    rest = residual_structure_beside(problem, after.whitener, after)
     if not rest.significant:
         return NOTHING
-    share = rest.share_of(residual_structure_beside(problem, whitener, before))
+    before = fit(problem, after.whitener, chosen.before, chosen.before.fitted, rounds=0)
+    share = rest.share_of(residual_structure_beside(problem, after.whitener, before))
     return Unexplained(significant=True, share=share, coordinates=rest.coordinates, says=rest.says)
 
 

@@ -263,7 +263,12 @@ class _Subsets:
 
 def _inside(fitted: Fit) -> bool:
     """Whether no effect of a fit stands at a bound; only such sets are kept."""
-    return not any(at_bound(one) and not (isinstance(one, Structure) and one.is_sharp) for one in fitted.point.effects)
+    return not any(map(stuck, fitted.point.effects))
+
+
+def stuck(effect: DescribedEffect) -> bool:
+    """Whether an effect stands at a bound; a step that is as narrow as one can be told does not count."""
+    return at_bound(effect) and not (isinstance(effect, Structure) and effect.is_sharp)
 
 
 def _each_without_one(names: _Names) -> Iterator[_Names]:

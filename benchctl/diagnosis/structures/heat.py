@@ -20,12 +20,11 @@ from benchctl.diagnosis.keys import keys_of
 from benchctl.diagnosis.residual.residual_structure import ResidualStructure, residual_structure_beside
 from benchctl.diagnosis.search.select import may_be_nothing
 from benchctl.diagnosis.search.selection import Selection
-from benchctl.diagnosis.search.subsets import CHANCE, evidence_beside, price_of, select_subset
+from benchctl.diagnosis.search.subsets import CHANCE, evidence_beside, price_of, select_subset, stuck
 from benchctl.diagnosis.structures.scan import Along, Begun
 from benchctl.diagnosis.structures.search import NEARLY, Modelled, few_of_each
-from benchctl.estimation.disturbance import deviance_near, disturbance_beside, with_disturbance
+from benchctl.estimation.disturbance import beside_disturbance, deviance_near, with_disturbance
 from benchctl.estimation.fit import Fit, Point, fit, inverse
-from benchctl.estimation.point import at_bound
 from benchctl.side_by_side import shared_out
 from benchctl.signals.binning import bin_of
 from benchctl_instruments.arrays import FloatArray
@@ -43,7 +42,7 @@ _SIZED, _FITTED = 4, 30
 _HALF = 0.5
 """What a structure in the place of a name may leave of what that leaves, in amplitude."""
 _TIE = 10.0
-"""In twice the log likelihood: two coordinates whose models differ by less are not told apart."""
+"""Models whose scores differ by less explain the recording alike."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +65,7 @@ class _Candidate:
 
     @property
     def takes(self) -> tuple[int, bool]:
-        """How many numbers it takes, and whether something happens by itself, at instants of its own."""
+        """How many numbers it takes, and whether its last structure is a function of time."""
         return sum(len(one.parameters) for one in self.fit.point.effects), self.structures[-1].over == "time"
 
     @property
@@ -94,10 +93,11 @@ def heat_modelled(problem: ChamberProblem, chosen: Selection, *, left: bool, see
         best = _simplest(candidates, score)
         if best is None:
             break
-        models = (_with_names(problem, best.structures, seed), _with_these(problem, chosen, best.fit))
-        model = next((one for one in models if _may_be(problem, named, one, left)), None)
-        its = math.inf if model is None else _score(problem, model.after) + best.paid
-        if model is None or its > score - least:
+        model = _with_names(problem, best.structures, seed)
+        if not _may_be(problem, named, model, left):
+            model = _with_these(problem, chosen, best.fit)
+        its = _score(problem, model.after) + best.paid
+        if its > score - least or not _may_be(problem, named, model, left):
             break
         ties = _tied(best, candidates)
         chosen, score, paid = model, its, best.paid
@@ -173,8 +173,8 @@ def _with_names(problem: ChamberProblem, structures: tuple[Structure, ...], seed
 
 def left_beside(problem: ChamberProblem, fitted: Fit) -> ResidualStructure:
     """What a fit leaves beside the disturbance that it needs."""
-    whitener = fitted.whitener.beside(disturbance_beside(problem, fitted).slow)
-    return residual_structure_beside(problem, whitener, fit(problem, whitener, fitted, fitted.fitted, rounds=0))
+    white = beside_disturbance(problem, fitted)
+    return residual_structure_beside(problem, white.whitener, white)
 
 
 def _score(problem: ChamberProblem, fitted: Fit) -> float:
@@ -254,19 +254,14 @@ def _fitted(problem: ChamberProblem, begun: _Begun) -> _Candidate | None:
 
 def _needless(problem: ChamberProblem, fitted: Fit) -> set[int]:
     """The places of effects that stand at a bound; where none does, of those that may be nothing."""
-    at_bounds = {
-        place
-        for place, one in enumerate(fitted.point.effects)
-        if at_bound(one) and not (isinstance(one, Structure) and one.is_sharp)
-    }
+    at_bounds = {place for place, one in enumerate(fitted.point.effects) if stuck(one)}
     return at_bounds or may_be_nothing(problem, with_disturbance(problem, fitted))
 
 
 def _along(problem: ChamberProblem, base: Fit) -> Iterator[Along]:
     """By coordinate the pull of what a fit leaves beside its disturbance, less what its own numbers can follow."""
-    whitener = base.whitener.beside(disturbance_beside(problem, base).slow)
-    white = fit(problem, whitener, base, base.fitted, rounds=0)
-    rows = base.fitted[problem.step] & (whitener.weight > 0.0)
+    white = beside_disturbance(problem, base)
+    rows = base.fitted[problem.step] & (white.whitener.weight > 0.0)
     derivatives = white.derivatives * rows[:, None]
     covariance = inverse(derivatives.T @ derivatives)
     left = white.white * rows
@@ -280,7 +275,7 @@ def _along(problem: ChamberProblem, base: Fit) -> Iterator[Along]:
         pushes = np.zeros((_BINS, values.size))
         pushes[bin_of(values, edges), np.arange(values.size)] = 1.0
         felt = problem.responses(base.point.baseline, base.point.effects, pushes, heated=over == "heater")
-        columns = whitener(felt) * rows / deviation
+        columns = white.whitener(felt) * rows / deviation
         yield Along(
             middle=0.5 * (edges[:-1] + edges[1:]),
             pull=columns @ left / deviation,

@@ -63,10 +63,10 @@ _HINTS: Mapping[tuple[str, str], tuple[str, ...]] = {
     ("torque", "rate"): ("a lubricant that changes its regime", "a resonance of table or belt", "air drag"),
     ("torque", "abs_rate"): ("a resonance of table or belt", "an amplifier at its limit"),
     ("torque", "rate_sign"): ("a gear or belt that resists more one way",),
+    ("torque", "acceleration"): ("play or twist between motor and encoder", "an amplifier at its limit"),
     ("heat", "time"): ("a device or a lamp that is switched", "a compressor or a vent that opens", "a door"),
     ("heat", "chamber_temp"): ("water that freezes, melts or evaporates", "a vent or a damper that opens by itself"),
     ("heat", "heater"): ("a heater that does not switch on at once", "a fuse or a phase that is missing"),
-    ("torque", "acceleration"): ("play or twist between motor and encoder", "an amplifier at its limit"),
 }
 _MOST_OF_IT = 0.8
 """A model that explains less of what is left, in power, is none."""
