@@ -138,12 +138,20 @@ class Fit:
 
 
 def fit(
-    problem: Problem, whitener: Whitener, start: Point | Fit, fitted: BoolArray, *, rounds: int = _MOST_ROUNDS
+    problem: Problem,
+    whitener: Whitener,
+    start: Point | Fit,
+    fitted: BoolArray,
+    *,
+    rounds: int = _MOST_ROUNDS,
+    near: Fit | None = None,
 ) -> Fit:
     """Fit a model's numbers, from where they are, to some steps (a mask of shape (m,) over the problem's steps).
 
     Where it starts from another fit of the same rows, whatever its whitener, derivatives are not taken there anew.
-    Levenberg and Marquardt's damping only where a whole step does not go down.
+    `near` is a fit of the same rows to all numbers but those of the last effect: derivatives by these numbers are its,
+    which one small effect more hardly changes. Levenberg and Marquardt's damping only where a whole step does not go
+    down.
     """
     point = start.point if isinstance(start, Fit) else start
     numbers = tuple(point.free(problem.baseline_names, problem.baseline_bounds))
@@ -154,10 +162,11 @@ def fit(
     if isinstance(start, Fit):
         taken, turned = start.raw_derivatives, start.spectral.derivatives
     else:
-        taken, turned = _derivatives(problem, point, numbers, predicted, beside)
+        taken, turned = _derivatives(problem, point, numbers, predicted, beside, near)
     raw, derivatives = _whitened(whitener, taken)
     spectral = Spectral(residual=beside, derivatives=turned)
     products = products_of(problem, derivatives, white, whitener, spectral)
+    linear = near is not None and all(_is_size(number) for number in numbers[len(near.numbers) :])
     damping = 0.0
     for _ in range(rounds):
         information, gradient, total, rows = products.of(fitted)
@@ -178,13 +187,16 @@ def fit(
             continue
         gained = (squares - trial_squares) / variance
         point, predicted, white, beside, squares = trial, trial_predicted, trial_white, trial_beside, trial_squares
-        if damping == 0.0 and expected < _CLOSE:  # so near, the derivatives are what they were
+        close = damping == 0.0 and expected < _CLOSE
+        damping = damping / 10.0 if damping > 1e-3 else 0.0
+        if close or linear:  # the derivatives are what they were
             spectral = replace(spectral, residual=beside)
             products = with_residual(problem, products, derivatives, white, spectral)
-            break
-        damping = damping / 10.0 if damping > 1e-3 else 0.0
+            if close or gained < _CLOSE:
+                break
+            continue
         del taken, raw, derivatives  # each as large as what takes its place
-        taken, turned = _derivatives(problem, point, numbers, predicted, beside)
+        taken, turned = _derivatives(problem, point, numbers, predicted, beside, near)
         raw, derivatives = _whitened(whitener, taken)
         spectral = Spectral(residual=beside, derivatives=turned)
         products = products_of(problem, derivatives, white, whitener, spectral)
@@ -281,12 +293,26 @@ def _squares_kept(one: Fit, folds: IntArray) -> float:
     return total
 
 
+def _is_size(number: Free) -> bool:
+    """Whether the prediction is linear in a number, as long as no later stage is not."""
+    return number.parameter is not None and number.parameter.role == "size"
+
+
 def _derivatives(
-    problem: Problem, point: Point, numbers: tuple[Free, ...], predicted: FloatArray, beside: FloatArray
+    problem: Problem,
+    point: Point,
+    numbers: tuple[Free, ...],
+    predicted: FloatArray,
+    beside: FloatArray,
+    near: Fit | None,
 ) -> tuple[FloatArray, FloatArray]:
     """Derivatives of the prediction by all numbers, shape (n, p), and of what is compared beside it, shape (w, p)."""
     derivatives = np.empty((predicted.size, len(numbers)), order="F")
     turned = np.empty((beside.size, len(numbers)))
+    known = 0
+    if near is not None:
+        known = len(near.numbers)
+        derivatives[:, :known], turned[:, :known] = near.raw_derivatives, near.spectral.derivatives
     values = point.values(numbers)
 
     def fill(i: int) -> None:
@@ -304,7 +330,7 @@ def _derivatives(
         column /= nudge
         turned[:, i] = (beside - problem.spectral_residual(other.baseline, other.effects)) / nudge
 
-    do_all(fill, range(len(numbers)))
+    do_all(fill, range(known, len(numbers)))
     return derivatives, turned
 
 

@@ -132,6 +132,10 @@ class Structure(PhysicalEffect):
     def apply(self, signals: Signals) -> Signals:
         """The signals with the structure."""
         change, signals = self.function_of(signals)
+        return self.changed(signals, change)
+
+    def changed(self, signals: Signals, change: FloatArray) -> Signals:
+        """The signals with the structure, whose function of them is `change` (n,)."""
         if self.acts_on == "scale":
             return replace(signals, output_v=signals.output_v * (1.0 + change))
         if self.acts_on == "sampling":

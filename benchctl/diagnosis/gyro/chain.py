@@ -28,6 +28,7 @@ from benchctl_instruments.physics.chain import STAGES, Signals, Stage
 from benchctl_instruments.physics.effects.effect import PhysicalEffect
 from benchctl_instruments.physics.effects.kinds import ClockEffect, EncoderEffect, FilterEffect
 from benchctl_instruments.physics.response_gyro import scaled_v
+from benchctl_instruments.physics.structure_places import OVER
 from benchctl_instruments.physics.structures import Structure
 
 _KEPT = 2
@@ -193,6 +194,9 @@ class GyroChain:
                 signals = _with(signals, {effect.filtered: values})
             elif effect.pointwise or (effect.timeless and stack.is_one_recording):
                 signals = effect.apply(replace(signals, memory={}))
+            elif isinstance(effect, Structure) and effect.shape == "memory":
+                followed = stack.lagged(OVER[effect.over].values(signals), signals.time_s, effect.values["tau"])
+                signals = effect.changed(signals, effect.value_at(followed))
             else:
                 signals = stack.each(signals, effect.apply)
         return signals

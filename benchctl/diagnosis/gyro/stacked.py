@@ -14,6 +14,7 @@ import numpy as np
 from benchctl.diagnosis.gyro.frame import Frame
 from benchctl_instruments.arrays import BoolArray, FloatArray
 from benchctl_instruments.physics.chain import Signals
+from benchctl_instruments.physics.structures import lagged
 
 PAUSE = -1
 """The first index of what is no stretch of samples, but what was known in between."""
@@ -86,6 +87,16 @@ class Stacked:
             if any(getattr(after, name) is not getattr(before, name) for before, after in pairs)
         }
         return replace(signals, **changed)
+
+    def lagged(self, values: FloatArray, time_s: FloatArray, tau_s: float) -> FloatArray:
+        """The first-order lag of values of all rows (n,), through every pause and anew in each recording."""
+        lagging, kept, origin_s = np.empty_like(values), None, np.nan
+        for part in self.parts:
+            rows = part.rows
+            kept = kept if part.origin_s == origin_s else None
+            lagging[rows], kept = lagged(values[rows], time_s[rows], part.interval_s, tau_s, kept)
+            origin_s = part.origin_s
+        return lagging
 
 
 def stacked(frame: Frame) -> tuple[Stacked, Signals]:

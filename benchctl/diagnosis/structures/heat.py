@@ -21,7 +21,7 @@ from benchctl.diagnosis.residual.residual_structure import ResidualStructure, re
 from benchctl.diagnosis.search.select import may_be_nothing
 from benchctl.diagnosis.search.selection import Selection
 from benchctl.diagnosis.search.subsets import CHANCE, evidence_beside, price_of, select_subset, stuck
-from benchctl.diagnosis.structures.scan import Along, Begun
+from benchctl.diagnosis.structures.scan import Along, Begun, everywhere
 from benchctl.diagnosis.structures.search import NEARLY, Modelled, few_of_each
 from benchctl.estimation.disturbance import beside_disturbance, deviance_near, with_disturbance
 from benchctl.estimation.fit import Fit, Point, fit, inverse
@@ -211,8 +211,8 @@ def _candidates(
     def scanned(some: tuple[DescribedEffect, ...]) -> list[_Begun]:
         start = Point(baseline=chosen.after.point.baseline, effects=(*some, *known))
         base = fit(problem, chosen.after.whitener, start, chosen.after.fitted, rounds=_FITTED)
-        everywhere = [one for along in _along(problem, base) for one in along.everywhere()]
-        places = sum(one.places for one in everywhere)
+        begun = [one for along in _along(problem, base) for one in everywhere([along])]
+        places = sum(one.places for one in begun)
         before = _score(problem, base) + paid
 
         def price(one: Begun) -> float:
@@ -221,7 +221,7 @@ def _candidates(
         def worth(one: Begun) -> float:
             return one.promise - price(one)
 
-        refined = sorted(everywhere, key=worth, reverse=True)[:_REFINED]
+        refined = sorted(begun, key=worth, reverse=True)[:_REFINED]
         ranked = sorted((one.refined() for one in refined), key=worth, reverse=True)
         return [
             _Begun(base=base, structure=one.effect, paid=paid + price(one), score=before - worth(one))

@@ -11,6 +11,7 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.optimize
@@ -26,6 +27,7 @@ from benchctl.signals.binning import bin_of
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.effects.thermal_hysteresis import play
 from benchctl_instruments.physics.structure_places import CHAMBER_C, OVER, Span, StructureStage, last_sign
+from benchctl_instruments.physics.structure_shapes import SHAPES
 from benchctl_instruments.physics.structures import Structure, lagged, structure
 
 Structurable = GyroProblem | DriveProblem
@@ -142,27 +144,26 @@ def begun_everywhere(problem: Structurable, pull: Pull, in_time: Pull) -> list[B
     places = [(stage, over, "") for stage in stages for over in _OF_STAGE.get(stage, ())]
     band = problem.band if isinstance(problem, GyroProblem) else None
 
-    def begun(place: _Place) -> list[Begun]:
-        stage, over, times = place
+    def begun(places: Sequence[_Place]) -> list[Begun]:
+        over = places[0][1]
         pulling, known, factors, coordinates = seen[over == "time"]
-        factor = factors[stage] * coordinates[times] if times else factors[stage]
         share = pull.fitted.rows / pulling.fitted.rows
-        found = _places_along(problem, pulling, known, place, coordinates[over], factor)
+        factored = {
+            place: factors[place[0]] * coordinates[place[2]] if place[2] else factors[place[0]] for place in places
+        }
+        found = _places_along(problem, pulling, known, factored, coordinates[over])
         return [replace(one, share=share) for one in found]
 
-    def best_of(places: Sequence[_Place]) -> list[Begun]:
-        known = [
-            one
-            for one in places
-            if {*one[1:]} - {""} <= seen[False][-1].keys()
-            and (band is None or not structure(one[0], one[1], "line", times=one[2]).momentary)
-        ]
-        return list(itertools.chain.from_iterable(shared_out(begun, known)))
-
-    alone = best_of(places)
-    products = [place for place in _PRODUCTS if place[0] in stages]
-    most = max((one.promise for one in alone), default=0.0)
-    return [*alone, *(one for one in best_of(products) if one.promise > _CLEARLY_MORE * most)]
+    known = [
+        one
+        for one in (*places, *(place for place in _PRODUCTS if place[0] in stages))
+        if {*one[1:]} - {""} <= seen[False][-1].keys()
+        and (band is None or not structure(one[0], one[1], "line", times=one[2]).momentary)
+    ]
+    of_each = [[one for one in known if one[1] == over] for over in dict.fromkeys(one[1] for one in known)]
+    found = list(itertools.chain.from_iterable(shared_out(begun, of_each)))
+    most = max((one.promise for one in found if not one.effect.times), default=0.0)
+    return [one for one in found if not one.effect.times or one.promise > _CLEARLY_MORE * most]
 
 
 def _seen(
@@ -209,20 +210,77 @@ def factors_of(problem: Structurable, fitted: Fit) -> Mapping[StructureStage, Fl
 
 
 def _places_along(
-    problem: Structurable, pull: Pull, known: list[FloatArray], place: _Place, values: FloatArray, factor: FloatArray
+    problem: Structurable,
+    pull: Pull,
+    known: list[FloatArray],
+    factors: Mapping[_Place, FloatArray],
+    values: FloatArray,
 ) -> Iterator[Begun]:
-    """The best place of each shape over a coordinate."""
+    """The best place of each shape over a coordinate, at each place with the factor of what acts there."""
     rows = pull.rows
     span = float(values[rows].min()), float(values[rows].max())
     if not span[0] < span[1]:
         return
-    stage, over, times = place
-    along = Along.of(pull, known, values, factor, span, place)
-    yield from along.everywhere()
-    if times:
+    yield from everywhere([Along.of(pull, known, values, factor, span, place) for place, factor in factors.items()])
+    for (stage, over, times), factor in factors.items():
+        if isinstance(problem, GyroProblem) and over in _REMEMBERED and stage != "sampling" and not times:
+            yield from _remembered(problem, pull, known, (stage, over, times), values, factor, span)
+
+
+def everywhere(alongs: Sequence[Along]) -> Iterator[Begun]:
+    """The best place of each shape, for each of several sums over the same bins of one coordinate."""
+    over, span = alongs[0].place[1], alongs[0].span
+    if OVER[over].ways is not None:
+        shapes: tuple[str, ...] = _SIGNS
+    else:
+        shapes = (*_ALONG, *(("exponential",) if over == "time" else ()))
+    for shape in shapes:
+        sought = [one for one in alongs if shape not in _ALIKE.get(one.place[:2], ())]
+        yield from _best(shape, list(_grid(over, shape, span)), sought)
+    for one in alongs:
+        stage, _, times = one.place
+        if not times and (over in ("time", "gyro_temp") or (stage, over) == ("torque", "angle")):
+            yield from one.two_steps()
+        if not times and over == "time" and one.information.ndim == 1:
+            yield from one.bursts()
+        elif not times and over == "time":
+            yield from _best("bursts", list(_cycles(span)), [one])
+
+
+def _best(shape: str, places: Sequence[Mapping[str, float]], alongs: Sequence[Along]) -> Iterator[Begun]:
+    """The best of some places of a shape for each of several sums over the same bins, where it promises anything."""
+    if not places or not alongs:
         return
-    if isinstance(problem, GyroProblem) and over in _REMEMBERED and stage != "sampling":
-        yield from _remembered(problem, pull, known, place, values, factor, span)
+    kinds = [one.kind(shape) for one in alongs]
+    sizes = tuple(SHAPES[shape].sizes)
+    unit = dict.fromkeys(sizes, 0.0) | {
+        name: parameter.scan[0] for name, parameter in kinds[0].parameters.items() if parameter.role == "assumed"
+    }
+    function, middle = SHAPES[shape].function, alongs[0].middle
+    columns = _Columns(np.array([[function({**unit, **it, name: 1.0}, middle) for name in sizes] for it in places]))
+    for along, kind in zip(alongs, kinds, strict=True):
+        gain, weights = along.gains(columns)
+        first = int(np.argmax(gain))
+        if gain[first] > 0.0:
+            values = {**unit, **places[first], **dict(zip(sizes, weights[first].tolist(), strict=True))}
+            yield Begun(effect=kind.make(values), gain=float(gain[first]), places=len(places), along=along)
+
+
+@dataclass(frozen=True)
+class _Columns:
+    """Functions of a coordinate in its bins: at m places k each, whose sizes are one; shape (m, k, b)."""
+
+    values: FloatArray
+
+    @cached_property
+    def squares(self) -> FloatArray:
+        """Their squares, of one function a place; shape (m, b)."""
+        return np.asarray(self.values[:, 0] ** 2)
+
+    @cached_property
+    def largest(self) -> FloatArray:
+        """The square of the largest value at each place, shape (m,)."""
+        return np.asarray(np.abs(self.values).max(axis=(1, 2)) ** 2)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -262,53 +320,19 @@ class Along:
             place=place,
         )
 
-    def everywhere(self) -> Iterator[Begun]:
-        """The best place of each shape."""
-        stage, over, times = self.place
-        if OVER[over].ways is not None:
-            for shape in _SIGNS:
-                yield from self.best(shape, iter([{}]))
-            return
-        alike = _ALIKE.get((stage, over), ())
-        for shape in (*_ALONG, *(("exponential",) if over == "time" else ())):
-            if shape not in alike:
-                yield from self.best(shape, _grid(over, shape, self.span))
-        if not times and (over in ("time", "gyro_temp") or (stage, over) == ("torque", "angle")):
-            yield from self.two_steps()
-        if not times and over == "time":
-            yield from self.bursts() if self.information.ndim == 1 else self.best("bursts", _cycles(self.span))
-
-    def _kind(self, shape: str) -> type[Structure]:
+    def kind(self, shape: str) -> type[Structure]:
+        """The structure of a shape here."""
         stage, over, times = self.place
         return structure(stage, over, shape, self.span, times)
-
-    def best(self, shape: str, grid: Iterator[Mapping[str, float]]) -> Iterator[Begun]:
-        """The best of some places of a shape, where it promises anything."""
-        kind = self._kind(shape)
-        sizes = [name for name, parameter in kind.parameters.items() if parameter.role == "size"]
-        places = list(grid)
-        if not places:
-            return
-        unit = dict.fromkeys(sizes, 0.0) | {
-            name: parameter.scan[0] for name, parameter in kind.parameters.items() if parameter.role == "assumed"
-        }
-        columns = np.array(
-            [[kind.make({**unit, **place, name: 1.0}).value_at(self.middle) for name in sizes] for place in places]
-        )
-        gain, weights = self.gains(columns)
-        first = int(np.argmax(gain))
-        if gain[first] > 0.0:
-            values = {**unit, **places[first], **dict(zip(sizes, weights[first].tolist(), strict=True))}
-            yield Begun(effect=kind.make(values), gain=float(gain[first]), places=len(places), along=self)
 
     def refined(self, begun: Begun) -> Begun:
         """The same shape at the place that promises most near where it begins."""
         kind, started = type(begun.effect), begun.effect.values
         shaped = {name: one for name, one in kind.parameters.items() if one.role == "shape"}
-        sizes = [name for name, one in kind.parameters.items() if one.role == "size"]
+        sizes = tuple(SHAPES[kind.shape].sizes)
         if not shaped:
             return begun
-        nothing = {**started, **dict.fromkeys(sizes, 0.0)}
+        nothing, function = {**started, **dict.fromkeys(sizes, 0.0)}, SHAPES[kind.shape].function
         wide = self.span[1] - self.span[0]
 
         def there(moves: FloatArray) -> dict[str, float]:
@@ -322,8 +346,8 @@ class Along:
 
         def promised(moves: FloatArray) -> tuple[float, FloatArray]:
             at = {**nothing, **there(moves)}
-            columns = np.array([[kind.make({**at, name: 1.0}).value_at(self.middle) for name in sizes]])
-            gain, weights = self.gains(columns)
+            columns = np.array([[function({**at, name: 1.0}, self.middle) for name in sizes]])
+            gain, weights = self.gains(_Columns(columns))
             return float(gain[0]), weights[0]
 
         def cost(moves: FloatArray) -> float:
@@ -339,19 +363,21 @@ class Along:
         values = {**nothing, **there(found.x), **dict(zip(sizes, weights.tolist(), strict=True))}
         return replace(begun, effect=kind.make(values), gain=gain)
 
-    def gains(self, columns: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """What functions of the coordinate (m, k, b) promise together at each place, and how much of each is best."""
+    def gains(self, functions: _Columns) -> tuple[FloatArray, FloatArray]:
+        """What functions of the coordinate promise together at each place (m,), and how much of each is best (m, k)."""
+        columns = functions.values
         known = columns @ self.known
-        if self.information.ndim == 1:
-            power = np.einsum("mkb,b,mlb->mkl", columns, self.information, columns, optimize=True)
-        else:
+        if self.information.ndim > 1:
             power = np.einsum("mkb,mlb->mkl", columns @ self.information, columns, optimize=True)
-        own = power - np.einsum("mkp,pq,mlq->mkl", known, self.covariance, known, optimize=True)
+        elif columns.shape[1] == 1:
+            power = (functions.squares @ self.information)[:, None, None]
+        else:
+            power = np.einsum("mkb,b,mlb->mkl", columns, self.information, columns, optimize=True)
+        own = power - np.einsum("mkp,mlp->mkl", known @ self.covariance, known)
         score = columns @ self.pull
-        largest = np.abs(columns).max(axis=(1, 2)) ** 2 * float(self.information.sum())
         diagonal = np.einsum("mkk->mk", own)
-        least = np.maximum(_UNSEEN * np.einsum("mkk->mk", power), _RARE * largest[:, None])
-        seen = (diagonal > least).all(axis=1)
+        least = _RARE * functions.largest * float(self.information.sum())
+        seen = (diagonal > np.maximum(_UNSEEN * np.einsum("mkk->mk", power), least[:, None])).all(axis=1)
         weights = np.zeros(score.shape)
         for place in np.flatnonzero(seen).tolist() if columns.shape[1] > 1 else ():
             weights[place] = inverse(own[place]) @ score[place]
@@ -380,7 +406,7 @@ class Along:
             changes = np.linalg.solve(own[np.ix_(both, both)], score[both]).tolist()
             places = dict(zip(("at", "at_2"), ats[both].tolist(), strict=True))
             values = {"change": changes[0], "change_2": changes[1], **places, "width": 0.5 * wide / _STEPS}
-            kind = self._kind("steps")
+            kind = self.kind("steps")
             found = float(gain[first, then])
             yield Begun(effect=kind.make(values), gain=found, places=_STEPS**2 // 2, along=self)
 
@@ -391,8 +417,9 @@ class Along:
         best = max((self._folded(1.0 / one) for one in often.tolist()), key=lambda one: one[0])
         near = 1.0 / best[1]["period"] + (often[1] - often[0]) * np.linspace(-1.0, 1.0, _NEAR)
         best = max((self._folded(1.0 / one) for one in near.tolist()), key=lambda one: one[0])
-        kind = self._kind("bursts")
-        gain, weights = self.gains(kind.make({**best[1], "change": 1.0}).value_at(self.middle)[None, None])
+        kind = self.kind("bursts")
+        column = kind.make({**best[1], "change": 1.0}).value_at(self.middle)
+        gain, weights = self.gains(_Columns(column[None, None]))
         if gain[0] > 0.0:
             effect = kind.make({**best[1], "change": float(weights[0, 0])})
             yield Begun(effect=effect, gain=float(gain[0]), places=_BURST_PERIODS * _PHASES, along=self)

@@ -261,7 +261,8 @@ def _with_jump_held_out(problem: GyroProblem, chosen: Selection, begun: Structur
 
 
 def _with(problem: Structurable, chosen: Selection, after: Fit) -> Selection:
-    """The selection with a structure as the last effect of its model."""
+    """The selection with a structure as the last effect of its model; it was fitted by derivatives that nearly hold."""
+    after = fit(problem, chosen.whitener, after.point, after.fitted)
     effects = (*chosen.whole.point.effects, after.point.effects[-1])
     everything = np.ones_like(after.fitted)
     whole = after
@@ -341,18 +342,18 @@ def _fitted(problem: Structurable, chosen: Selection, begun: Structure, looked: 
     present = chosen.after
     # sizes and everything beside them first: a place found among all is better than one that follows them there
     there = replace(present.point, effects=(*present.point.effects, unmoved(begun, ("shape",))))
-    sized = fit(problem, chosen.whitener, there, present.fitted, rounds=_SIZED).point
+    sized = fit(problem, chosen.whitener, there, present.fitted, rounds=_SIZED, near=present).point
     begun = type(begun).make(sized.effects[-1].values)
     start = replace(sized, effects=(*sized.effects[:-1], begun))
     held = chosen.heldout
     # no other step foretells an instant: all steps say when it is, those that were not held out how much it changes
     instant = begun.over == "time" and begun.acts_on != "encoder" and bool(held.any())
-    one = fit(problem, chosen.whitener, start, np.ones_like(held) if instant else present.fitted)
+    one = fit(problem, chosen.whitener, start, np.ones_like(held) if instant else present.fitted, near=present)
     added = one.point.effects[-1]
     assert isinstance(added, Structure)  # noqa: S101  # it was fitted as one
     if instant:
         then = replace(start, effects=(*start.effects[:-1], unmoved(added, ("shape",))))
-        one = fit(problem, chosen.whitener, then, present.fitted)
+        one = fit(problem, chosen.whitener, then, present.fitted, near=present)
     if at_bound(added) and not added.is_sharp:
         return None
     gain = gain_of(one, present)
