@@ -49,6 +49,7 @@ _PHASES = 48
 _FEWEST_CYCLES, _MOST_CYCLES, _CYCLES, _CYCLE_PHASES = 3.0, 25.0, 90, 12
 _POWERS = (0.4, 0.6, 1.5, 2.0, 3.0)
 _SIGNS = ("negative", "positive", "either")
+_BETWEEN_WAYS = np.array([-1.5, -0.5, 0.5, 1.5])
 _CURVES = ("spline6", "spline12", "spline24")
 _ALONG = (
     "step",
@@ -304,11 +305,11 @@ class Along:
         cls, pull: Pull, known: list[FloatArray], values: FloatArray, factor: FloatArray, span: Span, place: _Place
     ) -> Along:
         """Of a function of a coordinate's `values` that acts on each row by itself, times a `factor`; (n,) each."""
-        edges = np.linspace(*span, _BINS + 1)
+        edges = np.linspace(*span, _BINS + 1) if OVER[place[1]].ways is None else _BETWEEN_WAYS
         bins = bin_of(np.clip(values, *span), edges)
 
         def summed(of: FloatArray) -> FloatArray:
-            return np.asarray(np.bincount(bins, of, minlength=_BINS), dtype=np.float64)
+            return np.asarray(np.bincount(bins, of, minlength=edges.size - 1), dtype=np.float64)
 
         return cls(
             middle=0.5 * (edges[:-1] + edges[1:]),

@@ -78,6 +78,8 @@ _OF_STAGE: Mapping[str, tuple[str, ...]] = {
     "sampling": ("a clock that drifts", "a filter whose delay changes", "processing whose time depends on load"),
 }
 _UNSEEN = "Rests behind motion that was not recorded are left out: which way the table turned last is not known there."
+_RAMPS = "Samples within 8 s of the start or end of a ramp of the chamber are left out: the ramp is known only from the air."
+_RAMP_ENDS_S = 8.0
 _BY_WAY = ("friction in a winding, a glue or a mount", "a magnetic shield that keeps its state")
 _BY_SETPOINT = ("the chamber's compressor or heater, which runs while the set point moves", "a supply that it loads")
 _AT_INSTANTS = ("a device that is switched", "a slipping coupling", "a knock")
@@ -132,6 +134,8 @@ def _of_prediction(
     found = _modelled(problem, chosen, unexplained, owed, seed)
     known = _where_direction_is_known(problem, chosen, unexplained, found, seed)
     found = found if known is None else known
+    between = _between_ramps(problem, found, seed)
+    found = found if between is None else between
     if found is None and not jumps:
         return chosen, unexplained, owed
     if found is None:
@@ -141,6 +145,8 @@ def _of_prediction(
         bare, by_shapes, owed = (found[0] if not jumps else bare), found[1], ()
     if known is not None:
         owed = (_UNSEEN,)
+    if between is not None:
+        owed = (*owed, _RAMPS)
     instead = chosen.noise.found.keys() - by_shapes.chosen.noise.found.keys()  # of a process that names may follow, too
     by_shapes = as_one_curve(problem, by_shapes, seed)
     if not (jumps or spikes):  # beside what is modelled by now they may stand out
@@ -240,6 +246,27 @@ def _where_direction_is_known(
         return known, beside
     instead = instead_of_names(problem, known, left=True, seed=seed)
     return instead if instead is not None and _of_last_direction(instead[1]) else None
+
+
+def _between_ramps(
+    problem: GyroProblem, found: tuple[Selection, Modelled] | None, seed: int
+) -> tuple[Selection, Modelled] | None:
+    """The same without the rows near the ends of ramps, if a structure follows the set point, whose way the air shows.
+
+    None where no structure does, or another coordinate explains as much then.
+    """
+    if found is None or all(one.over != "setpoint" for one in found[1].structures):
+        return None
+    time_s, way = problem.time_s, problem.coordinates["setpoint"]
+    ends_s = time_s[1:][np.diff(way) != 0.0]
+    nearest = np.clip(np.searchsorted(ends_s, time_s), 1, ends_s.size - 1)
+    rows = np.minimum(np.abs(time_s - ends_s[nearest - 1]), np.abs(time_s - ends_s[nearest])) < _RAMP_ENDS_S
+    known = leaving_out(problem, found[0], rows)
+    rest = residual_structure_of(problem, known.whitener, known.after, seed=seed)
+    again = modelled(problem, known, rest, seed=seed)
+    if again is None or again.structures[0].over != "setpoint" or len(again.structures) > len(found[1].structures):
+        return None
+    return known, again
 
 
 def _of_last_direction(found: Modelled) -> bool:
