@@ -22,6 +22,9 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
 
+from benchctl.app.accept import accept_recording
+from benchctl.app.diagnose import diagnose_recordings, write_diagnosed
+from benchctl.app.fit import calibrated
 from benchctl.bench import SIMULATED, Bench, load_bench
 from benchctl.campaign.playing import new_folder, play
 from benchctl.campaign.runner import Moment, Outcome, Progress, nobody
@@ -35,9 +38,6 @@ from benchctl.plan.written import as_texts
 from benchctl.recordings.campaign_manifest import add_to_manifest
 from benchctl.recordings.reader import Recording, open_recording
 from benchctl.recordings.verify import refuse_changed
-from benchctl.reports.accepting import accept_recording
-from benchctl.reports.diagnosing import diagnose_recordings, write_diagnosed
-from benchctl.reports.fitting import calibrated
 from benchctl_instruments.errors import BenchError, InstrumentError, LinkError, SafetyError, UsageError
 
 __all__ = [

@@ -27,9 +27,9 @@ def accept(
 
     Example: `benchctl accept results/20261120-180000_acceptance_SIM-0001 --limits lab/limits.toml`
     """
+    from benchctl.app.accept import accept_recording
     from benchctl.cli.output import report_folder
     from benchctl.metrology.limit_file import read_limits
-    from benchctl.reports.accepting import accept_recording
 
     with result_of("accept", json_to, quiet) as result:
         told = read_limits(limits)

@@ -12,8 +12,8 @@ from benchctl.cli.output import JsonOption, QuietOption, RecordingsArgument, out
 from benchctl_instruments.errors import UsageError
 
 if TYPE_CHECKING:
+    from benchctl.app.diagnose import Diagnosed
     from benchctl.diagnosis.result import Diagnosis
-    from benchctl.reports.diagnosing import Diagnosed
 
 
 def diagnose(
@@ -69,11 +69,11 @@ def diagnose(
     Example: `benchctl diagnose results/20261120-180000_diagnostic_SIM-0001`,
     `benchctl diagnose recording.h5 --settle --dry-run`
     """
+    from benchctl.app.diagnose import diagnose_recordings, write_diagnosed
     from benchctl.cli.output import report_folder
     from benchctl.cli.terminal import search_progress
     from benchctl.recordings.campaign_manifest import add_to_manifest
     from benchctl.recordings.verify import refuse_changed
-    from benchctl.reports.diagnosing import diagnose_recordings, write_diagnosed
     from benchctl.reports.diagnosis_tables import lines
     from benchctl_instruments.errors import UsageError
 

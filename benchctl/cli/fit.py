@@ -23,8 +23,8 @@ def fit(
     Example: `benchctl fit results/20261120-180000_two_stage_SIM-0001`,
     `benchctl fit recording.h5 --model diagnosis/model.toml`
     """
+    from benchctl.app.fit import fit_recordings
     from benchctl.recordings.campaign_manifest import add_to_manifest
-    from benchctl.reports.fitting import fit_recordings
 
     with result_of("fit", json_to, quiet) as result:
         fitted = fit_recordings(recordings, out, model)

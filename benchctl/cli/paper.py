@@ -26,13 +26,13 @@ def paper(
     import tempfile
     from dataclasses import asdict
 
+    from benchctl.app.fit import fit_recordings
     from benchctl.bench import load_bench
     from benchctl.calibration.paper_audit import audit, implied_sine
     from benchctl.cli.campaigns import play
     from benchctl.plan.find import find_procedure
     from benchctl.recordings.campaign_manifest import add_to_manifest
     from benchctl.recordings.reader import open_recording
-    from benchctl.reports.fitting import fit_recordings
 
     with result_of("paper", json_to, quiet) as result, tempfile.TemporaryDirectory() as scratch:
         S_rad_per_dps = implied_sine()[0]

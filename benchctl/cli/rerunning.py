@@ -7,6 +7,7 @@ from pathlib import Path
 
 import typer
 
+from benchctl.app.rerun import FirstRun, first_run, lines, rerun_of
 from benchctl.bench import Bench
 from benchctl.campaign.again import CHOSEN_HERE, bench_again, plan_again
 from benchctl.campaign.runner import Outcome
@@ -14,7 +15,6 @@ from benchctl.cli.output import Result
 from benchctl.plan import Plan
 from benchctl.recordings.reader import open_recording
 from benchctl.recordings.verify import refuse_changed
-from benchctl.reports.rerunning import FirstRun, first_run, lines, rerun_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -123,8 +123,8 @@ def run(
         if outcome.error is not None:
             raise outcome.error
         if plan.calibrates:
+            from benchctl.app.fit import fit_recordings
             from benchctl.recordings.campaign_manifest import add_to_manifest
-            from benchctl.reports.fitting import fit_recordings
 
             fitted = fit_recordings([outcome.recording], outcome.campaign)
             add_to_manifest(outcome.campaign, [fitted.values["coefficients"], fitted.values["report"]])

@@ -148,7 +148,7 @@ def do_verb(verb: FleetVerb, recording: Located, path: Path, options: Options, f
 
 
 def _fit(recording: Located, path: Path, _: Options, folder: Path) -> None:
-    from benchctl.reports.fitting import calibrated
+    from benchctl.app.fit import calibrated
 
     found = calibrated([path])
     if recording.remote:  # it is not to be looked for in a scratch folder
@@ -158,7 +158,7 @@ def _fit(recording: Located, path: Path, _: Options, folder: Path) -> None:
 
 
 def _diagnose(_: Located, path: Path, options: Options, folder: Path) -> None:
-    from benchctl.reports.diagnosing import diagnose_recordings, write_diagnosed
+    from benchctl.app.diagnose import diagnose_recordings, write_diagnosed
 
     refuse_changed(path, "diagnosed")
     model = None
@@ -171,7 +171,7 @@ def _diagnose(_: Located, path: Path, options: Options, folder: Path) -> None:
 
 
 def _accept(recording: Located, path: Path, options: Options, folder: Path) -> None:
-    from benchctl.reports.accepting import accept_recording
+    from benchctl.app.accept import accept_recording
 
     assert options.limits is not None  # noqa: S101 - `benchctl.cli.fleet` requires them
     found = accept_recording(path, options.limits)

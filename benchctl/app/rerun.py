@@ -11,6 +11,7 @@ from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
+from benchctl.app.accept import Accepted
 from benchctl.atomic import whole_file
 from benchctl.campaign.differences import Differences, changed, differences
 from benchctl.campaign.provenance import table_of
@@ -30,7 +31,6 @@ from benchctl.reports.acceptance.catalogue import Catalogue, catalogue, stated
 from benchctl.reports.acceptance.set_up import facts_of
 from benchctl.reports.acceptance.write import JSON as ACCEPTANCE
 from benchctl.reports.acceptance.write import SCHEMA as ACCEPTANCE_SCHEMA
-from benchctl.reports.accepting import Accepted
 from benchctl.reports.results import results_folder
 from benchctl_instruments.errors import UsageError
 
