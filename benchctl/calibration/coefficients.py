@@ -37,7 +37,7 @@ from benchctl.atomic import whole_file
 from benchctl.calibration.discovered import discovered_in
 from benchctl.calibration.free_motion import FreeMotionFit
 from benchctl.calibration.model import AppliedLaw, Factors
-from benchctl.calibration.result import CalibrationResult, JointFit, Parameter, PolynomialFactor, Stage
+from benchctl.calibration.result import CalibrationResult, FittedParameter, JointFit, PolynomialFactor, Stage
 from benchctl.calibration.static_points_fit import PointsFit, StaticPointsResult
 from benchctl.calibration.uncertainty import LEVEL, coverage_factor
 from benchctl.documents import read_json
@@ -357,7 +357,7 @@ def _free_motion(fit: FreeMotionFit) -> dict[str, Any]:
     }
 
 
-def _uncertainty(parameter: Parameter) -> dict[str, Any]:
+def _uncertainty(parameter: FittedParameter) -> dict[str, Any]:
     return {
         "value": parameter.value,
         "unit": parameter.unit,

@@ -10,7 +10,7 @@ import numpy as np
 
 from benchctl.calibration.joint import THERMAL_LAG, JointProblem, JointSolution, fit_joint, predict
 from benchctl.calibration.model import EARTH_DPS, Law
-from benchctl.calibration.result import CalibrationOptions, Contribution, JointFit, Noise, Parameter, StraightLine
+from benchctl.calibration.result import CalibrationOptions, Contribution, FittedParameter, JointFit, Noise, StraightLine
 from benchctl.calibration.rows import gather
 from benchctl.calibration.stage_one import Carries, what_it_carries
 from benchctl.calibration.thermistor import ThermalHistory
@@ -335,7 +335,7 @@ def _named(
         dof = effective_dof((part.standard, part.dof) for part in budget)
         expanded = max(coverage_factor(dof) * combined, own)
         parameters.append(
-            Parameter(
+            FittedParameter(
                 name=name,
                 value=values[name],
                 unit=unit,

@@ -72,7 +72,7 @@ class Contribution:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Parameter:
+class FittedParameter:
     """An estimated parameter.
 
     `standard` is the standard uncertainty by the scatter of the data (type A, k = 1) and `ci95` its interval: what a
@@ -187,7 +187,7 @@ class JointFit:
     law: str
     convention: Convention
     argument: Argument
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[FittedParameter, ...]
     covariance: FloatArray
     noise: Noise
     rows: int
@@ -198,7 +198,7 @@ class JointFit:
         """The value of a parameter; `KeyError` where the law has none of this name."""
         return self.parameter(name).value
 
-    def parameter(self, name: str) -> Parameter:
+    def parameter(self, name: str) -> FittedParameter:
         """A parameter by name."""
         for parameter in self.parameters:
             if parameter.name == name:

@@ -23,26 +23,26 @@ _NUMBER = re.compile(r"[+-]?\d[\d.e+-]*")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Problem:
+class PlanProblem:
     """What is wrong with a step, the first of those that have this problem; `step` counts from 1."""
 
     step: int
     says: str
 
 
-def problems(plan: Plan, bench: Bench) -> list[Problem]:
+def problems(plan: Plan, bench: Bench) -> list[PlanProblem]:
     """Everything in a plan that this bench cannot or may not do; what differs in numbers only is one problem."""
     swings = any(step.peak_acceleration_dps2 for step in plan.steps)
     sinusoids = not swings or oscillates(bench.rate_table.model)
-    first: dict[str, Problem] = {}
+    first: dict[str, PlanProblem] = {}
     count = Counter[str]()
     for number, step in enumerate(plan.steps, 1):
         for says in tuple(faults(step)) or tuple(_beyond(step, bench, sinusoids)):
             kind = _NUMBER.sub("", says)
             count[kind] += 1
-            first.setdefault(kind, Problem(step=number, says=f"{step.label}: {says}"))
+            first.setdefault(kind, PlanProblem(step=number, says=f"{step.label}: {says}"))
     return [
-        Problem(
+        PlanProblem(
             step=each.step,
             says=f"{each.says}{f'; {more} more steps have this problem' if (more := count[kind] - 1) else ''}",
         )
@@ -50,7 +50,7 @@ def problems(plan: Plan, bench: Bench) -> list[Problem]:
     ]
 
 
-def room_problems(plan: Plan, bench: Bench, folder: Path) -> list[Problem]:
+def room_problems(plan: Plan, bench: Bench, folder: Path) -> list[PlanProblem]:
     """That the disk has no room for what a plan records in `folder`: the step at which it would be full.
 
     What a campaign that is gone on with has there already counts as room.
@@ -64,7 +64,7 @@ def room_problems(plan: Plan, bench: Bench, folder: Path) -> list[Problem]:
         return []
     needs = disk_bytes(plan, rate_hz)
     says = f"the disk would be full: the campaign needs {needs / 1e6:.0f} MB, {free / 1e6:.0f} MB are free at {folder}"
-    return [Problem(step=fills, says=f"{plan.steps[fills - 1].label}: {says}; make room or choose another folder")]
+    return [PlanProblem(step=fills, says=f"{plan.steps[fills - 1].label}: {says}; make room or choose another folder")]
 
 
 def refuse_problems(plan: Plan, bench: Bench, folder: Path) -> None:
@@ -77,7 +77,7 @@ def refuse_problems(plan: Plan, bench: Bench, folder: Path) -> None:
         raise UsageError(refusal(plan, found))
 
 
-def refusal(plan: Plan, found: Sequence[Problem]) -> str:
+def refusal(plan: Plan, found: Sequence[PlanProblem]) -> str:
     """Why a plan cannot be run, in a line: the first problem, and how many more there are."""
     more = f"; {len(found) - 1} more problems, which benchctl check lists" if len(found) > 1 else ""
     return f"procedure {plan.procedure}, step {found[0].step}: {found[0].says}{more}"

@@ -38,7 +38,7 @@ class Change:
     now_s: float
 
 
-class Limit:
+class FollowedLimit:
     """One side of one interlock, followed look by look."""
 
     def __init__(
@@ -74,7 +74,7 @@ class Interlocks:
     """All interlocks of a bench."""
 
     def __init__(self, interlocks: Iterable[Interlock]) -> None:
-        self._limits: list[Limit] = []
+        self._limits: list[FollowedLimit] = []
         for interlock in interlocks:
             self._limits += limits_of(interlock)
             if interlock.quantity == "acceleration_dps2" and interlock.action == "stop":
@@ -105,10 +105,10 @@ def words(interlocks: Iterable[Interlock]) -> str:
     return ", ".join(f"{limit.says} ({limit.interlock.action})" for limit in limits)
 
 
-def limits_of(interlock: Interlock, *, by_encoder: bool = False) -> list[Limit]:
+def limits_of(interlock: Interlock, *, by_encoder: bool = False) -> list[FollowedLimit]:
     """The sides of an interlock that are limited."""
     sides: tuple[tuple[Literal["above", "below"], float | None], ...] = (
         ("above", interlock.above),
         ("below", interlock.below),
     )
-    return [Limit(interlock, side, at, by_encoder=by_encoder) for side, at in sides if at is not None]
+    return [FollowedLimit(interlock, side, at, by_encoder=by_encoder) for side, at in sides if at is not None]

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
-from benchctl.history.series import Drift, Series
+from benchctl.history.series import Drift, FigureSeries
 
 FEWEST_UNITS = 5
 """Units of a model from which they are compared."""
@@ -118,7 +118,7 @@ class Flag:
 
 
 def flags_of(
-    series: Series,
+    series: FigureSeries,
     control: Control | None,
     drift: Drift | None,
     since_first: Drift | None,
@@ -150,7 +150,7 @@ def flags_of(
     return tuple(found)
 
 
-def _how_far(series: Series, drift: Drift) -> str:
+def _how_far(series: FigureSeries, drift: Drift) -> str:
     before, after = drift.since.temperature_c, series.known[-1].temperature_c
     also = ""
     if before is not None and after is not None and abs(after - before) > _OTHER_TEMPERATURE_C:

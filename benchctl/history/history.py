@@ -19,17 +19,17 @@ from pathlib import Path, PurePosixPath
 from benchctl.history.entries import words
 from benchctl.history.flags import Control, Flag, Siblings, control_of, flags_of, siblings_of
 from benchctl.history.index import find, keep, opened, place_of, refresh
-from benchctl.history.series import SOURCES, Campaign, Drift, Point, Series, Source, drifts
+from benchctl.history.series import SOURCES, Campaign, Drift, FigureSeries, Point, Source, drifts
 from benchctl.limits import listed
 from benchctl.recordings.campaign_manifest import Integrity
-from benchctl.recordings.digests import Problem
+from benchctl.recordings.digests import Mismatch
 from benchctl.recordings.verify import refuse_changed
 from benchctl_instruments.errors import UsageError
 
 _ALTERED = "was altered since the manifest of its folder was written, and is not counted"
 
 
-def link(index: sqlite3.Connection, places: Mapping[str, Path]) -> tuple[set[str], list[Problem]]:
+def link(index: sqlite3.Connection, places: Mapping[str, Path]) -> tuple[set[str], list[Mismatch]]:
     """Write into the index the campaign of each document; the campaigns that count, and what does not count, and why.
 
     `places` are the files by their keys. A recording that is there several times counts once. Coefficients of several
@@ -50,12 +50,12 @@ def link(index: sqlite3.Connection, places: Mapping[str, Path]) -> tuple[set[str
         if not digests and len(alone[folder]) == 1:
             there = alone[folder]
         if integrity == "altered":
-            problems.append(Problem(document, _ALTERED))
+            problems.append(Mismatch(document, _ALTERED))
         elif not there:
-            problems.append(Problem(document, "is of a recording that is not here as it was then, and not counted"))
+            problems.append(Mismatch(document, "is of a recording that is not here as it was then, and not counted"))
         elif (there[0], source) in taken:
             says = f"is of {there[0]}, as is {taken[there[0], source]}, which counts"
-            problems.append(Problem(document, says))
+            problems.append(Mismatch(document, says))
         else:
             taken[there[0], source] = document
     campaigns = {document: campaign for (campaign, _), document in taken.items()}
@@ -81,7 +81,7 @@ def _check_integrity(index: sqlite3.Connection) -> None:
             )
 
 
-def _originals(index: sqlite3.Connection, places: Mapping[str, Path]) -> tuple[dict[str, str], list[Problem]]:
+def _originals(index: sqlite3.Connection, places: Mapping[str, Path]) -> tuple[dict[str, str], list[Mismatch]]:
     """The recording that counts for each digest, and why others do not."""
     copies: dict[str, list[tuple[str, Integrity]]] = defaultdict(list)
     rows = index.execute("SELECT path, digest, integrity FROM campaigns ORDER BY integrity = 'not verified', path")
@@ -90,12 +90,12 @@ def _originals(index: sqlite3.Connection, places: Mapping[str, Path]) -> tuple[d
     stated = _stated(index)
     paths, problems = {}, []
     for digest, found in copies.items():
-        problems += [Problem(path, _ALTERED) for path, integrity in found if integrity == "altered"]
+        problems += [Mismatch(path, _ALTERED) for path, integrity in found if integrity == "altered"]
         usable = [(path, integrity) for path, integrity in found if integrity != "altered"]
         best = [path for path, integrity in usable if integrity == usable[0][1]]
         if len({stated[PurePosixPath(path).parent] for path in best}) > 1:
             changed = {path: says for path in best if (says := _change_in(index, path, places[path]))}
-            problems += [Problem(path, says) for path, says in changed.items()]
+            problems += [Mismatch(path, says) for path, says in changed.items()]
             usable = [one for one in usable if one[0] not in changed]
         if not usable:
             continue
@@ -106,7 +106,7 @@ def _originals(index: sqlite3.Connection, places: Mapping[str, Path]) -> tuple[d
                 says += "; it is not verified, for no manifest names it"
             elif stated[PurePosixPath(path).parent] != stated[PurePosixPath(first).parent]:
                 says += "; it states other figures, and nothing here shows which are right"
-            problems.append(Problem(path, says))
+            problems.append(Mismatch(path, says))
     return paths, problems
 
 
@@ -151,7 +151,7 @@ _Kind = tuple[str, Source, str, str]
 class Charted:
     """A series and what is said of it: control limits, drift since the last and the first calibration, siblings."""
 
-    series: Series
+    series: FigureSeries
     control: Control | None
     drift: Drift | None
     drift_since_first: Drift | None
@@ -179,7 +179,7 @@ class History:
     """All units, sorted by model and serial; what is not part of it; where the index is kept (None: nowhere)."""
 
     units: tuple[UnitHistory, ...]
-    problems: tuple[Problem, ...]
+    problems: tuple[Mismatch, ...]
     index: Path | None
 
 
@@ -216,18 +216,18 @@ def history_of(
             except UsageError as err:
                 say(f"{err}; the index is not kept")
                 place = None
-        unread = [Problem(*row) for row in index.execute("SELECT key, problem FROM files WHERE problem <> ''")]
+        unread = [Mismatch(*row) for row in index.execute("SELECT key, problem FROM files WHERE problem <> ''")]
         problems = sorted([*problems, *unread, *unlinked], key=lambda problem: problem.where)
         if not counted:
             more = f", and {len(problems) - 1} more" if len(problems) > 1 else ""
             found = f" ({problems[0]}{more})" if problems else ""
             raise UsageError(f"{name}: holds no campaign: expected recordings (*.h5) in it or below{found}")
         index.row_factory = sqlite3.Row
-        unlike, left_out = (set[str](), list[Problem]()) if all_parameters else _unlike(index)
+        unlike, left_out = (set[str](), list[Mismatch]()) if all_parameters else _unlike(index)
         return History(units=_units(index, counted, unlike), problems=(*left_out, *problems), index=place)
 
 
-def _unlike(index: sqlite3.Connection) -> tuple[set[str], list[Problem]]:
+def _unlike(index: sqlite3.Connection) -> tuple[set[str], list[Mismatch]]:
     """Find the campaigns with other parameters than their unit's latest of that procedure, by their paths.
 
     Campaigns without figures are passed over. A sentence for each unit and procedure says how many there are, and why.
@@ -250,7 +250,7 @@ def _unlike(index: sqlite3.Connection) -> tuple[set[str], list[Problem]]:
                 f"{len(others)} of {len(found)} runs of {words(procedure)} have other parameters than the latest "
                 f"({words(listed(sorted(names)))}) and are not compared with it; --all-parameters compares them"
             )
-            problems.append(Problem(serial, says))
+            problems.append(Mismatch(serial, says))
     return unlike, problems
 
 
@@ -282,7 +282,7 @@ def _units(index: sqlite3.Connection, counted: set[str], unlike: set[str]) -> tu
     )
 
 
-def _series(index: sqlite3.Connection, unlike: set[str]) -> list[Series]:
+def _series(index: sqlite3.Connection, unlike: set[str]) -> list[FigureSeries]:
     """All series without the campaigns `unlike`: by source, and within it in the order in which figures are stated."""
     points: dict[tuple[str, str, Source, str, str], list[Point]] = defaultdict(list)
     calibrated = {
@@ -305,7 +305,7 @@ def _series(index: sqlite3.Connection, unlike: set[str]) -> list[Series]:
             )
         )
     series = [
-        Series(serial=serial, model=model, source=source, name=name, unit=unit, points=tuple(found))
+        FigureSeries(serial=serial, model=model, source=source, name=name, unit=unit, points=tuple(found))
         for (serial, model, source, name, unit), found in points.items()
     ]
     return sorted(series, key=lambda one: SOURCES.index(one.source))
@@ -314,7 +314,7 @@ def _series(index: sqlite3.Connection, unlike: set[str]) -> list[Series]:
 _AS_STATED = ("value", "uncertainty", "temperature_c", "bound", "verdict", "low", "high", "integrity")
 
 
-def _charted(series: Sequence[Series]) -> list[Charted]:
+def _charted(series: Sequence[FigureSeries]) -> list[Charted]:
     siblings = _siblings(series)
     found = []
     for one in series:
@@ -335,7 +335,7 @@ def _charted(series: Sequence[Series]) -> list[Charted]:
     return found
 
 
-def _siblings(series: Sequence[Series]) -> Mapping[_Kind, Siblings]:
+def _siblings(series: Sequence[FigureSeries]) -> Mapping[_Kind, Siblings]:
     """What the units of each model that is stated have in common."""
     latest: dict[_Kind, list[float]] = defaultdict(list)
     for one in series:
@@ -344,5 +344,5 @@ def _siblings(series: Sequence[Series]) -> Mapping[_Kind, Siblings]:
     return {kind: found for kind, values in latest.items() if (found := siblings_of(values)) is not None}
 
 
-def _kind(series: Series) -> _Kind:
+def _kind(series: FigureSeries) -> _Kind:
     return series.model, series.source, series.name, series.unit

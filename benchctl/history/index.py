@@ -30,7 +30,7 @@ from benchctl.confined import walk
 from benchctl.history.entries import read_campaign, read_document, words
 from benchctl.history.series import SOURCES, Campaign, Document, Source
 from benchctl.recordings.campaign_manifest import MANIFEST, Entry, content_of, entries_of
-from benchctl.recordings.digests import Problem
+from benchctl.recordings.digests import Mismatch
 from benchctl.recordings.schema import CAMPAIGN, FINISHED_SUFFIX, RECORDING, STEPS, UNREADABLE
 from benchctl_instruments.errors import UsageError, reason
 
@@ -59,17 +59,17 @@ def is_wanted(name: str) -> bool:
     return name in _KINDS or (name.endswith(FINISHED_SUFFIX) and name != CAMPAIGN and not name.startswith("."))
 
 
-def find(folder: Path, *, follow_links: bool = True) -> tuple[list[FoundFile], list[Problem]]:
+def find(folder: Path, *, follow_links: bool = True) -> tuple[list[FoundFile], list[Mismatch]]:
     """Recordings, documents and manifests anywhere below a folder, sorted by their paths; unfinished campaigns.
 
     Hidden folders are left out; links are left out, too, or followed once.
     """
     files: list[FoundFile] = []
-    problems: list[Problem] = []
+    problems: list[Mismatch] = []
     for place, names in _folders(folder, problems, follow_links=follow_links):
         if CAMPAIGN in names and RECORDING not in names:
             says = "is not finished and not counted; benchctl recover closes the recording of a campaign that died"
-            problems.append(Problem(_key(place, folder), says))
+            problems.append(Mismatch(_key(place, folder), says))
         for name in filter(is_wanted, names):
             path = place / name
             if not follow_links and path.is_symlink():
@@ -77,7 +77,7 @@ def find(folder: Path, *, follow_links: bool = True) -> tuple[list[FoundFile], l
             try:
                 stat = path.stat(follow_symlinks=follow_links)
             except OSError as err:
-                problems.append(Problem(_key(path, folder), f"cannot be read: {reason(err)}"))
+                problems.append(Mismatch(_key(path, folder), f"cannot be read: {reason(err)}"))
                 continue
             files.append(
                 FoundFile(
@@ -91,11 +91,11 @@ def find(folder: Path, *, follow_links: bool = True) -> tuple[list[FoundFile], l
     return sorted(files, key=lambda file: file.key), problems
 
 
-def _folders(folder: Path, problems: list[Problem], *, follow_links: bool) -> Iterator[tuple[Path, list[str]]]:
+def _folders(folder: Path, problems: list[Mismatch], *, follow_links: bool) -> Iterator[tuple[Path, list[str]]]:
     """Every folder once, however it is linked, with the names of its files."""
 
     def told(err: OSError) -> None:
-        problems.append(Problem(_key(Path(err.filename), folder), f"cannot be looked into: {reason(err)}"))
+        problems.append(Mismatch(_key(Path(err.filename), folder), f"cannot be looked into: {reason(err)}"))
 
     seen: set[tuple[int, int]] = set()
     found = os.walk(folder, followlinks=True, onerror=told) if follow_links else walk(folder, told)

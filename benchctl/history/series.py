@@ -85,7 +85,7 @@ class Point:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Series:
+class FigureSeries:
     """A figure of a unit over time: at least one point, in the order of their starts, then of their paths."""
 
     serial: str

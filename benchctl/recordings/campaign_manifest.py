@@ -28,7 +28,7 @@ from benchctl.confined import open_file, stat_of
 from benchctl.documents import read_json
 from benchctl.limits import cut, require_file, shown
 from benchctl.locks import Lock
-from benchctl.recordings.digests import Problem
+from benchctl.recordings.digests import Mismatch
 from benchctl.recordings.hdf5_files import RecordingFile
 from benchctl.recordings.schema import LOCK, RECORDING, STOP
 from benchctl_instruments.errors import UsageError, reason
@@ -104,22 +104,22 @@ def integrity(entry: Entry | None, path: Path, digest: str | None = None) -> Int
     return "verified" if all(entry.get(key) == found[key] for key in found) else "altered"
 
 
-def problems_of_folder(folder: Path) -> Iterator[Problem]:
+def problems_of_folder(folder: Path) -> Iterator[Mismatch]:
     """Every file of a campaign's folder that is not as its manifest, which must be there, has it; reads them all."""
     try:
         sealed = _read(folder)
     except UsageError as err:
-        yield Problem(MANIFEST, str(err))
+        yield Mismatch(MANIFEST, str(err))
         return
     found = dict(_files(folder))
     for name in sorted(sealed.keys() | found.keys()):
         where = _printable(name)
         if name not in found:
-            yield Problem(where, "was deleted")
+            yield Mismatch(where, "was deleted")
         elif name not in sealed:
-            yield Problem(where, "was added since the manifest was written")
+            yield Mismatch(where, "was added since the manifest was written")
         elif says := _difference(sealed[name], found[name]):
-            yield Problem(where, says)
+            yield Mismatch(where, says)
 
 
 def _difference(sealed: Entry, path: Path) -> str:

@@ -52,7 +52,7 @@ _HEX_DIGITS = 64
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class Mismatch:
     """One thing that is not as it was written: where it is, and what is wrong."""
 
     where: str
@@ -124,30 +124,30 @@ def _none_known(*_: str) -> str | None:
     return None
 
 
-def problems_of_recording(root: h5py.Group, known: Known = _none_known) -> Iterator[Problem]:
+def problems_of_recording(root: h5py.Group, known: Known = _none_known) -> Iterator[Mismatch]:
     """Everything in a sealed recording that is not as it was sealed; reads every sample but those `known`."""
     try:
         yield from _compare(root, _root_manifest(root), "recording", "step")
         steps = child_group(root, STEPS)
-        yield from (Problem("recording", f"{cut(name)} was added") for name in names_in(root) if name != STEPS)
+        yield from (Mismatch("recording", f"{cut(name)} was added") for name in names_in(root) if name != STEPS)
         for name in attribute_names(steps):
-            yield Problem("recording", f"attribute {cut(name)} of the group {STEPS} was added")
+            yield Mismatch("recording", f"attribute {cut(name)} of the group {STEPS} was added")
         names = names_in(steps)
     except ValueError as err:
-        yield Problem("recording", f"cannot be read: {err}")
+        yield Mismatch("recording", f"cannot be read: {err}")
         return
     for name in names:
         try:
             step = child_group(steps, name)
         except ValueError as err:
-            yield Problem(f"step {name}", f"cannot be read: {err}")
+            yield Mismatch(f"step {name}", f"cannot be read: {err}")
         else:
             yield from problems_of_step(step, f"step {name}", partial(known, name))
 
 
 def problems_of_step(
     group: h5py.Group, where: str, known: Callable[[str], str | None] = _none_known
-) -> Iterator[Problem]:
+) -> Iterator[Mismatch]:
     """Everything in a sealed step that is not as it was sealed; reads every sample but those of channels `known`."""
     try:
         items = {name: _item(group, name) for name in names_in(group)}
@@ -159,11 +159,11 @@ def problems_of_step(
         for name, told in sealed["channel"].items():
             if isinstance(item := items.get(name), h5py.Dataset):
                 if attribute(item, "digest", "none") != told.get("samples"):
-                    yield Problem(f"{where}, channel {cut(name)}", "its digest was changed")
+                    yield Mismatch(f"{where}, channel {cut(name)}", "its digest was changed")
                 if not _is_on_its_axis(name, item):
-                    yield Problem(f"{where}, channel {cut(name)}", "what HDF5 notes of its axis was changed")
+                    yield Mismatch(f"{where}, channel {cut(name)}", "what HDF5 notes of its axis was changed")
     except ValueError as err:
-        yield Problem(where, f"cannot be read: {err}")
+        yield Mismatch(where, f"cannot be read: {err}")
 
 
 def _is_on_its_axis(name: str, item: h5py.Dataset) -> bool:
@@ -248,25 +248,25 @@ def _put(thing: h5py.Group | h5py.Dataset, name: str, text: str) -> None:
     write_attribute(thing, name, text)
 
 
-def _compare(group: h5py.Group, found: Mapping[str, Any], where: str, part: str) -> Iterator[Problem]:
+def _compare(group: h5py.Group, found: Mapping[str, Any], where: str, part: str) -> Iterator[Mismatch]:
     """Compare what is there with the manifest."""
     if not {"manifest", "digest"} <= set(attribute_names(group)):
-        yield Problem(where, "has no digest: it was not written to its end, or not by this program")
+        yield Mismatch(where, "has no digest: it was not written to its end, or not by this program")
         return
     text = str(attribute(group, "manifest"))
     if hashlib.sha256(text.encode()).hexdigest() != attribute(group, "digest"):
-        yield Problem(where, "its manifest or its digest was changed")
+        yield Mismatch(where, "its manifest or its digest was changed")
         return
     sealed = _manifest_in(text, part)
     if sealed is None:
-        yield Problem(where, "its manifest is none, though it has its digest: it was not written by this program")
+        yield Mismatch(where, "its manifest is none, though it has its digest: it was not written by this program")
         return
     yield from _differences(sealed["attributes"], found["attributes"], where, "attribute")
     for name in sorted(sealed[part].keys() | found[part].keys()):
         if name not in found[part]:
-            yield Problem(f"{where}, {part} {name}", "was deleted")
+            yield Mismatch(f"{where}, {part} {name}", "was deleted")
         elif name not in sealed[part]:
-            yield Problem(f"{where}, {part} {name}", "was added")
+            yield Mismatch(f"{where}, {part} {name}", "was added")
         else:
             yield from _differences(sealed[part][name], found[part][name], f"{where}, {part} {name}", "")
 
@@ -285,17 +285,17 @@ def _manifest_in(text: str, part: str) -> dict[str, Any] | None:
     return found if texts else None
 
 
-def _differences(sealed: Mapping[str, Any], found: Mapping[str, Any], where: str, what: str) -> Iterator[Problem]:
+def _differences(sealed: Mapping[str, Any], found: Mapping[str, Any], where: str, what: str) -> Iterator[Mismatch]:
     for name in sorted(sealed.keys() | found.keys()):
         label = f"{what} {name}".strip()
         if name not in found:
-            yield Problem(where, f"{label} was deleted")
+            yield Mismatch(where, f"{label} was deleted")
         elif name not in sealed:
-            yield Problem(where, f"{label} was added")
+            yield Mismatch(where, f"{label} was added")
         elif sealed[name] != found[name] and len(found[name]) == _HEX_DIGITS:
-            yield Problem(where, f"{label} changed since it was written")
+            yield Mismatch(where, f"{label} changed since it was written")
         elif sealed[name] != found[name]:
-            yield Problem(where, f"{label} changed from {cut(sealed[name])} to {cut(found[name])}")
+            yield Mismatch(where, f"{label} changed from {cut(sealed[name])} to {cut(found[name])}")
 
 
 def _told_of(item: Item | str) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from benchctl.recordings.campaign_manifest import MANIFEST, problems_of_folder
-from benchctl.recordings.digests import Known, Problem, ReadDigests, problems_of_recording
+from benchctl.recordings.digests import Known, Mismatch, ReadDigests, problems_of_recording
 from benchctl.recordings.hdf5_files import open_ours
 from benchctl.recordings.model import StepInfo, axis_of
 from benchctl.recordings.reader import Recording, campaign_files, open_recording
@@ -19,7 +19,7 @@ from benchctl.recordings.schema import CAMPAIGN, PART_SUFFIX, RECORDING, unit_of
 from benchctl_instruments.errors import UsageError
 
 
-def verify(path: Path) -> list[Problem]:
+def verify(path: Path) -> list[Mismatch]:
     """Check every digest of a recording, a file of ours or a campaign's folder; an empty list: nothing changed.
 
     A changed, added or deleted sample, attribute, channel, group or step is named, and in a finished campaign every
@@ -33,7 +33,7 @@ def verify(path: Path) -> list[Problem]:
         problems = _problems_of_recording(path)
         if path.is_dir() and (path / RECORDING).exists():
             says = f"is not there, the campaign's other files cannot be checked; verify {RECORDING} by itself"
-            problems.append(Problem(MANIFEST, says))
+            problems.append(Mismatch(MANIFEST, says))
         return problems
     problems = list(problems_of_folder(path))
     if not (path / RECORDING).exists() and not (path / CAMPAIGN).exists():
@@ -41,7 +41,7 @@ def verify(path: Path) -> list[Problem]:
     try:
         return [*_problems_of_recording(path), *problems]
     except UsageError as err:
-        return [Problem("recording", str(err)), *problems]
+        return [Mismatch("recording", str(err)), *problems]
 
 
 @contextmanager
@@ -88,7 +88,7 @@ def _known_by(read: ReadDigests | None) -> Known:
     return lambda step, channel: read.of(int(step), channel) if step.isdecimal() and step.isascii() else None
 
 
-def _problems_of_recording(path: Path) -> list[Problem]:
+def _problems_of_recording(path: Path) -> list[Mismatch]:
     if not path.is_dir():
         return _problems_of_file(path)
     if (path / RECORDING).exists():
@@ -100,13 +100,13 @@ def _problems_of_recording(path: Path) -> list[Problem]:
     problems = _problems_of_file(path / CAMPAIGN)
     for file in campaign_files(path):
         if file.name.endswith(PART_SUFFIX):
-            problems.append(Problem(file.name, "was not finished: it is being written, or its program died"))
+            problems.append(Mismatch(file.name, "was not finished: it is being written, or its program died"))
         else:
-            problems += [Problem(f"{file.name}, {problem.where}", problem.says) for problem in _problems_of_file(file)]
+            problems += [Mismatch(f"{file.name}, {problem.where}", problem.says) for problem in _problems_of_file(file)]
     return problems
 
 
-def _problems_of_file(path: Path) -> list[Problem]:
+def _problems_of_file(path: Path) -> list[Mismatch]:
     with open_ours(path) as file:
         return list(problems_of_recording(file))
 

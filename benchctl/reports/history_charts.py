@@ -15,7 +15,7 @@ from markupsafe import Markup
 
 from benchctl.history.flags import Siblings
 from benchctl.history.history import Charted
-from benchctl.history.series import Point, Series
+from benchctl.history.series import FigureSeries, Point
 from benchctl.reports import text
 from benchctl.reports.figures import GREY, INK
 
@@ -127,7 +127,7 @@ def time_chart(charted: Charted) -> Markup:
     return svg_of(_WIDTH, _HEIGHT, 9.5, parts)
 
 
-def units_chart(series: Sequence[Series], siblings: Siblings | None) -> Markup:
+def units_chart(series: Sequence[FigureSeries], siblings: Siblings | None) -> Markup:
     """The latest value of each unit, one row each; `siblings` gives the median and how far from it is too far."""
     points = [one.latest for one in series]
     band = [] if siblings is None else [siblings.median - siblings.half_width, siblings.median + siblings.half_width]
@@ -161,13 +161,13 @@ def units_chart(series: Sequence[Series], siblings: Siblings | None) -> Markup:
     return svg_of(_WIDE, height + (26.0 if across.exponent else 15.0), 11.0, parts)
 
 
-def told(series: Series, point: Point) -> str:
+def told(series: FigureSeries, point: Point) -> str:
     """A point in words: value, uncertainty, when, where, verdict."""
     parts = [point.started_utc[:16].replace("T", " "), stated(series, point), point.verdict, point.campaign]
     return " · ".join(part for part in parts if part)
 
 
-def stated(series: Series, point: Point) -> str:
+def stated(series: FigureSeries, point: Point) -> str:
     """A point's value, its expanded uncertainty and its unit."""
     value = amount(point.value, point.uncertainty, series.unit)
     return f"{point.bound} {value}" if point.bound else value

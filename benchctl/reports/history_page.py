@@ -8,7 +8,7 @@ from pathlib import Path
 
 from benchctl.history.flags import FEWEST, Flag, Siblings
 from benchctl.history.history import Charted, History, UnitHistory
-from benchctl.history.series import SOURCES, Series, Source
+from benchctl.history.series import SOURCES, FigureSeries, Source
 from benchctl.reports import text
 from benchctl.reports.figures import Drawing
 from benchctl.reports.history_charts import amount, stated, time_chart, units_chart
@@ -95,7 +95,7 @@ def _limit(low: float | None, high: float | None, unit: str) -> str:
 def _comparisons(history: History, units: Sequence[UnitHistory]) -> list[tuple[str, list[dict[str, object]]]]:
     """By model, a chart for each figure that two units or more have; all units of the models that were asked for."""
     wanted = {(one.series.source, one.series.name) for unit in units for one in unit.figures}
-    found: dict[tuple[str, Source, str, str], list[Series]] = defaultdict(list)
+    found: dict[tuple[str, Source, str, str], list[FigureSeries]] = defaultdict(list)
     common: dict[tuple[str, Source, str, str], Siblings | None] = {}
     models = {unit.model for unit in units}
     for unit in history.units:

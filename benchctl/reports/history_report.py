@@ -9,7 +9,7 @@ from typing import Any
 from benchctl.closeness import meant, nearest
 from benchctl.history.flags import Flag
 from benchctl.history.history import Charted, History, UnitHistory
-from benchctl.history.series import Drift, Point, Series
+from benchctl.history.series import Drift, FigureSeries, Point
 from benchctl.limits import listed
 from benchctl.reports.history_charts import stated
 from benchctl_instruments.errors import UsageError
@@ -90,7 +90,7 @@ def _figure(charted: Charted) -> dict[str, Any]:
     }
 
 
-def _point(series: Series, point: Point) -> dict[str, Any]:
+def _point(series: FigureSeries, point: Point) -> dict[str, Any]:
     known = {name: getattr(point, name) for name in _POINT}
     limit = None if point.low is None and point.high is None else {"low": point.low, "high": point.high}
     return {**known, "stated": stated(series, point), "verdict": point.verdict or None, "limit": limit}

@@ -27,20 +27,20 @@ _AT_REST_DPS = 0.05  # the Earth turns by less
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Curve:
+class CurveWithBand:
     """A function with the half-width of its 95 % band, both of shape (n,)."""
 
     value: FloatArray
     half: FloatArray
 
 
-def factor_curve(of: PolynomialFactor, argument: FloatArray) -> Curve:
+def factor_curve(of: PolynomialFactor, argument: FloatArray) -> CurveWithBand:
     """A factor k against ΔT, or against ω² where its powers are even; argument of shape (n,)."""
     powers = np.stack([argument ** (i + 1) for i in range(len(of.coefficients))], axis=-1)
     covariance = np.array(of.covariance, dtype=np.float64).reshape(len(of.coefficients), -1)
     variance = np.einsum("ni,ij,nj->n", powers, covariance, powers)
     half = coverage_factor(of.dof, 0.95) * np.sqrt(np.maximum(variance, 0.0))
-    return Curve(value=factor(of.coefficients, argument), half=half)
+    return CurveWithBand(value=factor(of.coefficients, argument), half=half)
 
 
 def bias(joint: JointFit, dt_c: FloatArray) -> FloatArray:
@@ -49,7 +49,7 @@ def bias(joint: JointFit, dt_c: FloatArray) -> FloatArray:
     return offset + factor(terms, dt_c) - 1.0
 
 
-def joint_curve(joint: JointFit, function: Callable[[Law, FloatArray], FloatArray]) -> Curve:
+def joint_curve(joint: JointFit, function: Callable[[Law, FloatArray], FloatArray]) -> CurveWithBand:
     """A function of a law and its parameters, with the band that the parameters' covariance gives it."""
     law, best, *_ = law_of(joint)
     order = [[parameter.name for parameter in joint.parameters].index(name) for name in law.names]
@@ -63,7 +63,7 @@ def joint_curve(joint: JointFit, function: Callable[[Law, FloatArray], FloatArra
             shift[i] = step
             slopes[:, i] = (function(law, best + shift) - function(law, best - shift)) / (2 * step)
     variance = np.einsum("ni,ij,nj->n", slopes, covariance, slopes)
-    return Curve(value=value, half=Z95 * np.sqrt(np.maximum(variance, 0.0)))
+    return CurveWithBand(value=value, half=Z95 * np.sqrt(np.maximum(variance, 0.0)))
 
 
 def at_reference(result: CalibrationResult) -> npt.NDArray[np.bool_]:
@@ -144,7 +144,7 @@ def k_omega_figure(result: CalibrationResult) -> Figure | None:
     reference = curves.get("joint", curves["stage_1"]).value
     for level, curve in curves.items():
         _band(left, grid, curve, level, label=labels[level])
-        _band(right, grid, Curve(value=curve.value - reference, half=curve.half), level)
+        _band(right, grid, CurveWithBand(value=curve.value - reference, half=curve.half), level)
     for axes, y in ((left, measured), (right, measured - np.interp(x, grid, reference))):
         axes.errorbar(x, y, yerr=error, **_POINTS, label="measured, 95 % interval")
         axes.set_xlabel("|indicated rate| (°/s)")
@@ -208,7 +208,7 @@ def _volts(joint: JointFit, rate_dps: FloatArray, dt_c: FloatArray) -> FloatArra
     return np.asarray(bias(joint, dt_c) + law.volts(parameters, rate_dps, dt_c))
 
 
-def _joint_k_omega(joint: JointFit, x: FloatArray, K0: float) -> Curve:
+def _joint_k_omega(joint: JointFit, x: FloatArray, K0: float) -> CurveWithBand:
     """True rate by the joint fit over the rate that K0 indicates, at T0, the bias taken off."""
     return joint_curve(joint, lambda law, parameters: law.rate(parameters, K0 * x, np.zeros_like(x)) / x)
 
@@ -225,7 +225,7 @@ def _points(axes: Axes, x: FloatArray, y: FloatArray, label: str | None = None) 
 
 
 def _band(
-    axes: Axes, x: FloatArray, curve: Curve, level: str, *, label: str | None = None, linestyle: str = "-"
+    axes: Axes, x: FloatArray, curve: CurveWithBand, level: str, *, label: str | None = None, linestyle: str = "-"
 ) -> None:
     axes.fill_between(
         x, curve.value - curve.half, curve.value + curve.half, color=LEVEL_COLOURS[level], alpha=0.25, lw=0
@@ -233,8 +233,8 @@ def _band(
     axes.plot(x, curve.value, color=LEVEL_COLOURS[level], linestyle=linestyle, label=label)
 
 
-def _in_percent(curve: Curve) -> Curve:
-    return Curve(value=100 * (curve.value - 1), half=100 * curve.half)
+def _in_percent(curve: CurveWithBand) -> CurveWithBand:
+    return CurveWithBand(value=100 * (curve.value - 1), half=100 * curve.half)
 
 
 _BINS = 24

@@ -64,7 +64,7 @@ class Reply:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Command:
+class AclCommand:
     """One command, names in full: `path` ("read", "position"), ("mode",) or ("*stb",); `arguments` without blanks."""
 
     path: tuple[str, ...]
@@ -72,7 +72,7 @@ class Command:
     arguments: tuple[str, ...] = ()
 
 
-class Lines:
+class AclLines:
     """Cuts a byte stream into lines without their ends; raises `InstrumentError` as `LineCutter` does."""
 
     def __init__(self, terminator: bytes = b"\n") -> None:
@@ -90,7 +90,7 @@ class ReplyReader:
     """The client's side: feed it whatever arrives."""
 
     def __init__(self, terminator: bytes = b"\n") -> None:
-        self._lines = Lines(terminator)
+        self._lines = AclLines(terminator)
 
     def feed(self, data: bytes) -> list[Reply]:
         """The replies that are complete now; `InstrumentError` for what cannot be a reply."""
@@ -119,7 +119,7 @@ def encode_reply(header: str, data: str) -> bytes:
     return f"{header}{data}\r\n".encode("ascii", "backslashreplace")
 
 
-def parse_commands(line: str) -> Iterator[Command]:
+def parse_commands(line: str) -> Iterator[AclCommand]:
     """The commands of one line, names in full; `UsageError` on reaching one that the language does not have."""
     subtree = ""
     for item in line.split(";"):
@@ -128,7 +128,7 @@ def parse_commands(line: str) -> Iterator[Command]:
 
 
 @lru_cache(maxsize=256)  # a host asks the same few things all day
-def _parse(text: str, subtree: str) -> tuple[Command, str]:
+def _parse(text: str, subtree: str) -> tuple[AclCommand, str]:
     """One command, where the one before it left off in `subtree`; and where this one leaves off."""
     names, _, arguments = _BLANK_COLON.sub(":", text).partition(" ")
     query = names.endswith("?")
@@ -141,7 +141,7 @@ def _parse(text: str, subtree: str) -> tuple[Command, str]:
         path = _from_root(names.removeprefix(":"), text)
         subtree = path[0]
     words = tuple(re.split(r"\s*,\s*|\s+", arguments.strip())) if arguments.strip() else ()
-    return _usual_spelling(Command(path=path, query=query or path[0] == "read", arguments=words), text), subtree
+    return _usual_spelling(AclCommand(path=path, query=query or path[0] == "read", arguments=words), text), subtree
 
 
 def _common(names: str, text: str) -> tuple[str, ...]:
@@ -163,10 +163,10 @@ def _full(name: str, candidates: tuple[str, ...], text: str) -> str:
     raise UsageError(f"unknown command {text[:64]!r}")
 
 
-def _usual_spelling(command: Command, text: str) -> Command:
+def _usual_spelling(command: AclCommand, text: str) -> AclCommand:
     if command.path != ("mode",) or command.query:
         return command
     if len(command.arguments) != 2:
         raise UsageError(f"{text[:64]!r}: expected an axis and a mode")
     axis, mode = command.arguments
-    return Command(path=("mode", _full(mode.lower(), TREE["mode"], text)), query=False, arguments=(axis,))
+    return AclCommand(path=("mode", _full(mode.lower(), TREE["mode"], text)), query=False, arguments=(axis,))

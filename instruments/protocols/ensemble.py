@@ -100,7 +100,7 @@ class Reply:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Command:
+class EnsembleCommand:
     """One command: its name in capitals, of one word or two, and its arguments as they were written."""
 
     name: str
@@ -146,11 +146,11 @@ def fault_names(word: int) -> tuple[str, ...]:
     return tuple(FAULTS.get(bit, f"bit {bit}") for bit in range(32) if word >> bit & 1)
 
 
-def parse_command(line: str) -> Command:
+def parse_command(line: str) -> EnsembleCommand:
     """A command from its line; `UsageError` for a line without a name."""
     name, *words = re.split(r"[\s(),]+", line.strip())
     if not name.isalpha():
         raise UsageError(f"{line!r} is no command")
     if name.upper() in ("RAMP", "WAIT", "POSOFFSET", "PROGRAM") and words:
         name = f"{name} {words.pop(0)}"
-    return Command(name=name.upper(), arguments=tuple(word for word in words if word))
+    return EnsembleCommand(name=name.upper(), arguments=tuple(word for word in words if word))

@@ -81,7 +81,7 @@ _ESCAPE = re.compile(r"\\x[0-9a-f]{2}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Command:
+class Esp301Command:
     """One command: `axis` is None where none is named, `value` what stands behind the letters, without blanks."""
 
     axis: int | None
@@ -143,7 +143,7 @@ def is_unasked(line: str) -> bool:
     return _UNASKED.fullmatch(line) is not None
 
 
-def parse_commands(line: str) -> Iterator[Command | None]:
+def parse_commands(line: str) -> Iterator[Esp301Command | None]:
     """The commands of one line, names in capitals; None in the place of what is no command."""
     for item in line.split(";"):
         text = item.replace(" ", "")
@@ -153,4 +153,4 @@ def parse_commands(line: str) -> Iterator[Command | None]:
             yield None
             continue
         axis, name, value, query = match.group("axis", "name", "value", "query")
-        yield Command(axis=int(axis) if axis else None, name=name.upper(), value=value, query=query == "?")
+        yield Esp301Command(axis=int(axis) if axis else None, name=name.upper(), value=value, query=query == "?")

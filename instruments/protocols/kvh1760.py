@@ -137,7 +137,7 @@ def refusal_in(data: bytes) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class Kvh1760Command:
     """What the host says, in lower case: `?` asks for a setting, `=` changes it; `value` may be empty."""
 
     sign: str
@@ -155,9 +155,9 @@ class CommandReader:
     def __init__(self) -> None:
         self._line = b""
 
-    def feed(self, data: bytes) -> list[Command]:
+    def feed(self, data: bytes) -> list[Kvh1760Command]:
         """The commands that are complete with these bytes."""
         *lines, self._line = (self._line + data).split(b"\n")
         self._line = self._line[-256:]
         found = (re.search(rb"([=?])([a-z]+)(?:,([!-~]*))?\Z", line.strip().lower()) for line in lines)
-        return [Command(*(part.decode("ascii") for part in one.groups(b""))) for one in found if one]
+        return [Kvh1760Command(*(part.decode("ascii") for part in one.groups(b""))) for one in found if one]

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from benchctl_instruments.errors import InstrumentError, UsageError
-from benchctl_instruments.protocols.acl import Command, encode_reply, parse_commands
+from benchctl_instruments.protocols.acl import AclCommand, encode_reply, parse_commands
 from benchctl_instruments.protocols.lines import LineCutter, parse_number
 from benchctl_instruments.simulated.faults.wires import Lines, Wire
 from benchctl_instruments.simulated.machines import TableMachine
@@ -117,7 +117,7 @@ class AcutrolController:
 
     # One command ------------------------------------------------------------------------------------------------------
 
-    def _obey(self, command: Command) -> str | None:
+    def _obey(self, command: AclCommand) -> str | None:
         """Do it; the answer of a query, None for a command."""
         match command.path, command.query:
             case ("*idn",), True:

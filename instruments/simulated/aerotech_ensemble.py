@@ -25,7 +25,7 @@ from benchctl_instruments.protocols.ensemble import (
     END,
     PLANE_MOVES,
     AxisStatus,
-    Command,
+    EnsembleCommand,
     Outcome,
     Reply,
     encode_reply,
@@ -264,7 +264,7 @@ class EnsembleController:
 
     # One command ------------------------------------------------------------------------------------------------------
 
-    def _obey(self, command: Command) -> Reply:
+    def _obey(self, command: EnsembleCommand) -> Reply:
         name, words = command.name, command.arguments
         match name:
             case "VERSION":

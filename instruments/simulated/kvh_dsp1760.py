@@ -90,7 +90,7 @@ class SimulatedKvhDsp1760(DigitalGyro):
         """Carry out the commands."""
         return b"".join(self._answer(command) for command in self._heard.feed(data))
 
-    def _answer(self, command: kvh.Command) -> bytes:
+    def _answer(self, command: kvh.Kvh1760Command) -> bytes:
         name, value = command.name, command.value
         if self._settings["config"] != "1" and (command.sign, name) != ("=", "config"):
             return b""

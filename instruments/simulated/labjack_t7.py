@@ -22,7 +22,7 @@ from benchctl_instruments.errors import UsageError
 from benchctl_instruments.protocols.modbus import DEVICE_FAILURE, ILLEGAL_ADDRESS, ILLEGAL_VALUE, ModbusRefusal
 from benchctl_instruments.protocols.t7_stream import MOST_SAMPLES
 from benchctl_instruments.simulated import t7_register_map as labjack
-from benchctl_instruments.simulated.faults.schedule import Faults
+from benchctl_instruments.simulated.faults.schedule import PendingFaults
 from benchctl_instruments.simulated.faults.stream_faults import StreamFault
 from benchctl_instruments.simulated.faults.wires import MODBUS_TCP, Wire
 from benchctl_instruments.simulated.machines import AnalogInputs
@@ -106,12 +106,12 @@ class SimulatedLabJackT7(Served):
         return self._stream.address
 
     @property
-    def stream_faults(self) -> Faults[StreamFault] | None:
+    def stream_faults(self) -> PendingFaults[StreamFault] | None:
         """What befalls the packets of its stream; to be set before the start."""
         return self._stream.faults
 
     @stream_faults.setter
-    def stream_faults(self, faults: Faults[StreamFault] | None) -> None:
+    def stream_faults(self, faults: PendingFaults[StreamFault] | None) -> None:
         self._stream.faults = faults
 
     def restart(self) -> None:

@@ -19,7 +19,7 @@ from collections import deque
 from collections.abc import Callable
 
 from benchctl_instruments.errors import InstrumentError
-from benchctl_instruments.protocols.esp301 import ANSWER_END, DEGREES, SENT_END, Command, Error, parse_commands
+from benchctl_instruments.protocols.esp301 import ANSWER_END, DEGREES, SENT_END, Error, Esp301Command, parse_commands
 from benchctl_instruments.protocols.lines import LineCutter, parse_number
 from benchctl_instruments.simulated.faults.wires import Lines, Wire
 from benchctl_instruments.simulated.machines import TableMachine
@@ -139,7 +139,7 @@ class Esp301Controller:
 
     # One command ------------------------------------------------------------------------------------------------------
 
-    def _answer(self, command: Command | None) -> str | None:
+    def _answer(self, command: Esp301Command | None) -> str | None:
         """The answer of a query; None for a command, and for what goes to the queue of errors."""
         self._heard += 1
         self._watch()
@@ -151,7 +151,7 @@ class Esp301Controller:
             self._errors.append(err.code)
             return None
 
-    def _obey(self, command: Command) -> str | None:
+    def _obey(self, command: Esp301Command) -> str | None:
         """Do it; the answer of a query, None for a command."""
         name, value = command.name, command.value
         if name in WITHOUT_AXIS:

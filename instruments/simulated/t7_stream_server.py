@@ -26,7 +26,7 @@ from benchctl_instruments.protocols.t7_stream import (
     SKIP_OVERFLOW,
     encode_packets,
 )
-from benchctl_instruments.simulated.faults.schedule import Faults
+from benchctl_instruments.simulated.faults.schedule import PendingFaults
 from benchctl_instruments.simulated.faults.stream_faults import (
     JUNK,
     Overrun,
@@ -199,7 +199,7 @@ class T7StreamServer:
     """
 
     def __init__(self, inputs: AnalogInputs, *, host: str, port: int) -> None:
-        self.faults: Faults[StreamFault] | None = None
+        self.faults: PendingFaults[StreamFault] | None = None
         self._inputs = inputs
         self._where = (host, port)
         self._listener: socket.socket | None = None
@@ -283,7 +283,9 @@ class T7StreamServer:
             elif stream.next_packet_s > self._inputs.now():
                 self._inputs.wait_until(stream.next_packet_s, PATIENCE_S)
 
-    def _run_with_faults(self, stream: StreamBuffer, listener: socket.socket, faults: Faults[StreamFault]) -> None:
+    def _run_with_faults(
+        self, stream: StreamBuffer, listener: socket.socket, faults: PendingFaults[StreamFault]
+    ) -> None:
         """As `_run`; a packet that a fault befalls goes by itself, behind the sound ones before it."""
         sound, fault, lost = 0, None, 0
         while self._stream is stream:

@@ -13,7 +13,7 @@ import signal
 import sys
 import threading
 
-from benchctl.campaign.guard.orders import HEARD, Ending, Lines, Orders, watch
+from benchctl.campaign.guard.orders import HEARD, Ending, Orders, PipeLines, watch
 
 DEATH_S = 5.0
 """How long a killed runner may take to die, which frees its links: the kernel's work, milliseconds as a rule."""
@@ -25,7 +25,7 @@ def main() -> int:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     # Without a buffer, whose lock the reading thread would hold when the interpreter ends and wants it.
-    lines = Lines(open(0, "rb", buffering=0, closefd=False))  # noqa: SIM115 - it is read to the end of the process
+    lines = PipeLines(open(0, "rb", buffering=0, closefd=False))  # noqa: SIM115 - it is read to the end of the process
     line = lines.next(None)
     if not line:
         return 0  # the runner died before it could say anything, so nothing moves

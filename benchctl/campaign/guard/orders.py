@@ -86,7 +86,7 @@ class Ending(Enum):
     HANGS = "the runner hangs"
 
 
-class Lines:
+class PipeLines:
     """The lines of a pipe, each within a time; a thread of its own reads, since not every system can wait on a pipe."""
 
     def __init__(self, pipe: RawIOBase) -> None:
@@ -116,7 +116,7 @@ class Lines:
         self._lines.put("")
 
 
-def watch(lines: Lines, answer: Callable[[], None]) -> Ending:
+def watch(lines: PipeLines, answer: Callable[[], None]) -> Ending:
     """Listen until the guard must act or may go; `answer` is called for each beat."""
     allowed_s: float | None = None
     silent_s = 0.0

@@ -120,7 +120,7 @@ class KnownFile:
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class StepInFile:
     """A step, and the file that holds it."""
 
     info: StepInfo
@@ -141,7 +141,7 @@ class Contents:
 
     path: Path
     meta: Meta
-    pieces: tuple[Piece, ...]
+    pieces: tuple[StepInFile, ...]
     digest: str = ""
     finished: bool = True
     notes: tuple[str, ...] = ()
@@ -206,7 +206,7 @@ def contents_of(path: Path) -> Contents:
 
 def _of_recording(path: Path, file: Path) -> Contents:
     known = known_file(file)
-    pieces = _in_order([Piece(info, known) for info in known.infos])
+    pieces = _in_order([StepInFile(info, known) for info in known.infos])
     return Contents(path, _described(known), pieces, known.digest)
 
 
@@ -222,7 +222,7 @@ def _of_campaign(folder: Path) -> Contents:
                 raise
             notes.append(f"left out: its writing had only begun ({err})")
             continue
-        pieces += [Piece(info, known) for info in known.infos]
+        pieces += [StepInFile(info, known) for info in known.infos]
     return Contents(folder, meta, _in_order(pieces), finished=False, notes=tuple(notes))
 
 
@@ -232,7 +232,7 @@ def _described(known: KnownFile) -> Meta:
     return known.meta
 
 
-def _in_order(pieces: list[Piece]) -> tuple[Piece, ...]:
+def _in_order(pieces: list[StepInFile]) -> tuple[StepInFile, ...]:
     return tuple(sorted(pieces, key=lambda piece: (piece.info.t_start, piece.info.index)))
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from benchctl.bench import Bench
 from benchctl.dashboard.data.channels import described
-from benchctl.dashboard.data.contents import Piece, contents_of
+from benchctl.dashboard.data.contents import StepInFile, contents_of
 from benchctl.dashboard.data.events import lines_after
 from benchctl.dashboard.data.run_state import RunState
 from benchctl.recordings.model import Meta
@@ -122,7 +122,7 @@ def details_of(path: Path) -> dict[str, Any]:
     }
 
 
-def _step(piece: Piece) -> dict[str, Any]:
+def _step(piece: StepInFile) -> dict[str, Any]:
     info = piece.info
     return {
         "index": info.index,

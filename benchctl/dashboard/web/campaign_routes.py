@@ -20,10 +20,10 @@ from benchctl.dashboard.web.models import (
     Calibration,
     CampaignDetails,
     Campaigns,
+    ChannelSeries,
     Diagnosis,
     Error,
     Events,
-    Series,
     StopAsked,
     StopOrder,
 )
@@ -56,7 +56,7 @@ async def campaign(key: Key, site: SiteOf, caller: CallerOf) -> Response:
     return await answer(site.heavy, lambda: _details(site, key))
 
 
-@router.get("/{key}/series", response_model=Series, responses=_one)
+@router.get("/{key}/series", response_model=ChannelSeries, responses=_one)
 async def series(
     key: Key,
     site: SiteOf,

@@ -106,7 +106,7 @@ class Channel(Exact):
     axis: str
 
 
-class Limit(Exact):
+class BenchLimit(Exact):
     """A limit of the bench."""
 
     quantity: str
@@ -122,13 +122,13 @@ class CampaignDetails(Campaign):
     steps: list[Step]
     channels: list[Channel]
     t_end_s: float
-    limits: list[Limit]
+    limits: list[BenchLimit]
     provenance: dict[str, str]
     notes: list[str]
     digest: str
 
 
-class Series(Exact):
+class ChannelSeries(Exact):
     """A channel over time: every sample where `exact`, else the least and the most of all samples in each pixel."""
 
     channel: str

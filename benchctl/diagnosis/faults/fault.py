@@ -38,7 +38,7 @@ class Fault:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Faults:
+class FoundFaults:
     """What a search found.
 
     `masked` (n,) holds the rows of all that is `found`, and those that are spoilt without being a finding. In the

@@ -11,7 +11,7 @@ from scipy.ndimage import binary_dilation
 from scipy.special import ndtr
 from scipy.stats import binom
 
-from benchctl.diagnosis.faults.fault import Fault, Faults, bounded_gain
+from benchctl.diagnosis.faults.fault import Fault, FoundFaults, bounded_gain
 from benchctl.diagnosis.faults.single_rows import HALF, SingleRows, single_rows
 from benchctl.diagnosis.result import Estimate
 from benchctl.signals.normal import Z95
@@ -35,7 +35,7 @@ _OWN = 1e-3
 """How often chance may bring so many of the spikes where the motion is sudden."""
 
 
-def spikes_in(*, residual: FloatArray, usable: BoolArray, step_v: float, sudden: Sequence[BoolArray]) -> Faults:
+def spikes_in(*, residual: FloatArray, usable: BoolArray, step_v: float, sudden: Sequence[BoolArray]) -> FoundFaults:
     """Spikes in a residual (n,) of a provisional fit, which may miss much physics yet.
 
     Call it after `faults_in`, with rows as `usable` (n,) that have a motion and are not `standing` there; then fit
@@ -49,7 +49,7 @@ def spikes_in(*, residual: FloatArray, usable: BoolArray, step_v: float, sudden:
     masked = np.zeros(residual.size, np.bool_)
     rows = np.flatnonzero(usable)
     if rows.size < _FEWEST_ROWS:
-        return Faults(found=(), masked=masked, standing=masked, step_v=step_v)
+        return FoundFaults(found=(), masked=masked, standing=masked, step_v=step_v)
     values, floor = residual[rows], step_v / math.sqrt(12.0)
     # where rows were left out the residual jumps
     calm = np.ones(rows.size, np.bool_)
@@ -63,11 +63,11 @@ def spikes_in(*, residual: FloatArray, usable: BoolArray, step_v: float, sudden:
             spikes = single_rows(values, searched, _SEEN, floor)
     if spikes.rows.size < _FEWEST:
         masked[rows[spikes.rows]] = True
-        return Faults(found=(), masked=masked, standing=np.zeros_like(masked), step_v=step_v)
+        return FoundFaults(found=(), masked=masked, standing=np.zeros_like(masked), step_v=step_v)
     masked[rows[single_rows(values, searched, _MASKED, floor).rows]] = True
     masked[rows[single_rows(values, calm & beside_a_gap, _SEEN, floor).rows]] = True
     found = _outliers(spikes, searched, masked)
-    return Faults(found=(found,), masked=masked, standing=np.zeros_like(masked), step_v=step_v)
+    return FoundFaults(found=(found,), masked=masked, standing=np.zeros_like(masked), step_v=step_v)
 
 
 def _is_of_motion(spikes: IntArray, searched: BoolArray, sudden: BoolArray) -> bool:

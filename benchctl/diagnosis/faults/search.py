@@ -9,7 +9,7 @@ import numpy as np
 from benchctl.diagnosis.faults.clipping import rail_in
 from benchctl.diagnosis.faults.coarse import coarse_in, stairs_in
 from benchctl.diagnosis.faults.dropouts import holds_in
-from benchctl.diagnosis.faults.fault import Faults
+from benchctl.diagnosis.faults.fault import FoundFaults
 from benchctl.diagnosis.faults.grid import grid_of
 from benchctl.diagnosis.faults.standing import Output, standing_runs
 from benchctl.recordings.runs import gaps
@@ -28,7 +28,7 @@ def faults_in(
     interval_s: float,
     adc_step_v: float,
     limit_v: float = np.inf,
-) -> Faults:
+) -> FoundFaults:
     """Lost bits, a rail, held samples: what an output (n,) shows before any fit; call it first, and mask.
 
     `predicted` (n,) is the output by the model that the lab believes in, as it stands: it need only say where the
@@ -58,7 +58,7 @@ def faults_in(
     lost = coarse_in(output, grid, adc_step_v, stairs)
     found = tuple(one for one in (lost, rail, holds) if one is not None)
     standing = railed if holds is None else railed | holds.rows
-    return Faults(found=found, masked=stairs | standing, standing=standing, step_v=grid.step_v)
+    return FoundFaults(found=found, masked=stairs | standing, standing=standing, step_v=grid.step_v)
 
 
 _WINDOW_S = 1.0

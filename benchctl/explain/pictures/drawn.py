@@ -18,7 +18,7 @@ from benchctl.explain.glossary import Entry
 from benchctl.explain.pictures import made_noise, made_terms, made_tests
 from benchctl.explain.pictures.gyro_effects import gyro_sketch
 from benchctl.explain.pictures.part_effects import chamber_sketch, drive_sketch
-from benchctl.explain.pictures.sketch import Curve, Panel, Sketch
+from benchctl.explain.pictures.sketch import Panel, Sketch, SketchedCurve
 from benchctl.reports.figures import FAINT, GREY, INK, inline_svg, new_figure, style
 from benchctl_instruments.errors import UsageError
 from benchctl_instruments.physics.chamber_effects.registry import chamber_effects
@@ -118,7 +118,7 @@ def _mark(axes: Axes, x: float, y: float, label: str) -> None:
     axes.annotate(label, (x, y), xytext=(side, 2), textcoords="offset points", fontsize=7, color=INK, ha=towards)
 
 
-def _plot(axes: Axes, curve: Curve) -> None:
+def _plot(axes: Axes, curve: SketchedCurve) -> None:
     colour, dotted = curve.look.removesuffix(_DOTS), curve.look.endswith(_DOTS)
     axes.plot(
         curve.x,

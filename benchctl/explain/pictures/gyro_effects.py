@@ -11,10 +11,10 @@ from benchctl.explain.glossary import extra
 from benchctl.explain.pictures.gyro_scenes import BY_COORDINATE, BY_NAME, CIRCUMSTANCES, T0_C, Make, Scene, long_rest
 from benchctl.explain.pictures.gyro_scenes import noisy_rest as noisy_rest_scene
 from benchctl.explain.pictures.sketch import (
-    Curve,
     Look,
     Panel,
     Sketch,
+    SketchedCurve,
     Values,
     described_values,
     stated_values,
@@ -188,7 +188,7 @@ def _difference_panels(run: _Run) -> Iterator[Panel]:
     if run.by_encoder:
         unit, factor = ("°/s", 1.0) if np.max(np.abs(changed)) > 0.1 else ("0.001 °/s", 1e3)
         arcsec = 3600.0 * (run.on.encoder_deg - run.off.encoder_deg)
-        error = Curve(x=x, y=arcsec, look="third")
+        error = SketchedCurve(x=x, y=arcsec, look="third")
         yield Panel(x=run.scene.x_label, y="error of angle (″)", curves=(error,), zero=True, share=0.8)
     else:
         unit, factor = ("V", 1.0) if np.max(np.abs(changed)) > 1.0 else ("mV", 1e3)
@@ -201,14 +201,14 @@ def _difference_panels(run: _Run) -> Iterator[Panel]:
     )
 
 
-def _parts(scene: Scene, y: FloatArray, look: Look, label: str) -> Iterator[Curve]:
+def _parts(scene: Scene, y: FloatArray, look: Look, label: str) -> Iterator[SketchedCurve]:
     """Yield a curve, or one for each named part of the scene."""
     looks: tuple[Look, ...] = ("on", "third", "grey") if look == "on" else (look,) * len(scene.parts)
     for place, ((name, part), own) in enumerate(zip(scene.parts, looks, strict=False)):
         text = f"{label}, {name}" if look == "on" else "" if place else label
-        yield Curve(x=scene.x[part], y=y[part], look=own, label=text if label else "")
+        yield SketchedCurve(x=scene.x[part], y=y[part], look=own, label=text if label else "")
     if not scene.parts:
-        yield Curve(x=scene.x, y=y, look=look, label=label)
+        yield SketchedCurve(x=scene.x, y=y, look=look, label=label)
 
 
 def _factor(run: _Run) -> int:
@@ -223,7 +223,9 @@ def _with_coil(panel: Panel, run: _Run) -> Panel:
     """Beside the thermistor the coil, where that is at another temperature."""
     if np.array_equal(run.on.coil_c, run.off.coil_c):
         return panel
-    return replace(panel, curves=(*panel.curves, Curve(x=run.scene.x, y=run.on.coil_c, look="on", label="coil")))
+    return replace(
+        panel, curves=(*panel.curves, SketchedCurve(x=run.scene.x, y=run.on.coil_c, look="on", label="coil"))
+    )
 
 
 def _encoder_rate(signals: Signals) -> FloatArray:
@@ -254,7 +256,9 @@ def panels(
         x=scene.x_label,
         y="means of 10 s (mV)" if scene.allan else "noise (mV)",
         curves=tuple(
-            Curve(x=_shown(scene, scene.x), y=1e3 * _shown(scene, volts), look=_LOOKS[look, dotted], label=label)
+            SketchedCurve(
+                x=_shown(scene, scene.x), y=1e3 * _shown(scene, volts), look=_LOOKS[look, dotted], label=label
+            )
             for look, label, volts in louder
         ),
         share=1.3,
@@ -283,7 +287,7 @@ def _allan(scene: Scene, noises: list[tuple[str, str, FloatArray]], v_per_dps: f
     tau_s = np.asarray(factors * interval_s, dtype=np.float64)
     for look, label, volts in noises:
         deviations = _DEG_PER_H / v_per_dps * deviation(volts, factors, interval_s)
-        curves.append(Curve(x=tau_s, y=deviations, look="on" if look == "on" else "off", label=label))
+        curves.append(SketchedCurve(x=tau_s, y=deviations, look="on" if look == "on" else "off", label=label))
     return Panel(x="averaging time τ (s)", y="Allan deviation (°/h)", curves=tuple(curves), logarithmic="xy", share=1.3)
 
 
@@ -292,7 +296,7 @@ def _spectrum(scene: Scene, noises: list[tuple[str, str, FloatArray]]) -> Panel:
     curves = []
     for look, label, volts in reversed(noises):
         amplitude = 2.0 * np.abs(np.fft.rfft(volts - volts.mean()))[1:] / volts.size
-        curves.append(Curve(x=frequency, y=1e3 * amplitude, look="on" if look == "on" else "grey", label=label))
+        curves.append(SketchedCurve(x=frequency, y=1e3 * amplitude, look="on" if look == "on" else "grey", label=label))
     return Panel(x="frequency (Hz)", y="amplitude (mV)", curves=tuple(curves), logarithmic="xy", share=1.2)
 
 
@@ -304,5 +308,5 @@ def _scatter(scene: Scene, noises: list[tuple[str, str, FloatArray]]) -> Panel:
     for look, label, volts in noises:
         spread = np.array([1e3 * np.std(volts[place == k]) for k in range(edges.size - 1)])
         middle = 0.5 * (edges[1:] + edges[:-1])
-        curves.append(Curve(x=middle, y=spread, look="on" if look == "on" else "off", label=label))
+        curves.append(SketchedCurve(x=middle, y=spread, look="on" if look == "on" else "off", label=label))
     return Panel(x=scene.x_label, y="its deviation (mV)", curves=tuple(curves), share=0.9)

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from benchctl.explain.pictures.sketch import Curve, Panel
+from benchctl.explain.pictures.sketch import Panel, SketchedCurve
 from benchctl.explain.sizes import RANGE_DPS
 from benchctl.reports import text
 from benchctl_instruments.arrays import FloatArray
@@ -227,7 +227,7 @@ def _timed(signals: Signals, unit: Literal["s", "min", "h"], description: str, *
 
 
 def _stimulus(x_label: str, y_label: str, x: FloatArray, y: FloatArray, *, share: float, label: str = "") -> Panel:
-    return Panel(x=x_label, y=y_label, curves=(Curve(x=x, y=y, look="grey", label=label),), share=share)
+    return Panel(x=x_label, y=y_label, curves=(SketchedCurve(x=x, y=y, look="grey", label=label),), share=share)
 
 
 def _sine(time_s: FloatArray, frequency_hz: float) -> Signals:

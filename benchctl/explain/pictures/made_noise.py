@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchctl.explain.pictures.sketch import Band, Curve, Look, Panel, Sketch, one_panel
+from benchctl.explain.pictures.sketch import Band, Look, Panel, Sketch, SketchedCurve, one_panel
 from benchctl.metrology.allan import NAMES, TERMS, Term, unit_of, variances
 from benchctl.reports.acceptance.catalogue import catalogue
 from benchctl_instruments.arrays import FloatArray
@@ -24,13 +24,13 @@ def allan(shown: str) -> Sketch:
     """The deviation that five noises make together, and each by itself; `shown` is the one that stands out."""
     tau_s = np.geomspace(0.02, 3e4, 300)
     parts = variances(tau_s, 1e-3) * np.array(_SIZES) ** 2
-    curves = [Curve(x=tau_s, y=_DEG_PER_H * np.sqrt(parts.sum(axis=1)), look="off", label="all five together")]
+    curves = [SketchedCurve(x=tau_s, y=_DEG_PER_H * np.sqrt(parts.sum(axis=1)), look="off", label="all five together")]
     marks = []
     for place, term in enumerate(TERMS):
         look: Look = "on" if term == shown else "third" if not shown else "faint"
         alone = _DEG_PER_H * np.sqrt(parts[:, place])
         label = f"{term}, {NAMES[term]}: slope {_SLOPES[term]}" if term == shown else ""
-        curves.append(Curve(x=tau_s, y=np.where(alone > _LOWEST_DPH, alone, np.nan), look=look, label=label))
+        curves.append(SketchedCurve(x=tau_s, y=np.where(alone > _LOWEST_DPH, alone, np.nan), look=look, label=label))
         place_s = _NAMED_AT_S[term]
         marks.append((place_s, float(np.interp(place_s, tau_s, alone)), term))
     return one_panel(
@@ -64,8 +64,8 @@ def bias() -> Sketch:
     return one_panel(
         "Bias",
         "An hour at rest, in means of 10 s: Earth's rate at 58.5° N is taken off, what is left is the bias.",
-        Curve(x=minutes, y=rest, look="grey", label="means of 10 s"),
-        Curve(x=minutes, y=np.full(minutes.size, 40.0), look="on", label="their mean"),
+        SketchedCurve(x=minutes, y=rest, look="grey", label="means of 10 s"),
+        SketchedCurve(x=minutes, y=np.full(minutes.size, 40.0), look="on", label="their mean"),
         x="time (min)",
         y="output over K (°/h)",
         bands=(
@@ -86,8 +86,8 @@ def bias_stability() -> Sketch:
     return one_panel(
         "Bias stability",
         f"Means over 10 s scatter by {spread:.2g} °/h (1σ): that is not the minimum of the Allan deviation.",
-        Curve(x=time_s / 60.0, y=samples, look="faint", label="samples"),
-        Curve(x=middle_s / 60.0, y=means, look="on dots", label="means of 10 s"),
+        SketchedCurve(x=time_s / 60.0, y=samples, look="faint", label="samples"),
+        SketchedCurve(x=middle_s / 60.0, y=means, look="on dots", label="means of 10 s"),
         x="time (min)",
         y="output at rest (°/h)",
         bands=(Band(low=centre - spread, high=centre + spread, label="± 1σ", look="good", across=True),),
@@ -114,8 +114,8 @@ def whitening() -> Sketch:
                 x="sample (number)",
                 y="residual (1)",
                 curves=(
-                    Curve(x=number, y=wandering, look="grey", label="as it is"),
-                    Curve(x=number, y=whitened, look="on", label="whitened"),
+                    SketchedCurve(x=number, y=wandering, look="grey", label="as it is"),
+                    SketchedCurve(x=number, y=whitened, look="on", label="whitened"),
                 ),
                 zero=True,
             ),
@@ -123,8 +123,8 @@ def whitening() -> Sketch:
                 x="lag (samples)",
                 y="correlation (1)",
                 curves=(
-                    Curve(x=lags, y=_correlation(wandering, lags), look="grey", label="as it is"),
-                    Curve(x=lags, y=_correlation(whitened, lags), look="on", label="whitened"),
+                    SketchedCurve(x=lags, y=_correlation(wandering, lags), look="grey", label="as it is"),
+                    SketchedCurve(x=lags, y=_correlation(whitened, lags), look="on", label="whitened"),
                 ),
                 zero=True,
                 share=0.9,

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchctl.explain.pictures.sketch import Band, Curve, Look, Panel, Sketch, one_panel
+from benchctl.explain.pictures.sketch import Band, Look, Panel, Sketch, SketchedCurve, one_panel
 from benchctl.metrology.verdict import rule_of
 from benchctl_instruments.physics.chamber import ChamberParameters, advance, settled, switched
 
@@ -22,9 +22,9 @@ def convention() -> Sketch:
     return one_panel(
         "Convention: response or correction",
         "One gyro, S = 0.0045 rad/(°/s). A response says what comes out, a correction what to multiply it by.",
-        Curve(x=true, y=indicated / true, look="on", label="response: (U − U0)/K0 = k·ω"),
-        Curve(x=indicated, y=true / indicated, look="third", label="correction: ω = k·(U − U0)/K0"),
-        Curve(x=true, y=np.ones(true.size), look="off"),
+        SketchedCurve(x=true, y=indicated / true, look="on", label="response: (U − U0)/K0 = k·ω"),
+        SketchedCurve(x=indicated, y=true / indicated, look="third", label="correction: ω = k·(U − U0)/K0"),
+        SketchedCurve(x=true, y=np.ones(true.size), look="off"),
         x="rate, true or indicated (°/s)",
         y="k(ω) (1)",
         share=1.6,
@@ -43,8 +43,8 @@ def argument() -> Sketch:
         "Argument: indicated or true rate",
         "The paper's k(ω) = 1 + 3.02e-6·ω² + 5.89e-11·ω⁴ on a gyro of S = 0.00448 rad/(°/s): right where ω is the"
         " indicated rate, too large where it is the true one.",
-        Curve(x=true, y=left(indicated), look="third", label="taken at the indicated rate"),
-        Curve(x=true, y=left(true), look="on", label="taken at the true rate"),
+        SketchedCurve(x=true, y=left(indicated), look="third", label="taken at the indicated rate"),
+        SketchedCurve(x=true, y=left(true), look="on", label="taken at the true rate"),
         x="true rate (°/s)",
         y="error that is left (%)",
         zero=True,
@@ -69,7 +69,7 @@ def error_path() -> Sketch:
     return one_panel(
         "error_percent along a calibration",
         f"A sine of ±165 °/s without noise; error_percent: {', '.join(worst)}.",
-        *(Curve(x=phase_deg, y=left[label], look=look, label=label) for look, label, _ in levels),
+        *(SketchedCurve(x=phase_deg, y=left[label], look=look, label=label) for look, label, _ in levels),
         x="phase of the motion (°)",
         y="residual rate (% of the peak)",
         zero=True,
@@ -85,7 +85,7 @@ def coverage() -> Sketch:
     return one_panel(
         "Standard and expanded uncertainty",
         f"A value with a bell curve: ± u holds the true one with 68 %, ± U (k = 2) with {inside:.1f} %.",
-        Curve(x=z, y=density, look="on"),
+        SketchedCurve(x=z, y=density, look="on"),
         x="distance from the value, in standard uncertainties (u)",
         y="density (1/u)",
         bands=(
@@ -104,9 +104,9 @@ def guard_band() -> Sketch:
         "Guard band",
         "An upper limit at 0, values in units of U (k = 2), guard = 1: exactly at the limit a unit passes"
         f" in {float(rule.says.values['risk_percent']):.1f} % of all tries, and fails in as many.",
-        Curve(x=true, y=100.0 * passes, look="third", label="PASS"),
-        Curve(x=true, y=100.0 * (1.0 - passes - fails), look="grey", label="INCONCLUSIVE"),
-        Curve(x=true, y=100.0 * fails, look="on", label="FAIL"),
+        SketchedCurve(x=true, y=100.0 * passes, look="third", label="PASS"),
+        SketchedCurve(x=true, y=100.0 * (1.0 - passes - fails), look="grey", label="INCONCLUSIVE"),
+        SketchedCurve(x=true, y=100.0 * fails, look="on", label="FAIL"),
         x="true value less the limit (U)",
         y="share of tries (%)",
         bands=(
@@ -125,14 +125,14 @@ def e_n() -> Sketch:
     half = np.array([0.8, 0.6, 0.8, 0.6])
     scores = [(value[k + 1] - value[k]) / math.hypot(half[k], half[k + 1]) for k in (0, 2)]
     bars = [
-        Curve(x=np.array([x, x]), y=np.array([y - u, y + u]), look="grey")
+        SketchedCurve(x=np.array([x, x]), y=np.array([y - u, y + u]), look="grey")
         for x, y, u in zip(number, value, half, strict=True)
     ]
     return one_panel(
         "E_n",
         "Two pairs of results with their U: up to 1 they agree to within what both state.",
         *bars,
-        Curve(x=number, y=value, look="on dots"),
+        SketchedCurve(x=number, y=value, look="on dots"),
         x="result (number)",
         y="value ± U (°/h)",
         marks=((1.1, 11.6, f"E_n = {scores[0]:.2f}"), (4.9, 11.6, f"E_n = {scores[1]:.2f}")),
@@ -152,9 +152,9 @@ def control_chart() -> Sketch:
     return one_panel(
         "Control limits",
         "K0 of one unit, campaign by campaign: the last one lies beyond what this unit has always been.",
-        Curve(x=number, y=values, look="grey"),
-        Curve(x=number, y=values, look="third dots", label="K0"),
-        Curve(x=number[-1:], y=values[-1:], look="on dots", label="outside the control limits"),
+        SketchedCurve(x=number, y=values, look="grey"),
+        SketchedCurve(x=number, y=values, look="third dots", label="K0"),
+        SketchedCurve(x=number[-1:], y=values[-1:], look="on dots", label="outside the control limits"),
         x="campaign (number)",
         y="K0 (mV/(°/s))",
         bands=(Band(low=low, high=high, label="control limits", look="good", across=True),),
@@ -177,10 +177,10 @@ def soak() -> Sketch:
     return one_panel(
         "Set point and soak",
         f"Air within 0.3 °C after {arrived:.0f} min; gyro slower than 0.02 °C/min after {still:.0f} min.",
-        Curve(x=minutes, y=profile, look="off", label="set point, led by the ramp limit"),
-        Curve(x=minutes, y=air, look="grey", label="air"),
-        Curve(x=minutes, y=housing, look="third", label="gyro's housing (thermistor)"),
-        Curve(x=minutes, y=coil, look="on", label="its coil"),
+        SketchedCurve(x=minutes, y=profile, look="off", label="set point, led by the ramp limit"),
+        SketchedCurve(x=minutes, y=air, look="grey", label="air"),
+        SketchedCurve(x=minutes, y=housing, look="third", label="gyro's housing (thermistor)"),
+        SketchedCurve(x=minutes, y=coil, look="on", label="its coil"),
         x="time (min)",
         y="temperature (°C)",
         bands=(Band(low=arrived, high=still, label="waiting for the gyro", look="open"),),
@@ -204,8 +204,8 @@ def bandwidth() -> Sketch:
                 x="frequency (Hz)",
                 y="gain (dB)",
                 curves=(
-                    Curve(x=frequency, y=20.0 * np.log10(np.abs(response)), look="on", label="gain"),
-                    Curve(x=frequency, y=np.full(frequency.size, -3.01), look="off", label="−3 dB"),
+                    SketchedCurve(x=frequency, y=20.0 * np.log10(np.abs(response)), look="on", label="gain"),
+                    SketchedCurve(x=frequency, y=np.full(frequency.size, -3.01), look="off", label="−3 dB"),
                 ),
                 bands=(Band(low=0.5, high=cutoff, label="bandwidth", look="good"),),
                 logarithmic="x",
@@ -214,8 +214,8 @@ def bandwidth() -> Sketch:
                 x="frequency (Hz)",
                 y="phase (°)",
                 curves=(
-                    Curve(x=frequency, y=phase, look="on", label="phase"),
-                    Curve(
+                    SketchedCurve(x=frequency, y=phase, look="on", label="phase"),
+                    SketchedCurve(
                         x=frequency[frequency < 90.0],
                         y=-0.36 * delay_ms * frequency[frequency < 90.0],
                         look="off",
@@ -239,8 +239,8 @@ def warm_up_time() -> Sketch:
     return one_panel(
         "Warm-up",
         f"A = 90 °/h, τ = 300 s: within 10 °/h of its end after τ·ln(A/10 °/h) = {ready_s:.0f} s.",
-        Curve(x=time_s, y=law + 4.0 * rng.standard_normal(time_s.size), look="off dots", label="means"),
-        Curve(x=time_s, y=law, look="on", label="A·exp(−t/τ)"),
+        SketchedCurve(x=time_s, y=law + 4.0 * rng.standard_normal(time_s.size), look="off dots", label="means"),
+        SketchedCurve(x=time_s, y=law, look="on", label="A·exp(−t/τ)"),
         x="time since power-on (s)",
         y="bias less its end (°/h)",
         bands=(

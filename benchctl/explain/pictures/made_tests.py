@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchctl.explain.pictures.sketch import Band, Curve, Panel, Sketch, one_panel
+from benchctl.explain.pictures.sketch import Band, Panel, Sketch, SketchedCurve, one_panel
 from benchctl_instruments.arrays import FloatArray
 from benchctl_instruments.physics.gyro import GyroParameters, bias_v, sine_output_v
 
@@ -30,9 +30,9 @@ def scale_factor() -> Sketch:
     return one_panel(
         "Scale factor",
         "An open-loop gyro (S = 0.0045 rad/(°/s)): the slope depends on the rates that the line is fitted to.",
-        Curve(x=_RATES, y=_output_v(_RATES), look="third dots", label="mean outputs"),
-        Curve(x=_RATES, y=_line(every), look="on", label="K: line through all rates"),
-        Curve(x=_RATES, y=_line(low), look="off", label="K0, K₁: line up to ±40 °/s"),
+        SketchedCurve(x=_RATES, y=_output_v(_RATES), look="third dots", label="mean outputs"),
+        SketchedCurve(x=_RATES, y=_line(every), look="on", label="K: line through all rates"),
+        SketchedCurve(x=_RATES, y=_line(low), look="off", label="K0, K₁: line up to ±40 °/s"),
         x="rate (°/s)",
         y="output (V)",
         share=1.6,
@@ -54,8 +54,8 @@ def nonlinearity() -> Sketch:
                 x="rate (°/s)",
                 y="misfit, line of all\nrates (% of full scale)",
                 curves=(
-                    Curve(x=_RATES, y=of_full, look="on"),
-                    Curve(x=_RATES, y=of_full, look="on dots"),
+                    SketchedCurve(x=_RATES, y=of_full, look="on"),
+                    SketchedCurve(x=_RATES, y=of_full, look="on dots"),
                 ),
                 marks=((float(_RATES[0]), float(of_full[0]), "the largest: nonlinearity"),),
                 zero=True,
@@ -64,8 +64,8 @@ def nonlinearity() -> Sketch:
                 x="rate (°/s)",
                 y="departure, line of\nlow rates (% of reading)",
                 curves=(
-                    Curve(x=_RATES[beyond], y=of_reading, look="third"),
-                    Curve(x=_RATES[beyond], y=of_reading, look="third dots"),
+                    SketchedCurve(x=_RATES[beyond], y=of_reading, look="third"),
+                    SketchedCurve(x=_RATES[beyond], y=of_reading, look="third dots"),
                 ),
                 bands=(Band(low=-_LOW_DPS, high=_LOW_DPS, label="rates of the line", look="good"),),
                 zero=True,
@@ -85,7 +85,7 @@ def input_range() -> Sketch:
     return one_panel(
         "Input range",
         f"Up to {ends:.0f} °/s the output stays within 10 % of what the line at low rates reads.",
-        Curve(x=rate, y=departure, look="on"),
+        SketchedCurve(x=rate, y=departure, look="on"),
         x="rate (°/s)",
         y="error of reading (%)",
         bands=(
@@ -104,8 +104,8 @@ def turn_ons() -> Sketch:
     return one_panel(
         "Repeatability",
         f"Eight turn-ons with cooling down between them: their standard deviation is {deviation:.2g} °/h (1σ).",
-        Curve(x=count, y=bias, look="on dots", label="bias after a turn-on"),
-        Curve(x=count, y=np.full(count.size, mean), look="off", label="mean"),
+        SketchedCurve(x=count, y=bias, look="on dots", label="bias after a turn-on"),
+        SketchedCurve(x=count, y=np.full(count.size, mean), look="off", label="mean"),
         x="turn-on (number)",
         y="bias (°/h)",
         bands=(Band(low=mean - deviation, high=mean + deviation, label="± 1σ", look="good", across=True),),
@@ -121,8 +121,8 @@ def hysteresis_rate() -> Sketch:
     return one_panel(
         "Hysteresis in rate",
         "Constant rates, up and down again: the largest difference of the branches over the largest output.",
-        Curve(x=cycle[up], y=parted[up], look="on", label="reached from below"),
-        Curve(x=cycle[down], y=parted[down], look="third", label="reached from above"),
+        SketchedCurve(x=cycle[up], y=parted[up], look="on", label="reached from below"),
+        SketchedCurve(x=cycle[down], y=parted[down], look="third", label="reached from above"),
         x="rate (°/s)",
         y="output less the line (ppm)",
         zero=True,
@@ -137,10 +137,10 @@ def hysteresis_bias() -> Sketch:
     return one_panel(
         "Thermal hysteresis of the bias",
         "Soaked set points, each reached by heating and by cooling: the largest difference is the hysteresis.",
-        Curve(x=celsius, y=common - 1.2 * inner, look="on", label="by heating"),
-        Curve(x=celsius, y=common + 1.2 * inner, look="third", label="by cooling"),
-        Curve(x=celsius, y=common - 1.2 * inner, look="on dots"),
-        Curve(x=celsius, y=common + 1.2 * inner, look="third dots"),
+        SketchedCurve(x=celsius, y=common - 1.2 * inner, look="on", label="by heating"),
+        SketchedCurve(x=celsius, y=common + 1.2 * inner, look="third", label="by cooling"),
+        SketchedCurve(x=celsius, y=common - 1.2 * inner, look="on dots"),
+        SketchedCurve(x=celsius, y=common + 1.2 * inner, look="third dots"),
         x="temperature (°C)",
         y="bias (°/h)",
     )
@@ -154,9 +154,9 @@ def threshold() -> Sketch:
     return one_panel(
         "Threshold",
         "A gyro that swallows 18 °/h of every rate: from 36 °/h on it answers with half or more.",
-        Curve(x=tried, y=response, look="on"),
-        Curve(x=tried, y=response, look="on dots", label="rates tried"),
-        Curve(x=tried, y=np.full(tried.size, 0.5), look="off", label="one half"),
+        SketchedCurve(x=tried, y=response, look="on"),
+        SketchedCurve(x=tried, y=response, look="on dots", label="rates tried"),
+        SketchedCurve(x=tried, y=np.full(tried.size, 0.5), look="off", label="one half"),
         x="rate from rest (°/h)",
         y="response over\nwhat K promises (1)",
         bands=(Band(low=0.0, high=2.0 * half_dph, label="below the threshold", look="bad"),),
@@ -170,9 +170,9 @@ def misalignment() -> Sketch:
     return one_panel(
         "Misalignment",
         "The unit mounted across the table's axis: with an input axis 2 mrad off it feels 0.2 % of the rate.",
-        Curve(x=rates, y=felt_mv, look="on", label="δ = 2 mrad: slope over K is sin δ"),
-        Curve(x=rates, y=felt_mv, look="on dots"),
-        Curve(x=rates, y=np.full(rates.size, 1e3 * _GYRO.U0_v), look="off", label="δ = 0"),
+        SketchedCurve(x=rates, y=felt_mv, look="on", label="δ = 2 mrad: slope over K is sin δ"),
+        SketchedCurve(x=rates, y=felt_mv, look="on dots"),
+        SketchedCurve(x=rates, y=np.full(rates.size, 1e3 * _GYRO.U0_v), look="off", label="δ = 0"),
         x="rate of the table, across (°/s)",
         y="output (mV)",
     )

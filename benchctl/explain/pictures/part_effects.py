@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchctl.explain.pictures.sketch import (
-    Curve,
     Panel,
     Sketch,
+    SketchedCurve,
     Values,
     compared,
     described_values,
@@ -142,7 +142,12 @@ def chamber_sketch(kind: type[ChamberEffect]) -> Sketch:
         title=title_of(kind),
         caption=f"Steps of the {what}; {described_values(kind, values)}.",
         panels=(
-            Panel(x="time (h)", y=f"{what} ({unit})", curves=(Curve(x=hours, y=plain.drive, look="grey"),), share=0.5),
+            Panel(
+                x="time (h)",
+                y=f"{what} ({unit})",
+                curves=(SketchedCurve(x=hours, y=plain.drive, look="grey"),),
+                share=0.5,
+            ),
             *compared(hours, "time (h)", off, on, "air (°C)", difference="°C"),
         ),
         difference=on - off,

@@ -15,7 +15,7 @@ Look = Literal["off", "on", "third", "grey", "faint", "off dots", "on dots", "th
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Curve:
+class SketchedCurve:
     """A line, or dots; x and y of shape (n,)."""
 
     x: FloatArray
@@ -41,7 +41,7 @@ class Panel:
 
     x: str
     y: str
-    curves: tuple[Curve, ...]
+    curves: tuple[SketchedCurve, ...]
     bands: tuple[Band, ...] = ()
     marks: tuple[tuple[float, float, str], ...] = ()
     logarithmic: Literal["", "x", "xy"] = ""
@@ -62,7 +62,7 @@ class Sketch:
 def one_panel(
     title: str,
     caption: str,
-    *curves: Curve,
+    *curves: SketchedCurve,
     x: str,
     y: str,
     bands: tuple[Band, ...] = (),
@@ -79,11 +79,11 @@ def one_panel(
 def compared(x: FloatArray, x_label: str, off: FloatArray, on: FloatArray, y: str, *, difference: str) -> list[Panel]:
     """What is without an effect and with it, and below it the difference."""
     both = (
-        Curve(x=x, y=off, look="off", label="without the effect"),
-        Curve(x=x, y=on, look="on", label="with it"),
+        SketchedCurve(x=x, y=off, look="off", label="without the effect"),
+        SketchedCurve(x=x, y=on, look="on", label="with it"),
     )
     factor = 1e3 if difference.startswith("m") else 1.0
-    changed = (Curve(x=x, y=factor * (on - off), look="on"),)
+    changed = (SketchedCurve(x=x, y=factor * (on - off), look="on"),)
     return [
         Panel(x=x_label, y=y, curves=both),
         Panel(x=x_label, y=f"difference ({difference})", curves=changed, zero=True, share=0.8),

@@ -17,7 +17,7 @@ from benchctl_instruments.simulated.faults.machines import (
     FaultyTable,
     MachineFault,
 )
-from benchctl_instruments.simulated.faults.schedule import FaultLog, Faults, FaultTable, Fired
+from benchctl_instruments.simulated.faults.schedule import FaultLog, FaultTable, Fired, PendingFaults
 from benchctl_instruments.simulated.faults.stream_faults import (
     AnyStreamFault,
     FrameFault,
@@ -91,7 +91,7 @@ class BenchFaults:
         packets = [fault for fault in self._faults if fault.on == stream and isinstance(fault, StreamFault)]
         if packets:
             _refuse_without(twin, "stream_faults", stream, packets)
-            twin.stream_faults = Faults(stream, packets, self._log)
+            twin.stream_faults = PendingFaults(stream, packets, self._log)
         frames = [fault for fault in self._faults if fault.on == name and isinstance(fault, FrameFault)]
         if frames:
             twin.line.disturb = FrameFaults(twin.frame_bytes, frames, batch_s=lambda: twin.batch_s, log=self._log)

@@ -15,7 +15,7 @@ from typing import ClassVar, Literal, Protocol
 from pydantic import Field, field_validator
 
 from benchctl_instruments.errors import UsageError
-from benchctl_instruments.simulated.faults.schedule import FaultLog, Faults, FaultTable, Place, Positive
+from benchctl_instruments.simulated.faults.schedule import FaultLog, FaultTable, PendingFaults, Place, Positive
 from benchctl_instruments.simulated.faults.wires import Wire
 
 
@@ -41,7 +41,7 @@ class Exchange:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Piece:
+class DelayedBytes:
     """Bytes that leave `after_s` of wall time after what was before them."""
 
     data: bytes
@@ -58,7 +58,7 @@ class Answer:
     connection; with `gone` it does not listen either, and every connection ends.
     """
 
-    pieces: tuple[Piece, ...] = ()
+    pieces: tuple[DelayedBytes, ...] = ()
     held: bytes = b""
     behind_s: float = 0.0
     cut: bool = False
@@ -68,7 +68,7 @@ class Answer:
 
 def at_once(data: bytes) -> Answer:
     """The whole answer without delay."""
-    return Answer(pieces=(Piece(data=data),))
+    return Answer(pieces=(DelayedBytes(data=data),))
 
 
 class LinkFault(FaultTable):
@@ -121,7 +121,7 @@ class Slow(LinkFault):
 
     def act(self, exchange: Exchange) -> Answer:
         """The answer, after a while."""
-        return Answer(pieces=(Piece(data=exchange.carry_out(), after_s=self.delay_s),))
+        return Answer(pieces=(DelayedBytes(data=exchange.carry_out(), after_s=self.delay_s),))
 
 
 class _Spoilt(LinkFault):
@@ -196,7 +196,9 @@ class Split(LinkFault):
         """The two halves."""
         answer = exchange.carry_out()
         middle = len(answer) // 2
-        return Answer(pieces=(Piece(data=answer[:middle]), Piece(data=answer[middle:], after_s=self.gap_s)))
+        return Answer(
+            pieces=(DelayedBytes(data=answer[:middle]), DelayedBytes(data=answer[middle:], after_s=self.gap_s))
+        )
 
 
 class Cut(LinkFault):
@@ -207,7 +209,7 @@ class Cut(LinkFault):
     def act(self, exchange: Exchange) -> Answer:
         """Half of the answer, and no more."""
         answer = exchange.carry_out()
-        return Answer(pieces=(Piece(data=answer[: len(answer) // 2]),), cut=True)
+        return Answer(pieces=(DelayedBytes(data=answer[: len(answer) // 2]),), cut=True)
 
 
 class PulledCable(LinkFault):
@@ -304,7 +306,7 @@ class LinkFaults:
                     " that could be wrong in that way; choose another kind"
                 )
         self._wire, self._now, self._happen = wire, now, happen
-        self._faults = Faults(where, faults, log)
+        self._faults = PendingFaults(where, faults, log)
         self._lock = threading.Lock()
         self._deaf_until_s = 0.0  # by the wall
 
@@ -342,7 +344,7 @@ class FaultyConversation:
 
     def answer(self, data: bytes) -> Answer:
         """What leaves for what has arrived."""
-        pieces: list[Piece] = []
+        pieces: list[DelayedBytes] = []
         answer = Answer()
         for request in self._faults.requests(data):
             answer = self._answer(request)
@@ -357,5 +359,5 @@ class FaultyConversation:
         late, self._held = self._held, answer
         if not late.held:
             return answer
-        before = (Piece(data=late.held), Piece(data=b"", after_s=late.behind_s))
+        before = (DelayedBytes(data=late.held), DelayedBytes(data=b"", after_s=late.behind_s))
         return replace(answer, pieces=(*before, *answer.pieces))

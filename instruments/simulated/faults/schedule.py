@@ -173,7 +173,7 @@ class FaultTable(BaseModel):
 FaultT = TypeVar("FaultT", bound=FaultTable)
 
 
-class Faults(Generic[FaultT]):
+class PendingFaults(Generic[FaultT]):
     """The faults of one link; of several that are due at one operation the first one happens.
 
     Parameters

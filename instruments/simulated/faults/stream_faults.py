@@ -27,7 +27,7 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from benchctl_instruments.arrays import FloatArray
-from benchctl_instruments.simulated.faults.schedule import FaultLog, Faults, FaultTable, Place, Positive
+from benchctl_instruments.simulated.faults.schedule import FaultLog, FaultTable, PendingFaults, Place, Positive
 
 
 class StreamFault(FaultTable):
@@ -123,7 +123,7 @@ class FrameFaults:
         self, frame_bytes: int, faults: Sequence[FrameFault], *, batch_s: Callable[[], FloatArray], log: FaultLog
     ) -> None:
         self._frame_bytes = frame_bytes
-        self._faults = Faults("gyro", faults, log)
+        self._faults = PendingFaults("gyro", faults, log)
         self._batch_s = batch_s
         self._frames = 0
         self._silent = False
