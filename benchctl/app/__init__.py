@@ -1,1 +1,1 @@
-"""What users do, one file a task: `benchctl.api`, the command line and the fleet call these."""
+"""The tasks of benchctl, one module per task: used by `benchctl.api`, the command line and the fleet."""

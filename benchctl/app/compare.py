@@ -1,4 +1,4 @@
-"""Where recordings and their simulations part: the numbers, and the page."""
+"""Compare a recording with simulations of it, and write the page."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ REPORT = "comparison.html"
 LAB, NEW = "the lab's model", "the new model"
 _MOST_ALONE, _MOST_LINES = 5, 12
 _BYTES_A_ROW = 350
-"""What a comparison of two recordings holds at its peak, measured."""
+"""Measured peak memory per row in a comparison of two recordings."""
 _OVERLAID = (
     "Steps are laid over each other by the encoder's rate; what the motions still differ by is taken off by the scale "
     "factor. The noise is that of both recordings."
@@ -36,7 +36,7 @@ _OVERLAID = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Compared:
-    """Where a recording and its simulations part, and what a report says of the recording."""
+    """The differences between a recording and its simulations, and the recording's metadata for the report."""
 
     parting: Parting
     recording: str
@@ -48,7 +48,7 @@ class Compared:
 
 
 def compare_recordings(simulated: Path, real: Path) -> Compared:
-    """Two recordings of one procedure; `UsageError` where one cannot be read, or they share no step or every sample."""
+    """Compare two recordings of one procedure; `UsageError` if unreadable, identical or without a common step."""
     with open_recording(simulated) as theirs, open_recording(real) as ours:
         if theirs.digest and theirs.digest == ours.digest:
             raise UsageError(f"{simulated}, {real}: the samples are the same, they part nowhere; name two recordings")
@@ -71,9 +71,9 @@ def compare_recordings(simulated: Path, real: Path) -> Compared:
 
 
 def compare_with_models(path: Path, model: Path | None) -> Compared:
-    """A recording, the model that it names, and another model beside it where one is given.
+    """Compare a recording with the model that it names and, if `model` is given, with another one.
 
-    Raises `UsageError` where the recording or the file cannot be read, or there is no model at all.
+    Raises `UsageError` if the recording or the file cannot be read, or if there is no model at all.
     """
     with open_recording(path) as recording:
         models: dict[str, Mapping[str, Any]] = {}
@@ -102,7 +102,7 @@ def compare_with_models(path: Path, model: Path | None) -> Compared:
 
 
 def values(compared: Compared) -> dict[str, Any]:
-    """What `--json` says of a comparison."""
+    """Return a comparison as plain data for `--json`."""
     parting = compared.parting
     return {
         "recording": compared.recording,
@@ -134,22 +134,22 @@ def values(compared: Compared) -> dict[str, Any]:
 
 
 def table(compared: Compared) -> str:
-    """The comparison in a short table: overall, and the steps that part most."""
+    """Return the comparison as a short table: overall, and the steps with the largest differences."""
     parting, unit = compared.parting, compared.unit
     furthest = sorted(parting.steps, key=lambda step: -step.rms_v[parting.simulations[0]])[:_MOST_LINES]
     lines = [*compared.remarks, sentence(parting, unit)]
     header = "".join(f"{name:>24}" for name in parting.simulations)
     lines.append(f"{'step, rms of measured less simulated':<40}{header}{'noise':>12}")
     for step in furthest:
-        told = "".join(f"{words.size(step.rms_v[name], unit):>24}" for name in parting.simulations)
-        lines.append(f"{step.name:<40}{told}{words.size(step.noise_v, unit):>12}")
+        cells = "".join(f"{words.size(step.rms_v[name], unit):>24}" for name in parting.simulations)
+        lines.append(f"{step.name:<40}{cells}{words.size(step.noise_v, unit):>12}")
     if len(parting.steps) > len(furthest):
         lines.append(f"and {len(parting.steps) - len(furthest)} steps that part less")
     return "\n".join(lines)
 
 
 def write_compared(compared: Compared, folder: Path) -> Path:
-    """Write the report, whole or not at all; raises `UsageError` where the folder may not be written to."""
+    """Write the report atomically; raises `UsageError` if the folder is not writable."""
     make_folder(folder)
     page = comparison_page(
         compared.parting,

@@ -1,4 +1,4 @@
-"""`benchctl compare`: where a recording and its simulations part."""
+"""`benchctl compare`: compare a recording with its simulations."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def compare(
     json_to: JsonOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Say step by step, and along rate, temperature and time, how far a recording is from its simulations.
+    """Compare a recording with its simulations: differences per step, and over rate, temperature and time.
 
     Writes `comparison.html`; with --quiet and --json, without --out, only the JSON.
 

@@ -1,4 +1,4 @@
-"""The page of a comparison: where a recording and its simulations part."""
+"""The HTML page that shows where a recording and its simulations differ."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def comparison_page(
     unit: str,
     remarks: Sequence[str] = (),
 ) -> str:
-    """The page as text; the same input gives the same bytes. `remarks` is what a reader must know of the comparison."""
+    """Return the page as text. The same input gives the same bytes. `remarks` are notes on the comparison."""
     furthest = sorted(parting.steps, key=lambda step: -step.rms_v[parting.simulations[0]])
     return render(
         "comparison.html.j2",
@@ -54,12 +54,12 @@ def comparison_page(
 
 
 def sentence(parting: Parting, unit: str) -> str:
-    """How far each simulation is off, beside the noise."""
-    told = " and ".join(
+    """Return a sentence with the rms difference of each simulation, in its unit and relative to the noise."""
+    differences = " and ".join(
         f"{words.size(rms, unit)} from {name} ({words.times_noise(rms, parting.noise_v)})"
         for name, rms in parting.rms_v.items()
     )
-    return f"The recording differs by {told}, rms over all samples."
+    return f"The recording differs by {differences}, rms over all samples."
 
 
 def _row(step: StepParting, names: Sequence[str], unit: str) -> dict[str, object]:

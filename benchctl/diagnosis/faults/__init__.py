@@ -1,4 +1,4 @@
-"""Faults of the data: what happened to the numbers after the gyro. They are found first, masked, and stated."""
+"""Faults of the data, which arise after the gyro. They are detected first, masked, and reported."""
 
 from benchctl.diagnosis.faults.clipping import rail_of
 from benchctl.diagnosis.faults.fault import Fault, FoundFaults

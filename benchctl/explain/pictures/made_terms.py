@@ -12,11 +12,11 @@ from benchctl.metrology.verdict import rule_of
 from benchctl_instruments.physics.chamber import ChamberParameters, advance, settled, switched
 
 _S, _PAPERS_S = 0.0045, 0.00448
-"""Sagnac phases [rad/(°/s)]: of the gyro in these pictures, and what the paper's polynomial implies."""
+"""Sagnac phases [rad/(°/s)]: of the gyro in these pictures, and the value implied by the paper's polynomial."""
 
 
 def convention() -> Sketch:
-    """K as a response and as a correction, of one gyro."""
+    """Plot K as a response and as a correction, of one gyro."""
     true = np.linspace(1.0, 170.0, 200)
     indicated = np.sin(_S * true) / _S
     return one_panel(
@@ -32,7 +32,7 @@ def convention() -> Sketch:
 
 
 def argument() -> Sketch:
-    """A correction taken at the right rate and at the wrong one."""
+    """Plot the error of a correction evaluated at the right rate and at the wrong one."""
     true = np.linspace(1.0, 175.0, 200)
     indicated = np.sin(_PAPERS_S * true) / _PAPERS_S
 
@@ -53,7 +53,7 @@ def argument() -> Sketch:
 
 
 def error_path() -> Sketch:
-    """What one line, stage 1 and the exact law leave of a sine run."""
+    """Plot the residuals of a sine run for one line, stage 1 and the exact law."""
     rate = 165.0 * np.sin(np.linspace(0.0, 2.0 * np.pi, 400))
     indicated = np.sin(_S * rate) / _S
     stage_1 = indicated * (1.0 + _S**2 / 6.0 * indicated**2)
@@ -78,7 +78,7 @@ def error_path() -> Sketch:
 
 
 def coverage() -> Sketch:
-    """A bell curve with its u and U."""
+    """Plot a normal density with its u and U."""
     z = np.linspace(-4.0, 4.0, 400)
     density = np.exp(-0.5 * z**2) / math.sqrt(2.0 * math.pi)
     inside = 100.0 * math.erf(2.0 / math.sqrt(2.0))
@@ -96,7 +96,7 @@ def coverage() -> Sketch:
 
 
 def guard_band() -> Sketch:
-    """The chance of each verdict over the true value, at a limit."""
+    """Plot the probability of each verdict over the true value, at a limit."""
     true = np.linspace(-3.0, 3.0, 400)
     rule = rule_of(1.0)
     passes, fails = _below(-1.0, true), 1.0 - _below(1.0, true)
@@ -119,7 +119,7 @@ def guard_band() -> Sketch:
 
 
 def e_n() -> Sketch:
-    """Two results that agree, and two that do not."""
+    """Plot two results that agree, and two that do not."""
     number = np.array([1.0, 2.0, 4.0, 5.0])
     value = np.array([10.0, 10.8, 10.0, 11.8])
     half = np.array([0.8, 0.6, 0.8, 0.6])
@@ -140,8 +140,8 @@ def e_n() -> Sketch:
 
 
 def control_chart() -> Sketch:
-    """A unit's figure over campaigns, with limits, and one beyond."""
-    from benchctl.history.flags import control_of  # history sorts above; only its arithmetic is drawn
+    """Plot a unit's figure over campaigns with control limits, one value beyond them."""
+    from benchctl.history.flags import control_of  # history sorts above; only its arithmetic is used
 
     rng = np.random.default_rng(2)
     values = 50.0 + 0.004 * rng.standard_normal(14)
@@ -162,7 +162,7 @@ def control_chart() -> Sketch:
 
 
 def soak() -> Sketch:
-    """Set point, air, housing and coil over a step of the chamber."""
+    """Plot set point, air, housing and coil after a step of the chamber."""
     parameters = ChamberParameters()
     state = replace(switched(settled(parameters, 20.0), True), setpoint_c=50.0)
     minutes = np.linspace(0.0, 120.0, 121)
@@ -189,7 +189,7 @@ def soak() -> Sketch:
 
 
 def bandwidth() -> Sketch:
-    """Gain and phase of a low-pass of second order."""
+    """Plot gain and phase of a second-order low-pass."""
     cutoff = 60.0
     frequency = np.geomspace(0.5, 300.0, 300)
     s = 1j * frequency / cutoff
@@ -230,7 +230,7 @@ def bandwidth() -> Sketch:
 
 
 def warm_up_time() -> Sketch:
-    """The bias after power-on, its law, and the moment at which it stays within a limit."""
+    """Plot the bias after power-on, its law, and the time after which it stays within a limit."""
     rng = np.random.default_rng(4)
     within, amplitude, tau_s = 10.0, 90.0, 300.0
     time_s = np.linspace(10.0, 2390.0, 120)
@@ -252,5 +252,5 @@ def warm_up_time() -> Sketch:
 
 
 def _below(limit: float, true: np.ndarray) -> np.ndarray:
-    """The chance that a value with U = 1 (k = 2) about the true one is read below a limit."""
+    """Return the probability that a value with U = 1 (k = 2) is measured below a limit, for each true value."""
     return np.array([0.5 * (1.0 + math.erf((limit - one) * math.sqrt(2.0))) for one in true.tolist()])

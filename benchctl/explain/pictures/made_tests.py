@@ -1,4 +1,4 @@
-"""Pictures of metrics, by small data made with the project's own gyro."""
+"""Pictures of metrics, from small data sets made with the simulated gyro."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ def _output_v(rate_dps: FloatArray) -> FloatArray:
 
 
 def _line(chosen: np.ndarray) -> FloatArray:
-    """The line through some of the rates, at all of them."""
+    """Return the line fitted to the chosen rates, at all rates."""
     output_v = _output_v(_RATES)
     return np.asarray(np.polyval(np.polyfit(_RATES[chosen], output_v[chosen], 1), _RATES))
 
 
 def scale_factor() -> Sketch:
-    """Points, the line through all of them, the line at low rates."""
+    """Plot points, the line through all of them, and the line at low rates."""
     every, low = np.ones(_RATES.size, dtype=np.bool_), np.abs(_RATES) <= _LOW_DPS
     return one_panel(
         "Scale factor",
@@ -40,7 +40,7 @@ def scale_factor() -> Sketch:
 
 
 def nonlinearity() -> Sketch:
-    """The same points' misfits by both definitions."""
+    """Plot the misfits of the same points by both definitions."""
     output_v = _output_v(_RATES)
     every, low = np.ones(_RATES.size, dtype=np.bool_), np.abs(_RATES) <= _LOW_DPS
     of_full = 100.0 * (output_v - _line(every)) / np.max(np.abs(output_v - _GYRO.U0_v))
@@ -75,7 +75,7 @@ def nonlinearity() -> Sketch:
 
 
 def input_range() -> Sketch:
-    """Where the departure from the line at low rates passes 10 %."""
+    """Plot the deviation from the line at low rates, and where it exceeds 10 %."""
     rate = np.linspace(10.0, 220.0, 400)
     output_v = _output_v(rate) - _GYRO.U0_v
     low = rate <= _LOW_DPS
@@ -96,7 +96,7 @@ def input_range() -> Sketch:
 
 
 def turn_ons() -> Sketch:
-    """Values after several turn-ons, and their deviation."""
+    """Plot values after several turn-ons, and their standard deviation."""
     rng = np.random.default_rng(7)
     count = np.linspace(1.0, 8.0, 8)
     bias = 12.0 + 1.5 * rng.standard_normal(count.size)
@@ -113,7 +113,7 @@ def turn_ons() -> Sketch:
 
 
 def hysteresis_rate() -> Sketch:
-    """A loop over a cycle of rates, seen beside the line."""
+    """Plot the deviation from the line over a cycle of rates."""
     cycle = np.concatenate([np.linspace(0.0, 170.0, 60), np.linspace(170.0, 0.0, 60)])
     going = np.concatenate([np.ones(60), -np.ones(60)])
     parted = -30.0 * going * np.sin(np.pi * cycle / 170.0)
@@ -130,7 +130,7 @@ def hysteresis_rate() -> Sketch:
 
 
 def hysteresis_bias() -> Sketch:
-    """The bias at soaked set points, by heating and by cooling."""
+    """Plot the bias at soaked set points, by heating and by cooling."""
     celsius = np.linspace(-40.0, 60.0, 6)
     common = 0.12 * (celsius - 20.0) - 0.001 * (celsius - 20.0) ** 2
     inner = np.sin(np.pi * (celsius + 40.0) / 100.0)
@@ -147,7 +147,7 @@ def hysteresis_bias() -> Sketch:
 
 
 def threshold() -> Sketch:
-    """The response to small rates of a gyro with a dead zone."""
+    """Plot the response to small rates of a gyro with a dead zone."""
     half_dph = 18.0
     tried = np.array([5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0, 70.0, 100.0])
     response = np.maximum(tried - half_dph, 0.0) / tried
@@ -164,7 +164,7 @@ def threshold() -> Sketch:
 
 
 def misalignment() -> Sketch:
-    """What a unit mounted across feels of the rate."""
+    """Plot the response to the rate of a unit mounted across the table's axis."""
     rates, delta = np.array([-100.0, -67.0, -33.0, 0.0, 33.0, 67.0, 100.0]), 2e-3
     felt_mv = 1e3 * (_GYRO.K0_v_per_dps * np.sin(delta) * rates + _GYRO.U0_v)
     return one_panel(
